@@ -1,0 +1,1 @@
+"""Motion: rotations, the joint tree, the `Motion` class and the vectors that networks see."""

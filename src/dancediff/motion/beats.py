@@ -1,0 +1,46 @@
+r"""Kinematic beats: the moments where a dancer's body comes to rest.
+
+Symbols (axes: f frames · j joints)
+    joints  positions, metres      (f, j, 3)
+    speed   mean joint speed       (f,)      metres a frame
+"""
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d
+from torch import Tensor
+
+
+def mean_speed(joints: Tensor) -> np.ndarray:
+    """Mean speed of all joints in each frame, in metres a frame; (f, j, 3) -> (f,).
+
+    Central differences, so that the curve is not half a frame early.
+
+    >>> import torch
+    >>> mean_speed(torch.zeros(4, 24, 3)).tolist()
+    [0.0, 0.0, 0.0, 0.0]
+    """
+    x = joints.numpy().astype(np.float64)
+    if len(x) < 2:
+        return np.zeros(len(x))
+    return np.linalg.norm(np.gradient(x, axis=0), axis=-1).mean(-1)
+
+
+def motion_beats(joints: Tensor, *, sigma: float = 1.5) -> np.ndarray:
+    r"""Frames where the smoothed mean joint speed has a local minimum.
+
+    $$\{\,i : \bar v_{i-1} > \bar v_i \le \bar v_{i+1}\,\},\quad
+      \bar v = G_\sigma * \tfrac1J \textstyle\sum_j \lVert \dot p_j \rVert$$
+
+    Source: the motion beats of AIST++ and Lodge.  Differs: they smooth with sigma = 5 frames, which
+    merges beats above 120 BPM; 1.5 frames only removes the noise.
+
+    Shapes: joints (f, j, 3) metres -> int frames (k,).
+
+    >>> import torch
+    >>> path = torch.cos(torch.arange(60) / 60 * 4 * torch.pi)      # turns round every 15 frames
+    >>> motion_beats(path[:, None, None] * torch.ones(60, 24, 3)).tolist()
+    [15, 30, 45]
+    """
+    v = gaussian_filter1d(mean_speed(joints), sigma, mode="nearest")
+    inner = (v[:-2] > v[1:-1]) & (v[1:-1] <= v[2:])
+    return np.flatnonzero(inner) + 1

@@ -1,0 +1,210 @@
+r"""`Motion`: a dance of one or more people, and its file format.
+
+Symbols (axes: n dancers · f frames · j joints)
+    pose     rotation of each joint relative to its parent   (n, f, j, 3, 3)
+    root     pelvis position, metres, y up                   (n, f, 3)
+    contact  foot on the floor, 0..1                         (n, f, 4)
+"""
+
+import contextlib
+import json
+import os
+import zipfile
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from dancediff.motion.contact import foot_contact
+from dancediff.motion.representation import TCDIFFPP, pack, unpack
+from dancediff.motion.rotation import matrix_to_rot6d, rot6d_to_matrix
+from dancediff.motion.skeleton import SMPL24, Skeleton, forward_kinematics
+
+FORMAT = "dancediff-motion-1"
+
+
+@dataclass(eq=False)
+class Motion:
+    """A dance: joint rotations and root paths of n dancers over f frames.
+
+    All tensors are CPU float32 without gradient. A solo has n = 1.
+
+    Raises: ValueError naming the array and its shape when the parts do not fit together.
+
+    >>> still = Motion(torch.eye(3).expand(2, 30, 24, 3, 3), torch.zeros(2, 30, 3))
+    >>> still.num_dancers, still.num_frames, still.duration
+    (2, 30, 1.0)
+    >>> still.joints().shape
+    torch.Size([2, 30, 24, 3])
+    """
+
+    pose: Tensor
+    root: Tensor
+    fps: float = 30.0
+    skeleton: Skeleton = field(default=SMPL24, repr=False)
+    contact: Tensor | None = None
+    meta: dict = field(default_factory=dict)
+
+    def __post_init__(self):
+        self.pose = _plain(self.pose)
+        self.root = _plain(self.root)
+        n, f = self.root.shape[:2] if self.root.ndim == 3 else (0, 0)
+        j = self.skeleton.num_joints
+        if self.root.shape != (n, f, 3) or n == 0 or f == 0:
+            raise ValueError(f"root has shape {tuple(self.root.shape)}; expected (n, f, 3)")
+        if self.pose.shape != (n, f, j, 3, 3):
+            raise ValueError(
+                f"pose has shape {tuple(self.pose.shape)}; expected {(n, f, j, 3, 3)} to match root"
+            )
+        if self.contact is not None:
+            self.contact = _plain(self.contact)
+            if self.contact.shape != (n, f, 4):
+                raise ValueError(
+                    f"contact has shape {tuple(self.contact.shape)}; expected {(n, f, 4)}"
+                )
+        if not self.fps > 0:
+            raise ValueError(f"fps={self.fps} must be positive")
+
+    @property
+    def num_dancers(self) -> int:
+        """How many people dance."""
+        return self.root.shape[0]
+
+    @property
+    def num_frames(self) -> int:
+        """Length in frames."""
+        return self.root.shape[1]
+
+    @property
+    def duration(self) -> float:
+        """Length in seconds."""
+        return self.num_frames / self.fps
+
+    def joints(self) -> Tensor:
+        """Joint positions in metres, (n, f, j, 3), by forward kinematics."""
+        return forward_kinematics(self.pose, self.root, self.skeleton)
+
+    def frames(self, start: int, stop: int) -> "Motion":
+        """The frames start..stop-1, as with a slice of a list.
+
+        Raises: ValueError when no frame is left.
+        """
+        part = slice(start, stop)
+        if self.root[:, part].shape[1] == 0:
+            raise ValueError(f"frames({start}, {stop}) is empty; there are {self.num_frames}")
+        contact = None if self.contact is None else self.contact[:, part]
+        return replace(self, pose=self.pose[:, part], root=self.root[:, part], contact=contact)
+
+    def seconds(self, start: float, stop: float) -> "Motion":
+        """The part between two times."""
+        return self.frames(round(start * self.fps), round(stop * self.fps))
+
+    def dancer(self, k: int) -> "Motion":
+        """One dancer as a solo."""
+        contact = None if self.contact is None else self.contact[k : k + 1]
+        return replace(self, pose=self.pose[k : k + 1], root=self.root[k : k + 1], contact=contact)
+
+    def features(self, name: str = "tcdiffpp") -> Tensor:
+        """The vectors a network sees, (n, f, 151), not normalised.
+
+        Contacts are computed from the joints where the motion carries none.
+        Raises: ValueError for an unknown name.
+        """
+        if name != TCDIFFPP.name:
+            raise ValueError(f"features({name!r}) is unknown; available: 'tcdiffpp'")
+        contact = foot_contact(self.joints()) if self.contact is None else self.contact
+        return pack(contact, self.root, self.pose)
+
+    @classmethod
+    def from_features(cls, x: Tensor, fps: float = 30.0, meta: dict | None = None) -> "Motion":
+        """Inverse of `features` for x (n, f, 151); contacts are cut to [0, 1]."""
+        contact, root, pose = unpack(x.detach().cpu().float())
+        return cls(pose, root, fps, contact=contact.clamp(0, 1), meta=meta or {})
+
+    def save(self, path, song=None) -> Path:
+        """Write the dance; the suffix decides: .npz (this class), .mp4 .gif .png (pictures).
+
+        ``song`` is muxed into a video. The file appears whole or not at all.
+        Raises: ValueError for another suffix.
+        """
+        path = Path(path)
+        if path.suffix == ".npz":
+            _write_npz(path, self)
+        elif path.suffix in (".mp4", ".gif"):
+            from dancediff.viz.video import save_video  # noqa: PLC0415 - pictures only when asked
+
+            save_video(self, path, song=song)
+        elif path.suffix == ".png":
+            from dancediff.viz.plots import save_filmstrip  # noqa: PLC0415
+
+            save_filmstrip(self, path, song=song)
+        else:
+            raise ValueError(f"suffix {path.suffix!r} of {path} is unknown; use .npz .mp4 .gif .png")
+        return path
+
+    @classmethod
+    def load(cls, path) -> "Motion":
+        """Read an .npz written by `save`.
+
+        Raises: FileNotFoundError, or ValueError naming the file when it is no such motion.
+        """
+        return _read_npz(Path(path))
+
+
+def _plain(x: Tensor) -> Tensor:
+    return torch.as_tensor(x).detach().to("cpu", torch.float32)
+
+
+def _write_npz(path: Path, motion: Motion) -> None:
+    arrays = {
+        "rot6d": matrix_to_rot6d(motion.pose).numpy(),
+        "root": motion.root.numpy(),
+        "fps": np.float64(motion.fps),
+        "offsets": motion.skeleton.offsets.numpy(),
+        "header": np.array(
+            json.dumps(
+                {
+                    "format": FORMAT,
+                    "meta": motion.meta,
+                    "names": motion.skeleton.names,
+                    "parents": motion.skeleton.parents,
+                }
+            )
+        ),
+    }
+    if motion.contact is not None:
+        arrays["contact"] = motion.contact.numpy()
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        with part.open("wb") as file:
+            np.savez(file, **arrays)
+        part.replace(path)
+    finally:
+        with contextlib.suppress(FileNotFoundError):
+            part.unlink()
+
+
+def _read_npz(path: Path) -> Motion:
+    try:
+        with np.load(path, allow_pickle=False) as data:
+            header = json.loads(str(data["header"]))
+            if header.get("format") != FORMAT:
+                raise ValueError(f"format is {header.get('format')!r}, not {FORMAT!r}")
+            skeleton = Skeleton(
+                tuple(header["names"]), tuple(header["parents"]), torch.from_numpy(data["offsets"])
+            )
+            contact = torch.from_numpy(data["contact"]) if "contact" in data else None
+            return Motion(
+                pose=rot6d_to_matrix(torch.from_numpy(data["rot6d"])),
+                root=torch.from_numpy(data["root"]),
+                fps=float(data["fps"]),
+                skeleton=SMPL24 if skeleton.names == SMPL24.names else skeleton,
+                contact=contact,
+                meta=header["meta"],
+            )
+    except FileNotFoundError:
+        raise
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, zipfile.BadZipFile) as err:
+        raise ValueError(f"{path} is no dancediff motion (.npz written by Motion.save): {err}") from err

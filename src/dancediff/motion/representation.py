@@ -1,0 +1,125 @@
+r"""The vector a network sees for one dancer in one frame, and its scaling to [-1, 1].
+
+Read first: notebook 01 · TCDiff++ section 3.1.
+
+Symbols (axes: n dancers · f frames · d motion features)
+    x        contact, root and 6-D rotations side by side     (..., 151)
+    contact  x[0:4]     0 or 1: left ankle, right ankle, left toe, right toe
+    root     x[4:7]     metres: x lateral, y height, z depth
+    rot6d    x[7:151]   24 joints x first two rows of the rotation matrix
+"""
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor, nn
+
+from dancediff.motion.rotation import matrix_to_rot6d, rot6d_to_matrix
+
+
+@dataclass(frozen=True)
+class MotionSpec:
+    """Named slices of a motion vector, so that no code needs a bare index."""
+
+    name: str
+    num_joints: int
+
+    @property
+    def contact(self) -> slice:
+        """Where the four foot contacts live."""
+        return slice(0, 4)
+
+    @property
+    def root(self) -> slice:
+        """Where the pelvis position lives."""
+        return slice(4, 7)
+
+    @property
+    def rot6d(self) -> slice:
+        """Where the rotations live."""
+        return slice(7, self.dim)
+
+    @property
+    def dim(self) -> int:
+        """Length of the vector."""
+        return 7 + 6 * self.num_joints
+
+    def joint_channels(self, joints) -> list[int]:
+        """Channels of the 6-D rotations of some joints.
+
+        >>> TCDIFFPP.joint_channels([0])
+        [7, 8, 9, 10, 11, 12]
+        """
+        return [self.rot6d.start + 6 * j + k for j in joints for k in range(6)]
+
+
+TCDIFFPP = MotionSpec("tcdiffpp", num_joints=24)  # the 151-d vector of EDGE, TCDiff and TCDiff++
+
+
+def pack(contact: Tensor, root: Tensor, pose: Tensor) -> Tensor:
+    """Put contact (..., 4), root (..., 3) and pose (..., j, 3, 3) into one vector (..., d).
+
+    >>> pack(torch.zeros(4), torch.zeros(3), torch.eye(3).expand(24, 3, 3)).shape
+    torch.Size([151])
+    """
+    return torch.cat([contact, root, matrix_to_rot6d(pose).flatten(-2)], dim=-1)
+
+
+def unpack(x: Tensor, spec: MotionSpec = TCDIFFPP) -> tuple[Tensor, Tensor, Tensor]:
+    """Split a vector (..., d) into contact (..., 4), root (..., 3) and pose (..., j, 3, 3).
+
+    Any six numbers become a valid rotation, so a network's raw output may be unpacked.
+
+    >>> contact, root, pose = unpack(torch.randn(2, 9, 151))
+    >>> pose.shape
+    torch.Size([2, 9, 24, 3, 3])
+    """
+    if x.shape[-1] != spec.dim:
+        raise ValueError(f"x has {x.shape[-1]} features a frame; {spec.name} needs {spec.dim}")
+    rot6d = x[..., spec.rot6d].unflatten(-1, (spec.num_joints, 6))
+    return x[..., spec.contact], x[..., spec.root], rot6d_to_matrix(rot6d)
+
+
+class Normalizer(nn.Module):
+    r"""Scale each channel to [-1, 1] by the smallest and largest value of the training set.
+
+    $$\tilde x = 2\,\frac{x - \text{low}}{\text{high} - \text{low}} - 1$$
+
+    Source: EDGE, Lodge.  Differs: the released TCDiff++ refits it for every clip, which takes the
+    metres out of all distances; ours is fitted once.  Constant channels get scale 1.
+
+    Shapes: low, high (d,); x (..., d).
+
+    >>> norm = Normalizer.fit(torch.tensor([[0.0, 5.0], [4.0, 5.0]]))
+    >>> norm.normalize(torch.tensor([1.0, 5.0])).tolist()
+    [-0.5, -1.0]
+    >>> norm.unnormalize(norm.normalize(torch.tensor([3.0, 5.0]))).tolist()
+    [3.0, 5.0]
+    """
+
+    def __init__(self, low: Tensor, high: Tensor):
+        super().__init__()
+        if low.shape != high.shape or low.ndim != 1:
+            raise ValueError(f"low {tuple(low.shape)} and high {tuple(high.shape)} must be (d,)")
+        self.register_buffer("low", low.clone().float())
+        self.register_buffer("high", high.clone().float())
+
+    @classmethod
+    def fit(cls, x: Tensor) -> "Normalizer":
+        """Take the extremes of x (..., d) over everything but the last axis."""
+        flat = x.reshape(-1, x.shape[-1])
+        return cls(flat.amin(0), flat.amax(0))
+
+    @property
+    def scale(self) -> Tensor:
+        """Half the range of each channel (1 where it is constant): units per normalised unit."""
+        span = self.high - self.low
+        return torch.where(span > 1e-6, span, torch.full_like(span, 2.0)) / 2
+
+    def normalize(self, x: Tensor) -> Tensor:
+        """Into [-1, 1] on the training range; values beyond it go beyond it."""
+        return (x - self.low) / self.scale - 1
+
+    def unnormalize(self, x: Tensor) -> Tensor:
+        """Back to metres and rotations."""
+        return (x + 1) * self.scale + self.low

@@ -1,0 +1,68 @@
+import numpy as np
+import pytest
+import torch
+
+from dancediff.motion.motion import Motion
+from dancediff.motion.rotation import axis_angle_to_matrix
+
+
+def random_motion(n=2, f=12, contact=True):
+    generator = torch.Generator().manual_seed(0)
+    return Motion(
+        axis_angle_to_matrix(0.4 * torch.randn(n, f, 24, 3, generator=generator)),
+        torch.randn(n, f, 3, generator=generator),
+        contact=torch.rand(n, f, 4, generator=generator) if contact else None,
+        meta={"seed": 3},
+    )
+
+
+def test_features_round_trip():
+    motion = random_motion()
+    again = Motion.from_features(motion.features())
+    assert torch.allclose(again.joints(), motion.joints(), atol=1e-5)
+    assert torch.equal(again.contact, motion.contact)
+
+
+@pytest.mark.parametrize("contact", [True, False])
+def test_file_round_trip(tmp_path, contact):
+    motion = random_motion(contact=contact)
+    motion.save(tmp_path / "dance.npz")
+    again = Motion.load(tmp_path / "dance.npz")
+    assert torch.allclose(again.joints(), motion.joints(), atol=1e-5)
+    assert again.meta == {"seed": 3} and again.fps == 30
+    assert (again.contact is not None) == contact
+    assert [p.name for p in tmp_path.iterdir()] == ["dance.npz"]  # no temporary file stays
+
+
+def test_slicing():
+    motion = random_motion(f=60)
+    assert motion.seconds(0.5, 1.0).num_frames == 15
+    assert torch.equal(motion.frames(10, 20).root, motion.root[:, 10:20])
+    assert motion.dancer(1).num_dancers == 1
+    with pytest.raises(ValueError, match="empty"):
+        motion.frames(60, 70)
+
+
+def test_shapes_that_do_not_fit_are_named():
+    with pytest.raises(ValueError, match="root has shape"):
+        Motion(torch.eye(3).expand(4, 24, 3, 3), torch.zeros(4, 3))
+    with pytest.raises(ValueError, match="pose has shape"):
+        Motion(torch.eye(3).expand(1, 4, 23, 3, 3), torch.zeros(1, 4, 3))
+    with pytest.raises(ValueError, match="contact has shape"):
+        Motion(torch.eye(3).expand(1, 4, 24, 3, 3), torch.zeros(1, 4, 3), contact=torch.zeros(4))
+
+
+def test_bad_files(tmp_path):
+    with pytest.raises(FileNotFoundError):
+        Motion.load(tmp_path / "none.npz")
+    (tmp_path / "text.npz").write_text("hello")
+    with pytest.raises(ValueError, match=r"text\.npz"):
+        Motion.load(tmp_path / "text.npz")
+    np.savez(tmp_path / "other.npz", a=np.zeros(3))
+    with pytest.raises(ValueError, match=r"other\.npz"):
+        Motion.load(tmp_path / "other.npz")
+    np.savez(tmp_path / "pickle.npz", header=np.array([{"evil": 1}], dtype=object))
+    with pytest.raises(ValueError, match=r"pickle\.npz"):
+        Motion.load(tmp_path / "pickle.npz")
+    with pytest.raises(ValueError, match="suffix '.xyz'"):
+        random_motion().save(tmp_path / "dance.xyz")

@@ -1,0 +1,52 @@
+import pytest
+import torch
+
+from dancediff.motion.representation import TCDIFFPP, Normalizer, pack, unpack
+from dancediff.motion.rotation import axis_angle_to_matrix
+
+
+def test_slices_cover_151_channels_once():
+    taken = [*range(151)[TCDIFFPP.contact], *range(151)[TCDIFFPP.root], *range(151)[TCDIFFPP.rot6d]]
+    assert taken == list(range(151)) and TCDIFFPP.dim == 151
+
+
+def test_joint_channels_name_the_right_rotation():
+    pose = torch.eye(3).repeat(24, 1, 1)
+    pose[4] = axis_angle_to_matrix(torch.tensor([1.0, 0.0, 0.0]))
+    x = pack(torch.zeros(4), torch.zeros(3), pose)
+    changed = (x != pack(torch.zeros(4), torch.zeros(3), torch.eye(3).repeat(24, 1, 1))).nonzero()
+    assert set(changed[:, 0].tolist()) <= set(TCDIFFPP.joint_channels([4]))
+
+
+def test_pack_and_unpack_are_inverse():
+    pose = axis_angle_to_matrix(torch.randn(3, 24, 3, generator=torch.Generator().manual_seed(0)))
+    parts = (torch.rand(3, 4), torch.randn(3, 3), pose)
+    for before, after in zip(parts, unpack(pack(*parts)), strict=True):
+        assert torch.allclose(before, after, atol=1e-6)
+
+
+def test_wrong_width_is_named():
+    with pytest.raises(ValueError, match="139"):
+        unpack(torch.zeros(2, 139))
+
+
+def test_normalizer_maps_the_training_range_to_minus_one_one():
+    x = torch.randn(7, 50, 151, generator=torch.Generator().manual_seed(0)) * 3 + 1
+    x[..., 9] = 4.2  # a constant channel
+    norm = Normalizer.fit(x)
+    y = norm.normalize(x)
+    moving = [k for k in range(151) if k != 9]
+    assert torch.allclose(y[..., moving].amin((0, 1)), -torch.ones(150), atol=1e-5)
+    assert torch.allclose(y[..., moving].amax((0, 1)), torch.ones(150), atol=1e-5)
+    assert torch.allclose(norm.unnormalize(y), x, atol=1e-4)
+
+
+def test_normalizer_is_fitted_once_not_per_clip():
+    """The released TCDiff++ refits it per clip, so two clips a metre apart look the same."""
+    near, far = torch.zeros(10, 151), torch.ones(10, 151)
+    norm = Normalizer.fit(torch.stack([near, far]))
+    assert not torch.allclose(norm.normalize(near), norm.normalize(far))
+
+
+def test_normalizer_is_saved_with_a_model():
+    assert set(Normalizer(torch.zeros(3), torch.ones(3)).state_dict()) == {"low", "high"}
