@@ -1,0 +1,25 @@
+"""From noise to a dance, whatever the network: schedule, samplers, guidance, pinning.
+
+Nothing here knows what a dancer or a song is. A network enters as a function
+``denoise(x_t, t) -> x0_hat``; read `schedule`, `samplers`, `guidance`, `pinning` in this order.
+"""
+
+from dancediff.diffusion.guidance import guided, off_at_the_end, ramp_up
+from dancediff.diffusion.pinning import Pinning
+from dancediff.diffusion.samplers import ddim_step, ddim_times, ddpm_step, sample
+from dancediff.diffusion.schedule import abar_at, cosine_abar, gaussian, q_sample
+
+__all__ = [
+    "Pinning",
+    "abar_at",
+    "cosine_abar",
+    "ddim_step",
+    "ddim_times",
+    "ddpm_step",
+    "gaussian",
+    "guided",
+    "off_at_the_end",
+    "q_sample",
+    "ramp_up",
+    "sample",
+]

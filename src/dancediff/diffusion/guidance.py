@@ -1,0 +1,99 @@
+r"""Classifier-free guidance: listen to the music more than the data ask for.
+
+Read first: notebook 06 · Ho and Salimans 2022 eq. 6 · EDGE section 3.3.
+
+Symbols (axes: b batch · n dancers · f frames · d motion features · m music features)
+    w     guidance weight     0: music ignored · 1: plain conditional · 2: the papers' value
+    M     music features      (b, f, m)
+    S     swap mode           (b, n)
+    keep  which rows of the batch hear the music   (b,) bool
+"""
+
+from collections.abc import Callable
+
+import torch
+from torch import Tensor
+
+
+def guided(
+    denoiser: Callable,
+    *,
+    M: Tensor,
+    S: Tensor,
+    guidance: float | Callable[[int], float] = 2.0,
+    present: Tensor | None = None,
+) -> Callable[[Tensor, int], Tensor]:
+    r"""Bind a network to its conditions and exaggerate what the music changes.
+
+    $$\hat x_0 = \hat x_0^\varnothing + w\,(\hat x_0^M - \hat x_0^\varnothing)$$
+
+    With and without music run as one batch of 2 b. For w = 1 or w = 0 one of the two terms drops
+    out and only the other is computed. ``guidance`` may be a function of the step t.
+
+    Source: Ho and Salimans 2022, eq. 6, in terms of x_0; w = 2 in EDGE, TCDiff++ and Lodge.
+    Differs: the official code runs the network twice in a row, for every w but 1.
+
+    Shapes: denoiser(x_t (b, n, f, d), t (b,), M (b, f, m), S (b, n), keep=(b,) bool,
+    present=(b, n) bool or None) -> x0_hat (b, n, f, d); the result is denoise(x_t, t: int).
+    Raises: ValueError for a negative weight.
+
+    >>> denoiser = lambda x_t, t, M, S, keep, present: x_t + keep[:, None, None, None]
+    >>> M, S = torch.zeros(1, 4, 35), torch.tensor([[0, 1]])
+    >>> guided(denoiser, M=M, S=S, guidance=3.0)(torch.zeros(1, 2, 4, 1), t=10).unique().tolist()
+    [3.0]
+    """
+    weight = guidance if callable(guidance) else lambda t: guidance
+
+    def run(x_t, t, heard):  # `heard`: for each copy of the batch, does it hear the music?
+        b, copies = len(x_t), len(heard)
+        x_t, M_, S_, present_ = (_repeat(a, copies) for a in (x_t, M, S, present))
+        steps = torch.full((b * copies,), t, dtype=torch.long, device=x_t.device)
+        keep = torch.tensor(heard, device=x_t.device).repeat_interleave(b)
+        return denoiser(x_t, steps, M_, S_, keep=keep, present=present_)
+
+    def denoise(x_t: Tensor, t: int) -> Tensor:
+        w = weight(t)
+        if w < 0:
+            raise ValueError(f"guidance={w} at t={t} must be at least 0; 1 switches it off")
+        if w in (0, 1):
+            return run(x_t, t, heard=[w == 1])
+        with_music, without = run(x_t, t, heard=[True, False]).chunk(2)
+        return without + w * (with_music - without)
+
+    return denoise
+
+
+def _repeat(a: Tensor | None, copies: int) -> Tensor | None:
+    return None if a is None else torch.cat([a] * copies)
+
+
+def off_at_the_end(guidance: float, num_steps: int = 1000) -> Callable[[int], float]:
+    r"""EDGE's weight for DDPM: no exaggeration in the last tenth, where details are set.
+
+    $$w(t) = \min(w, 1)\ \text{ for } t < T/10, \quad w \text{ before}$$
+
+    Source: EDGE's code; the papers do not mention it.
+
+    >>> w = off_at_the_end(2.0)
+    >>> w(999), w(100), w(99)
+    (2.0, 2.0, 1.0)
+    """
+    return lambda t: min(guidance, 1.0) if t < num_steps / 10 else guidance
+
+
+def ramp_up(guidance: float, times: list[int]) -> Callable[[int], float]:
+    r"""EDGE's weight for long DDIM: from 0 to ``guidance`` over the first half of the steps.
+
+    $$w_k = \min\big(w,\ 2 w k / (K - 1)\big), \quad k = 0 \dots K - 1$$
+
+    Source: EDGE's code (also Lodge's). TCDiff++'s long sampling keeps w constant.
+
+    ``times`` is what `dancediff.diffusion.samplers.ddim_times` returned: K + 1 steps.
+
+    >>> w = ramp_up(2.0, [999, 749, 499, 249, -1])
+    >>> [round(w(t), 3) for t in (999, 749, 499, 249)]
+    [0.0, 1.333, 2.0, 2.0]
+    """
+    last = max(len(times) - 2, 1)
+    weights = {t: min(guidance, 2 * guidance * k / last) for k, t in enumerate(times[:-1])}
+    return weights.__getitem__

@@ -1,0 +1,124 @@
+r"""Pinning: tell the sampler how the window starts, and let it dance on from there.
+
+Read first: notebook 10 · Lugmayr et al. 2022 (RePaint) eq. 8 · TCDiff++ section 4.4, eq. 19.
+
+Symbols (axes: b batch · n dancers · f frames · k known frames · d motion features)
+    known    the first k frames, clean and normalised   (b, n, k, d)
+    t_next   the step the sampler has just reached; -1 is clean
+"""
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from dancediff.diffusion.schedule import gaussian, q_sample
+
+MODES = ("renoise", "clean", "init")
+
+
+@dataclass
+class Pinning:
+    r"""Hold the first k frames of a window at known motion while the rest is sampled.
+
+    $$x_{t'}^{[0:k]} \leftarrow \sqrt{\bar\alpha_{t'}}\,\text{known}
+      + \sqrt{1 - \bar\alpha_{t'}}\;\epsilon$$
+
+    ==========  ==============================================  ==================================
+    mode        after every step, the known frames are          which is
+    ==========  ==============================================  ==================================
+    "renoise"   known frames at the noise level of the rest     RePaint; what the network expects
+    "clean"     the clean known frames, at every noise level    the released TCDiff++
+    "init"      left alone; only the first input holds them     the paper, eq. 19
+    ==========  ==============================================  ==================================
+
+    In "init" the first input holds ``q_sample(known, t_star)``. With the paper's t_star = T - 1 the
+    known motion enters with weight 4.9e-5: it is the noise that has to carry it over, so hand the
+    noise that made the known frames to `start`. A smaller t_star pins harder.
+
+    Replacing frames is not enough for a smooth seam: free frames follow the guess, and the guess
+    for the known frames is never quite right. So "renoise" also bends the guess (`bend`); with
+    ``ease=0`` it is RePaint as published.
+
+    With ``hold_last`` the result ends in exactly the known frames ("init": never). The released
+    code pins every step but the last.
+
+    Shapes: known (b, n, k, d), abar (T,).
+    Raises: ValueError for an unknown mode, a negative ease, or a t_star outside 0 ... T - 1.
+
+    >>> from dancediff.diffusion.schedule import cosine_abar
+    >>> pin = Pinning(torch.ones(1, 1, 2, 1), cosine_abar())
+    >>> pin(torch.zeros(1, 1, 4, 1), t_next=-1).flatten().tolist()
+    [1.0, 1.0, 0.0, 0.0]
+    """
+
+    known: Tensor
+    abar: Tensor
+    mode: str = "renoise"
+    t_star: int | None = None
+    ease: int = 20
+    hold_last: bool = True
+    generator: torch.Generator | None = None
+
+    def __post_init__(self):
+        if self.mode not in MODES:
+            raise ValueError(f"mode={self.mode!r} is not one of {', '.join(map(repr, MODES))}")
+        if self.ease < 0:
+            raise ValueError(f"ease={self.ease} must be at least 0 frames; 0 switches it off")
+        last = len(self.abar) - 1
+        if self.t_star is None:
+            self.t_star = last
+        if not 0 <= self.t_star <= last:
+            raise ValueError(f"t_star={self.t_star} is outside 0 ... {last}, the schedule's steps")
+
+    def start(self, x_T: Tensor) -> Tensor:
+        """Put the known frames under the noise that x_T (b, n, f, d) already has there."""
+        t = self.t_star if self.mode == "init" else len(self.abar) - 1
+        k = self.known.shape[2]
+        return self._replace(x_T, q_sample(self.known, t, self.abar, x_T[:, :, :k]))
+
+    def bend(self, x0_hat: Tensor) -> Tensor:
+        r"""Let the guess for the free frames set out from where the known frames really end.
+
+        $$\hat x_{k+i} \leftarrow \hat x_{k+i} + w_i\,\big(g + (i + 1)\,\dot g\big), \quad
+          w_i = \tfrac{1}{2}\big(1 + \cos \tfrac{\pi i}{\text{ease}}\big), \quad i < \text{ease}$$
+
+        g is what the guess misses in the last known frame, $\dot g$ its change a frame (over three
+        frames, for a network's guess trembles).
+
+        Source: ours; a cheap stand-in for the exact conditional mean, which needs the network's
+        Jacobian (Song et al. 2023, "Pseudoinverse-guided diffusion models").
+        With the exact denoiser of a Gaussian process, whose frames differ by 0.017 (rms) from one
+        to the next, the step across the seam is 0.079 with ease=0 and 0.018 with ease=20.
+
+        Shapes: x0_hat (b, n, f, d) -> the same.
+        """
+        k, free = self.known.shape[2], x0_hat.shape[2] - self.known.shape[2]
+        if self.mode != "renoise" or self.ease == 0 or k == 0:
+            return x0_hat
+        gap = (self.known.to(x0_hat) - x0_hat[:, :, :k])[:, :, -4:]
+        drift = (gap[:, :, -1:] - gap[:, :, :1]) / max(gap.shape[2] - 1, 1)
+        i = torch.arange(free, dtype=x0_hat.dtype, device=x0_hat.device)[:, None]
+        w = (1 + (torch.pi * (i / self.ease).clamp(max=1)).cos()) / 2
+        bent = x0_hat[:, :, k:] + w * (gap[:, :, -1:] + (i + 1) * drift)
+        return torch.cat([x0_hat[:, :, :k], bent], dim=2)
+
+    def __call__(self, x_next: Tensor, t_next: int) -> Tensor:
+        """Pin x_next (b, n, f, d), which the sampler has just brought to step t_next."""
+        if self.mode == "init" or (t_next == -1 and not self.hold_last):
+            return x_next
+        if self.mode == "clean" or t_next == -1:
+            return self._replace(x_next, self.known)
+        eps = gaussian(
+            self.known.shape, generator=self.generator, device=x_next.device, dtype=x_next.dtype
+        )
+        return self._replace(x_next, q_sample(self.known, t_next, self.abar, eps))
+
+    def _replace(self, x: Tensor, start: Tensor) -> Tensor:
+        b, n, k, d = start.shape
+        if x.shape[:2] != (b, n) or x.shape[3] != d or x.shape[2] < k:
+            raise ValueError(
+                f"known {tuple(start.shape)} does not fit at the start of x {tuple(x.shape)}; "
+                "both are (b, n, f, d) and x must be at least as long"
+            )
+        return torch.cat([start.to(x), x[:, :, k:]], dim=2)

@@ -1,0 +1,210 @@
+r"""Samplers: from noise to a dance, one step at a time.
+
+Read first: notebook 06 · Ho et al. 2020 (DDPM) eq. 6-7 · Song et al. 2021 (DDIM) eq. 12.
+
+Symbols (axes: b batch · n dancers · f frames · d motion features; t is ALWAYS the diffusion step)
+    x_t     noisy motion            (b, n, f, d)
+    x0_hat  the network's guess     (b, n, f, d)      $\hat x_0$: we predict x_0, not the noise
+    abar    $\bar\alpha_t$          (T,)              signal power left at step t
+    eta     $\eta$                  float in [0, 1]   0 = deterministic, 1 = as noisy as DDPM
+
+The steps are pure functions that never see a network; `sample` is the loop around them.
+"""
+
+import math
+from collections.abc import Callable
+from itertools import pairwise
+
+import torch
+from torch import Tensor
+
+from dancediff.diffusion.pinning import Pinning
+from dancediff.diffusion.schedule import abar_at, gaussian
+
+
+def ddim_times(steps: int, num_steps: int = 1000) -> list[int]:
+    r"""Evenly spaced steps from T - 1 down to -1 ("clean"), both ends included.
+
+    $$t_k = \lfloor k\,T / K \rfloor - 1, \quad k = K, \dots, 0$$
+
+    Source: EDGE's truncated linspace, here in integers so that rounding cannot repeat a step.
+
+    Raises: ValueError unless 1 <= steps <= num_steps.
+
+    >>> ddim_times(4)
+    [999, 749, 499, 249, -1]
+    """
+    if not 1 <= steps <= num_steps:
+        raise ValueError(f"steps={steps} must lie in 1 ... {num_steps}, the schedule's length")
+    return [k * num_steps // steps - 1 for k in range(steps, -1, -1)]
+
+
+def ddim_step(
+    x_t: Tensor,
+    x0_hat: Tensor,
+    t: int,
+    t_next: int,
+    abar: Tensor,
+    *,
+    eta: float = 0.0,
+    generator: torch.Generator | None = None,
+) -> Tensor:
+    r"""One reverse step $x_t \to x_{t'}$ with $t' = $ ``t_next`` ($-1$ means "clean").
+
+    $$x_{t'} = \sqrt{\bar\alpha_{t'}}\,\hat x_0
+      + \sqrt{1 - \bar\alpha_{t'} - \sigma^2}\;\hat\epsilon + \sigma z, \quad
+      \sigma^2 = \eta^2\,\frac{1 - \bar\alpha_{t'}}{1 - \bar\alpha_t}
+      \Big(1 - \frac{\bar\alpha_t}{\bar\alpha_{t'}}\Big)$$
+
+    where $\hat\epsilon = (x_t - \sqrt{\bar\alpha_t}\,\hat x_0) / \sqrt{1 - \bar\alpha_t}$ is the
+    noise that would explain x_t if the guess were right.
+
+    Source: DDIM eq. 12 and 16.  Differs: EDGE, TCDiff++ and Lodge fuse the step with the loop.
+
+    Shapes: x_t, x0_hat (b, n, f, d); abar (T,) -> (b, n, f, d).  Units: normalised features.
+    Raises: ValueError unless t_next < t and 0 <= eta <= 1.
+
+    >>> abar = torch.linspace(0.99, 0.01, 10)
+    >>> x0 = torch.ones(1, 2, 3, 4)
+    >>> torch.equal(ddim_step(torch.randn_like(x0), x0, t=5, t_next=-1, abar=abar), x0)
+    True
+    """
+    if not t_next < t:
+        raise ValueError(f"t_next={t_next} must be below t={t}: sampling goes towards -1")
+    if not 0 <= eta <= 1:
+        raise ValueError(f"eta={eta} must lie in 0 (deterministic) ... 1 (as noisy as DDPM)")
+    if t_next == -1:
+        return x0_hat
+    a, a_next = abar_at(abar, t), abar_at(abar, t_next)
+    eps_hat = (x_t - math.sqrt(a) * x0_hat) / math.sqrt(1 - a)
+    sigma = eta * math.sqrt((1 - a_next) / (1 - a) * (1 - a / a_next))
+    direction = math.sqrt(max(1 - a_next - sigma**2, 0.0))  # below 0 only by rounding
+    x_next = math.sqrt(a_next) * x0_hat + direction * eps_hat
+    return x_next + _noise(sigma, x_t, generator)
+
+
+def ddpm_step(
+    x_t: Tensor,
+    x0_hat: Tensor,
+    t: int,
+    abar: Tensor,
+    *,
+    generator: torch.Generator | None = None,
+) -> Tensor:
+    r"""One step $x_t \to x_{t-1}$, drawn from the posterior $q(x_{t-1} \mid x_t, \hat x_0)$.
+
+    $$x_{t-1} = \frac{\sqrt{\bar\alpha_{t-1}}\,\beta_t}{1 - \bar\alpha_t}\,\hat x_0
+      + \frac{\sqrt{\alpha_t}\,(1 - \bar\alpha_{t-1})}{1 - \bar\alpha_t}\,x_t + \sigma z, \quad
+      \sigma^2 = \frac{1 - \bar\alpha_{t-1}}{1 - \bar\alpha_t}\,\beta_t$$
+
+    with $\alpha_t = \bar\alpha_t / \bar\alpha_{t-1}$ and $\beta_t = 1 - \alpha_t$.
+
+    Source: DDPM eq. 6 and 7; TCDiff++ eq. 2.
+
+    Shapes: x_t, x0_hat (b, n, f, d); abar (T,) -> (b, n, f, d).  At t = 0 it returns x0_hat.
+
+    >>> x0 = torch.ones(1, 2, 3, 4)
+    >>> torch.equal(ddpm_step(torch.randn_like(x0), x0, t=0, abar=torch.tensor([0.99])), x0)
+    True
+    """
+    if t == 0:
+        return x0_hat
+    a, a_next = abar_at(abar, t), abar_at(abar, t - 1)
+    alpha = a / a_next
+    beta = 1 - alpha
+    mean = (
+        math.sqrt(a_next) * beta / (1 - a) * x0_hat
+        + math.sqrt(alpha) * (1 - a_next) / (1 - a) * x_t
+    )
+    return mean + _noise(math.sqrt((1 - a_next) / (1 - a) * beta), x_t, generator)
+
+
+def _noise(sigma: float, like: Tensor, generator: torch.Generator | None) -> Tensor | float:
+    """Draw sigma z; a sampler without noise leaves the generator untouched."""
+    if sigma == 0:
+        return 0.0
+    return sigma * gaussian(like.shape, generator=generator, device=like.device, dtype=like.dtype)
+
+
+def _forward(
+    x: Tensor, t: int, t_later: int, abar: Tensor, generator: torch.Generator | None
+) -> Tensor:
+    """Noise x from step t up to ``t_later`` (RePaint's way to repeat a step)."""
+    a = abar_at(abar, t_later) / abar_at(abar, t)
+    return math.sqrt(a) * x + _noise(math.sqrt(1 - a), x, generator)
+
+
+def _first(x_T: Tensor | None, shape: tuple, generator: torch.Generator | None) -> Tensor:
+    if x_T is None:
+        return gaussian(shape, generator=generator)
+    if x_T.shape != shape:
+        raise ValueError(f"x_T {tuple(x_T.shape)} must have the shape {shape}")
+    return x_T
+
+
+@torch.no_grad()
+def sample(
+    denoise: Callable[[Tensor, int], Tensor],
+    shape,
+    *,
+    abar: Tensor,
+    sampler: str = "ddim",
+    steps: int = 50,
+    eta: float = 1.0,
+    generator: torch.Generator | None = None,
+    x_T: Tensor | None = None,
+    pin: Pinning | None = None,
+    resample: int = 1,
+    clamp: float | None = 1.0,
+    callback: Callable[[int, int, Tensor], None] | None = None,
+    device: torch.device | str = "cpu",
+    dtype: torch.dtype = torch.float32,
+) -> Tensor:
+    r"""Start from noise and take every step of a sampler.
+
+    $$x_T \sim \mathcal N(0, I), \qquad \hat x_0 = D(x_t, t), \qquad
+      x_{t'} = \text{step}(x_t, \hat x_0), \qquad t = T - 1, \dots, -1$$
+
+    Source: EDGE, TCDiff++ and Lodge all use T = 1000, 50 DDIM steps, eta = 1, x0_hat cut at +-1.
+
+    - ``sampler``: "ddim" (``steps``, ``eta``) or "ddpm" (always all T steps).
+    - ``pin``: holds the first frames at known motion (`dancediff.diffusion.pinning.Pinning`).
+    - ``resample``: take each step this often, adding its noise back in between, so that pinned and
+      free frames have time to agree (RePaint); costs as many times the network calls.
+    - ``callback(i, total, x0_hat)`` runs after step i, to draw pictures or a progress bar.
+
+    Shapes: shape = (b, n, f, d); x_T like it, or None to draw it -> x_0 (b, n, f, d).
+    Raises: ValueError for an unknown sampler, or steps, eta, resample or x_T out of range.
+
+    >>> from dancediff.diffusion.schedule import cosine_abar
+    >>> x_0 = torch.rand(1, 2, 3, 4)
+    >>> torch.equal(sample(lambda x_t, t: x_0, x_0.shape, abar=cosine_abar(), steps=5), x_0)
+    True
+    """
+    if sampler not in ("ddim", "ddpm"):
+        raise ValueError(f"sampler={sampler!r} is not one of 'ddim', 'ddpm'")
+    if resample < 1:
+        raise ValueError(f"resample={resample} must be at least 1, the number of tries a step")
+    abar = abar.detach().cpu()  # its entries are read as numbers: no wait for a GPU at every step
+    x = _first(x_T, tuple(shape), generator).to(device=device, dtype=dtype)
+    if pin is not None:
+        x = pin.start(x)
+    times = ddim_times(steps if sampler == "ddim" else len(abar), len(abar))
+    for i, (t, t_next) in enumerate(pairwise(times)):
+        for again in range(resample if t_next >= 0 else 1):
+            if again:
+                x = _forward(x, t_next, t, abar, generator)
+            x0_hat = denoise(x, t)
+            if pin is not None:
+                x0_hat = pin.bend(x0_hat)
+            if clamp is not None:
+                x0_hat = x0_hat.clamp(-clamp, clamp)
+            if sampler == "ddpm":
+                x = ddpm_step(x, x0_hat, t, abar, generator=generator)
+            else:
+                x = ddim_step(x, x0_hat, t, t_next, abar, eta=eta, generator=generator)
+            if pin is not None:
+                x = pin(x, t_next)
+        if callback is not None:
+            callback(i, len(times) - 1, x0_hat)
+    return x

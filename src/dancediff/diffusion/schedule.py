@@ -1,0 +1,103 @@
+r"""How a dance is destroyed: the noise schedule and the forward process.
+
+Read first: notebook 04 · Ho et al. 2020 (DDPM) eq. 4 · Nichol and Dhariwal 2021 eq. 17.
+
+Symbols (axes: b batch · n dancers · f frames · d motion features; t is ALWAYS the diffusion step)
+    x_0    clean motion, normalised to [-1, 1]   (b, n, f, d)
+    x_t    the same after t steps of noise       (b, n, f, d)
+    abar   $\bar\alpha_t$, the signal's power    (T,)   almost 1 at t = 0, almost 0 at t = T - 1
+    eps    $\epsilon$, Gaussian noise            (b, n, f, d)
+"""
+
+import math
+
+import torch
+from torch import Tensor
+
+
+def cosine_abar(num_steps: int = 1000) -> Tensor:
+    r"""Signal power left after each step of the cosine schedule.
+
+    $$\bar\alpha_t = \prod_{s \le t} (1 - \beta_s), \quad
+      \beta_s = \min\!\Big(1 - \frac{g((s+1)/T)}{g(s/T)},\ 0.999\Big), \quad
+      g(u) = \cos^2\!\Big(\frac{u + 0.008}{1.008}\cdot\frac{\pi}{2}\Big)$$
+
+    Source: Nichol and Dhariwal 2021, eq. 17; used by EDGE, TCDiff++ and Lodge with T = 1000.
+
+    Shapes: -> (T,) float64, because 1 - abar is as small as 4e-5.
+    Raises: ValueError for num_steps < 1.
+
+    >>> abar = cosine_abar(1000)
+    >>> f"{abar[499]:.3f} {abar[999]:.2e}"
+    '0.494 2.43e-09'
+    """
+    if num_steps < 1:
+        raise ValueError(f"num_steps={num_steps} must be at least 1")
+    u = torch.arange(num_steps + 1, dtype=torch.float64) / num_steps
+    g = torch.cos((u + 0.008) / 1.008 * math.pi / 2) ** 2
+    beta = (1 - g[1:] / g[:-1]).clamp(max=0.999)
+    return torch.cumprod(1 - beta, dim=0)
+
+
+def abar_at(abar: Tensor, t: int) -> float:
+    r"""$\bar\alpha_t$ as a number, with $\bar\alpha_{-1} = 1$: step -1 is the clean dance.
+
+    Raises: ValueError for a step outside -1 ... T - 1.
+
+    >>> abar_at(torch.tensor([0.9, 0.5]), -1), abar_at(torch.tensor([0.9, 0.5]), 1)
+    (1.0, 0.5)
+    """
+    if not -1 <= t < len(abar):
+        raise ValueError(f"t={t} is outside -1 ... {len(abar) - 1}, the steps of this schedule")
+    return 1.0 if t == -1 else float(abar[t])
+
+
+def q_sample(x_0: Tensor, t: int | Tensor, abar: Tensor, eps: Tensor) -> Tensor:
+    r"""Jump from the clean dance straight to step t.
+
+    $$x_t = \sqrt{\bar\alpha_t}\, x_0 + \sqrt{1 - \bar\alpha_t}\; \epsilon$$
+
+    Source: DDPM eq. 4; TCDiff++ eq. 1 applied t times.
+
+    Shapes: x_0, eps (b, n, f, d); t an int (-1: clean) or long (b,); abar (T,) -> like x_0.
+    Raises: ValueError when eps does not have the shape of x_0.
+
+    >>> x_0, eps = torch.ones(1, 1, 1, 1), torch.full((1, 1, 1, 1), 2.0)
+    >>> round(q_sample(x_0, 0, torch.tensor([0.36]), eps).item(), 4)  # 0.6 * 1 + 0.8 * 2
+    2.2
+    """
+    if eps.shape != x_0.shape:
+        raise ValueError(f"eps {tuple(eps.shape)} must have the shape of x_0 {tuple(x_0.shape)}")
+    if not isinstance(t, Tensor):
+        a = abar_at(abar, t)
+        return math.sqrt(a) * x_0 + math.sqrt(1 - a) * eps
+    # The roots are taken in the schedule's precision: 1 - abar loses digits in float32.
+    signal, noise = (
+        c.to(dtype=x_0.dtype).to(x_0.device)[t].reshape(-1, *(1,) * (x_0.ndim - 1))
+        for c in (abar.sqrt(), (1 - abar).sqrt())
+    )
+    return signal * x_0 + noise * eps
+
+
+def gaussian(
+    shape,
+    *,
+    generator: torch.Generator | None = None,
+    device: torch.device | str = "cpu",
+    dtype: torch.dtype = torch.float32,
+) -> Tensor:
+    """Standard normal noise that is the same on every device.
+
+    It is drawn on the CPU in float32 and then moved, so a seed means the same dance on a laptop
+    and on a GPU (up to rounding inside the network).
+
+    Shapes: -> shape.
+    Raises: ValueError for a generator that lives on another device.
+
+    >>> a, b = (gaussian((2, 3), generator=torch.Generator().manual_seed(0)) for _ in range(2))
+    >>> torch.equal(a, b)
+    True
+    """
+    if generator is not None and generator.device.type != "cpu":
+        raise ValueError(f"generator is on {generator.device}; use torch.Generator() (CPU)")
+    return torch.randn(tuple(shape), generator=generator).to(device=device, dtype=dtype)

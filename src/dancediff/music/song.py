@@ -1,0 +1,155 @@
+r"""`Music`: a song of any format, rate and length, and what a network hears of it.
+
+Read first: notebook 02.
+"""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from dancediff.music.features import BEATS, FPS, HOP, SAMPLE_RATE, music_features
+
+SILENT = 1e-4  # peak below which a song counts as silent
+_LOUDNESS = 0.1  # RMS to which a song is set before its features are taken
+
+
+@dataclass(frozen=True, eq=False)
+class Music:
+    """Sound samples with their rate.
+
+    audio (n, channels) float32, mostly in [-1, 1]; rate in Hz.
+    Raises: ValueError when the samples are not such an array, or not finite.
+
+    >>> song = Music(np.zeros((44100, 2), dtype=np.float32), 44100)
+    >>> song.duration, song.num_frames, song.is_silent
+    (1.0, 31, True)
+    """
+
+    audio: np.ndarray = field(repr=False)
+    rate: int
+    name: str = "song"
+
+    def __post_init__(self):
+        audio = np.asarray(self.audio, dtype=np.float32)
+        audio = audio[:, None] if audio.ndim == 1 else audio
+        if audio.ndim != 2 or audio.shape[1] < 1 or len(audio) == 0:
+            raise ValueError(f"audio has shape {audio.shape}; expected (n, channels), n >= 1")
+        if not np.isfinite(audio).all():
+            raise ValueError(f"audio of {self.name!r} has samples that are no finite numbers")
+        if not self.rate > 0:
+            raise ValueError(f"rate={self.rate} must be positive (samples a second)")
+        object.__setattr__(self, "audio", audio)
+
+    @classmethod
+    def load(cls, path) -> "Music":
+        """Read wav, flac, ogg or mp3, mono or stereo, any rate and length.
+
+        Raises: ValueError naming the path and the fix when there is no such sound file.
+        """
+        import soundfile  # noqa: PLC0415 - keeps `import dancediff` light
+
+        path = Path(path)
+        if not path.exists():
+            raise ValueError(f"song {str(path)!r} does not exist; give a wav, flac, ogg or mp3 file")
+        if path.is_dir():
+            raise ValueError(f"song {str(path)!r} is a folder; give a wav, flac, ogg or mp3 file")
+        if path.stat().st_size == 0:
+            raise ValueError(f"song {str(path)!r} is an empty file; give one with sound in it")
+        try:
+            audio, rate = soundfile.read(path, dtype="float32", always_2d=True)
+        except (OSError, RuntimeError, ValueError, TypeError, MemoryError) as err:
+            raise ValueError(
+                f"song {str(path)!r} cannot be read as sound ({err}); "
+                "give a wav, flac, ogg or mp3 file, or convert it to one"
+            ) from err
+        if len(audio) == 0:
+            raise ValueError(f"song {str(path)!r} holds no samples; give one with sound in it")
+        return cls(audio, rate, path.stem)
+
+    def save(self, path) -> Path:
+        """Write the sound; the suffix decides the format (.wav .flac .ogg .mp3)."""
+        import soundfile  # noqa: PLC0415
+
+        path = Path(path)
+        part = path.with_name(f".part.{path.name}")
+        try:
+            # in blocks: libsndfile's vorbis encoder overflows its stack on one long write
+            with soundfile.SoundFile(part, "w", self.rate, self.audio.shape[1]) as file:
+                for start in range(0, len(self.audio), self.rate):
+                    file.write(self.audio[start : start + self.rate])
+            part.replace(path)
+        finally:
+            part.unlink(missing_ok=True)
+        return path
+
+    @property
+    def duration(self) -> float:
+        """Length in seconds."""
+        return len(self.audio) / self.rate
+
+    @property
+    def peak(self) -> float:
+        """Largest absolute sample."""
+        return float(np.abs(self.audio).max())
+
+    @property
+    def is_silent(self) -> bool:
+        """Nothing to dance to: the peak is under 1e-4."""
+        return self.peak < SILENT
+
+    def mono(self, rate: int = SAMPLE_RATE) -> np.ndarray:
+        """Mean of the channels, resampled, (n,) float32."""
+        y = self.audio.mean(axis=1)
+        if rate == self.rate:
+            return y
+        import librosa  # noqa: PLC0415
+
+        return librosa.resample(y, orig_sr=self.rate, target_sr=rate, res_type="soxr_hq")
+
+    def slice(self, start: float, stop: float) -> "Music":
+        """The part between two times in seconds.
+
+        Raises: ValueError when nothing of the song lies between them.
+        """
+        a, b = max(0, round(start * self.rate)), round(stop * self.rate)
+        if a >= min(b, len(self.audio)):
+            raise ValueError(
+                f"slice({start}, {stop}) is empty; the song {self.name!r} lasts {self.duration:.2f} s"
+            )
+        return Music(self.audio[a:b], self.rate, self.name)
+
+    @cached_property
+    def _features(self) -> Tensor:
+        y = self.mono()
+        # loudness says nothing about the dance; the same song recorded softer gives the same dance
+        rms = float(np.sqrt(np.mean(np.square(y, dtype=np.float64))))
+        if rms > SILENT * 0.1:
+            y = y * (_LOUDNESS / rms)
+        return torch.from_numpy(music_features(y))
+
+    @property
+    def num_frames(self) -> int:
+        """Rows of the feature matrix: 1 + samples at 15,360 Hz // 512."""
+        return 1 + int(np.ceil(len(self.audio) * SAMPLE_RATE / self.rate)) // HOP
+
+    def features(self) -> Tensor:
+        """The 35 features of every frame of the whole song, raw, (f, 35); computed once.
+
+        The song is first set to a fixed loudness (RMS 0.1). Cut the rows, not the song: beats and
+        chroma need their surroundings.
+        """
+        return self._features
+
+    def beats(self) -> np.ndarray:
+        """Times of the detected beats in seconds."""
+        return np.flatnonzero(self.features()[:, BEATS].numpy()[:, 0]) / FPS
+
+    @property
+    def tempo(self) -> float:
+        """Beats per minute between the detected beats (median); nan with fewer than two."""
+        beats = self.beats()
+        return 60 / float(np.median(np.diff(beats))) if len(beats) > 1 else float("nan")

@@ -1,0 +1,1 @@
+"""Building blocks of every network here: attention, FiLM, time steps, state space models."""

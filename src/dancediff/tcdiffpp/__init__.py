@@ -1,0 +1,1 @@
+"""TCDiff++: group dance by diffusion, component by component."""

@@ -1,0 +1,146 @@
+r"""Group Dance Decoder (GDD): from a noisy group and a song to a clean guess.
+
+Read first: notebook 10 · TCDiff++ section 4, eq. 8.
+
+Symbols (axes: b batch · n dancers, ranked from left to right · f frames · d motion, m music
+features)
+    x_t      noisy motion, normalised              (b, n, f, d)
+    t        diffusion step                        (b,)
+    M        music features, standardised          (b, f, m)
+    S        swap mode                             (b, n)
+    keep     False = pretend there is no music     (b,)        classifier-free guidance
+    present  False = nobody dances in this place   (b, n)
+    x_raw    the guess                             (b, n, f, d)
+"""
+
+import torch
+from torch import Tensor, nn
+
+from dancediff.nn.decoder import MusicEncoder
+from dancediff.nn.timestep import TimestepEncoder
+from dancediff.tcdiffpp.fusion import FusionProjection
+from dancediff.tcdiffpp.positioning import DancerPositioning
+from dancediff.tcdiffpp.sequence_decoder import SequenceDecoder
+from dancediff.tcdiffpp.swap_mode import SwapModeEmbedding
+
+
+class GroupDanceDecoder(nn.Module):
+    r"""The denoiser: $\hat x_r = \text{SD}(\text{FP}(\text{DPE}(W x_t)),\; t, M, S)$.
+
+    Source: TCDiff++ eq. 8 and section 4.2.  Differs: T1-T12 of ``docs/differences.md``; in short,
+    dancers are sorted, DPE comes before FP, time has its own axis, and S is used.
+
+    Shapes: see the module's symbols; returns x_raw (b, n, f, d).
+
+    >>> from dancediff.tcdiffpp.model import TCDiffPPConfig
+    >>> decoder = GroupDanceDecoder(TCDiffPPConfig(d_model=16, num_layers=1, ff_dim=32))
+    >>> x_t, M, S = torch.randn(2, 3, 20, 151), torch.randn(2, 20, 35), torch.arange(3).expand(2, 3)
+    >>> decoder(x_t, torch.tensor([10, 900]), M, S).shape
+    torch.Size([2, 3, 20, 151])
+    """
+
+    def __init__(self, config):
+        """``config``: a `TCDiffPPConfig`. Its switches dpe, fp and swap_mode remove components."""
+        super().__init__()
+        c, d = config, config.d_model
+        self.max_dancers, self.num_frames = c.max_dancers, c.num_frames
+        self.motion_dim, self.music_dim = c.motion_dim, c.music_dim
+        self.embed = nn.Linear(c.motion_dim, d)
+        self.dpe = DancerPositioning(c.max_dancers, d) if c.dpe else None
+        self.fp = FusionProjection(c.max_dancers, d, c.fusion_hidden) if c.fp else None
+        self.swap_mode = SwapModeEmbedding(c.max_dancers, d) if c.swap_mode else None
+        self.timestep = TimestepEncoder(d)
+        self.music = MusicEncoder(
+            c.music_dim, d, num_heads=c.num_heads, ff_dim=c.ff_dim, dropout=c.dropout
+        )
+        self.pooled_music = nn.Sequential(
+            nn.LayerNorm(d), nn.Linear(d, d), nn.SiLU(), nn.Linear(d, d)
+        )
+        self.null_music = nn.Parameter(torch.randn(1, c.num_frames, d))
+        self.null_pooled = nn.Parameter(torch.randn(1, d))
+        self.decoder = SequenceDecoder(
+            d,
+            num_layers=c.num_layers,
+            num_heads=c.num_heads,
+            ff_dim=c.ff_dim,
+            dropout=c.dropout,
+            ssm=c.ssm,
+            d_state=c.d_state,
+            expand=c.expand,
+            head_dim=c.head_dim,
+            bidirectional=c.bidirectional,
+        )
+        self.out = nn.Linear(d, c.motion_dim)
+
+    def forward(
+        self,
+        x_t: Tensor,
+        t: Tensor,
+        M: Tensor,
+        S: Tensor,
+        *,
+        keep: Tensor | None = None,
+        present: Tensor | None = None,
+    ) -> Tensor:
+        """Guess the clean motion of everybody at once.
+
+        Raises: ValueError naming the argument whose shape does not fit.
+        """
+        self._check(x_t, t, M, S, present)
+        memory, cond = self.conditions(t, M, S, keep=keep, present=present)
+        h = self.decoder(
+            self.tokens(x_t, present),
+            memory,
+            cond,
+            music_start=0 if self.swap_mode is None else 1,
+            present=present,
+        )
+        with torch.autocast(h.device.type, enabled=False):  # millimetres need float32
+            x_raw = self.out(h.float())
+        return x_raw if present is None else x_raw * present[:, :, None, None]
+
+    def tokens(self, x_t: Tensor, present: Tensor | None = None) -> Tensor:
+        """Embed the noisy motion, mark the ranks (DPE), mix the dancers (FP)."""
+        here = 1.0 if present is None else present[:, :, None, None]
+        h = self.embed(x_t)
+        h = h if self.dpe is None else self.dpe(h)
+        h = h * here  # absent dancers are zeros to the fusion ...
+        h = h if self.fp is None else self.fp(h) * here  # ... and stay zeros after it
+        return h.float()  # the residual stream stays in float32 under autocast
+
+    def conditions(
+        self,
+        t: Tensor,
+        M: Tensor,
+        S: Tensor,
+        *,
+        keep: Tensor | None = None,
+        present: Tensor | None = None,
+    ) -> tuple[Tensor, Tensor]:
+        """Memory tokens [swap 1, music f, step 2] (b, k, d_model) and FiLM vector (b, d_model)."""
+        music = self.music(M)
+        pooled = self.pooled_music(music.mean(dim=1))
+        if keep is not None:
+            null = self.null_music[:, : M.shape[1]]
+            music = torch.where(keep[:, None, None], music, null)
+            pooled = torch.where(keep[:, None], pooled, self.null_pooled.to(pooled.dtype))
+        step, step_tokens = self.timestep(t)
+        cond, memory = step + pooled, [music, step_tokens]
+        if self.swap_mode is not None:
+            swap = self.swap_mode(S, present)
+            cond, memory = cond + swap, [swap[:, None], *memory]
+        return torch.cat([x.float() for x in memory], dim=1), cond.float()
+
+    def _check(self, x_t: Tensor, t: Tensor, M: Tensor, S: Tensor, present: Tensor | None) -> None:
+        b, n, f, d = x_t.shape
+        if d != self.motion_dim or not 1 <= n <= self.max_dancers or not 1 <= f <= self.num_frames:
+            raise ValueError(
+                f"x_t has shape {(b, n, f, d)}; expected (b, n, f, d) with n <= "
+                f"{self.max_dancers}, f <= {self.num_frames}, d = {self.motion_dim}"
+            )
+        expected = {"t": (b,), "M": (b, f, self.music_dim), "S": (b, n), "present": (b, n)}
+        for name, value in (("t", t), ("M", M), ("S", S), ("present", present)):
+            if value is not None and value.shape != expected[name]:
+                raise ValueError(
+                    f"{name} has shape {tuple(value.shape)}; expected {expected[name]} to match x_t"
+                )

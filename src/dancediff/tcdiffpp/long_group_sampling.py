@@ -1,0 +1,207 @@
+r"""Long Group Diffusion Sampling (LGDS): a dance of any length from a network that knows 5 seconds.
+
+Read first: notebook 10 · TCDiff++ section 4.4, eq. 19 · `dancediff.diffusion.pinning`.
+
+Symbols (axes: n dancers · f frames of one segment · F frames of the dance · k segments
+         d motion features · m music features)
+    x        the dance, normalised; row i is dancer i for good         (n, F, d)
+    overlap  frames that a segment shares with the one before it       75 of 150 in the paper
+    known    those frames, already danced                              (n, overlap, d)
+    order    order[r] = the dancer who is r-th from the left at the segment's first frame   (n,)
+    S        swap mode, in ranks at the segment's own first frame      (n,)
+
+Each segment begins with the end of the one before: those frames are pinned, the rest is sampled.
+The network was trained on dancers ranked left to right at the window's first frame, so they are
+handed over in that order and put back afterwards; nobody is ever renamed.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+
+import torch
+from torch import Tensor
+
+from dancediff.diffusion.pinning import MODES, Pinning
+from dancediff.diffusion.samplers import sample
+from dancediff.diffusion.schedule import gaussian
+from dancediff.tcdiffpp.swap_mode import check_order, left_to_right
+
+
+def long_group_sample(denoise_segment: Callable, segments_music: Tensor, **options) -> Tensor:
+    r"""Sample a whole dance, segment after segment.
+
+    $$\hat z_T^{[75:225]} = \big[\hat x_T^{[75:150]},\ z_T^{[150:225]}\big]$$
+
+    Source: TCDiff++ eq. 19 (``pinning="init"``).  Differs: the default pinning is "renoise". The
+    released code pastes clean frames at every noise level, and loses the first segment, so that
+    the dance runs 2.5 s behind its music.
+
+    Shapes: segments_music (k, f, m); ``options`` are those of `iter_long_group_sample`
+    -> (n, f + (k - 1)(f - overlap), d).
+
+    >>> from dancediff.diffusion.schedule import cosine_abar
+    >>> def stand(x_t, t, M, S):  # a "network" that knows one dance: everybody stands in a line
+    ...     return torch.linspace(-0.5, 0.5, x_t.shape[1])[None, :, None, None].expand_as(x_t)
+    >>> x = long_group_sample(stand, torch.zeros(3, 150, 35), dancers=2, motion_dim=1, steps=2,
+    ...     root_x=lambda frame: frame[:, 0], abar=cosine_abar(), device="cpu", dtype=torch.float32)
+    >>> x.shape
+    torch.Size([2, 300, 1])
+    """
+    return torch.cat(list(iter_long_group_sample(denoise_segment, segments_music, **options)), 1)
+
+
+def iter_long_group_sample(
+    denoise_segment: Callable[[Tensor, int, Tensor, Tensor], Tensor],
+    segments_music: Tensor,
+    *,
+    dancers: int,
+    motion_dim: int,
+    root_x: Callable[[Tensor], Tensor],
+    abar: Tensor,
+    target_orders: Sequence | None = None,
+    overlap: int = 75,
+    pinning: str = "renoise",
+    t_star: int | None = None,
+    ease: int = 20,
+    seam: str = "copy",
+    sampler: str = "ddim",
+    steps: int = 50,
+    eta: float = 1.0,
+    resample: int = 1,
+    generator: torch.Generator | None = None,
+    progress: Callable[[int, int], None] | None = None,
+    device: torch.device | str,
+    dtype: torch.dtype,
+) -> Iterator[Tensor]:
+    r"""`long_group_sample`, handing out finished frames as it goes: memory stays that of a segment.
+
+    - ``denoise_segment(x_t (1, n, f, d), t, M (1, f, m), S (1, n)) -> x0_hat``, guidance included.
+    - ``root_x(frame (n, d)) -> (n,)``: lateral position, by which dancers are ranked.
+    - ``target_orders[i]``: the dancers from left to right at the last frame of segment i, or None:
+      the order asked for last or, if none was, the order they stand in now.
+    - ``pinning``, ``t_star``, ``ease``: see `Pinning`. With "init" the shared frames also get the
+      noise they were made from; it carries furthest with eta = 0.
+    - ``seam``: "copy" keeps the shared frames, "fade" blends both versions (a key of `SEAMS`).
+    - ``sampler``, ``steps``, ``eta``, ``resample``: see `sample`.
+    - ``progress(done, total)`` counts denoising steps over the whole dance.
+
+    Dancers are numbered from the left at the first frame of the dance.
+
+    Shapes: segments_music (k, f, m) standardised, segment i starting at frame i (f - overlap)
+    -> pieces (n, F', d) in normalised units, each final when it is handed out.
+    Raises: ValueError for an overlap outside 1 ... f - 1, an unknown seam, an order that is none.
+    """
+    segments, f, _ = segments_music.shape
+    _check_options(segments, f, overlap=overlap, pinning=pinning, seam=seam, targets=target_orders)
+    stride = f - overlap
+    asked = known = z = None
+    for i, M in enumerate(segments_music.to(device=device, dtype=dtype).split(1)):
+        if target_orders is not None and target_orders[i] is not None:
+            asked = check_order(target_orders[i], dancers, name=f"target_orders[{i}]")
+        order, now = _orders(known, root_x, dancers)
+        S = relative_order(now if asked is None else asked, order)[None].to(device)
+
+        noise, pin = gaussian((dancers, f, motion_dim), generator=generator), None
+        if known is not None:
+            pin = Pinning(
+                known[order][None],
+                abar,
+                mode=pinning,
+                t_star=t_star,
+                ease=ease if seam == "copy" else 0,  # a fade already joins the two
+                hold_last=False,  # the seam decides what becomes of the known frames
+                generator=generator,
+            )
+            if pinning == "init":
+                noise[:, :overlap] = z[order, stride:]
+        x = sample(
+            lambda x_t, t, M=M, S=S: denoise_segment(x_t, t, M, S),
+            (1, dancers, f, motion_dim),
+            abar=abar,
+            sampler=sampler,
+            steps=steps,
+            eta=eta,
+            resample=resample,
+            generator=generator,
+            x_T=noise[None],
+            pin=pin,
+            callback=progress and (lambda j, n, _, i=i: progress(i * n + j + 1, segments * n)),
+            device=device,
+            dtype=dtype,
+        )[0]
+
+        # Segment 0 numbers the dancers from the left; later ones go back from rank to number.
+        back = left_to_right(root_x(x[:, 0])).cpu() if known is None else order.argsort()
+        x, z = x[back], noise[back]
+        if known is not None:
+            x = SEAMS[seam](known, x)
+        known = x[:, stride:]
+        yield x[:, :stride]
+    yield known
+
+
+def relative_order(target: Tensor, order: Tensor) -> Tensor:
+    r"""Turn a wanted order of dancers into the swap mode of one segment.
+
+    $$S_k = \text{rank of dancer } \text{target}_k \text{ at the segment's first frame}$$
+
+    Shapes: target, order (n,), both dancers from left to right -> S (n,).
+
+    >>> relative_order(target=torch.tensor([1, 0, 2]), order=torch.tensor([1, 0, 2]))
+    tensor([0, 1, 2])
+    """
+    return order.argsort()[target]
+
+
+def _orders(known: Tensor | None, root_x: Callable, n: int) -> tuple[Tensor, Tensor]:
+    """Dancers from left to right where the segment starts, and where the known frames end."""
+    if known is None:
+        return torch.arange(n), torch.arange(n)
+    return left_to_right(root_x(known[:, 0])).cpu(), left_to_right(root_x(known[:, -1])).cpu()
+
+
+def copy_seam(known: Tensor, x: Tensor) -> Tensor:
+    """Keep the known frames exactly; what the network drew there is dropped.
+
+    Shapes: known (n, k, d), x (n, f, d) -> (n, f, d).
+
+    >>> copy_seam(torch.zeros(1, 2, 1), torch.ones(1, 4, 1)).flatten().tolist()
+    [0.0, 0.0, 1.0, 1.0]
+    """
+    return torch.cat([known, x[:, known.shape[1] :]], dim=1)
+
+
+def fade_seam(known: Tensor, x: Tensor) -> Tensor:
+    r"""Cross-fade from the known frames to the network's version of them.
+
+    $$x_f \leftarrow (1 - w_f)\,\text{known}_f + w_f\,x_f, \quad w_f = f / (k - 1)$$
+
+    Source: TCDiff++ "merge"; EDGE's code.  Differs: rotations are blended in 6-D, and become
+    rotations again when they are unpacked; the official code takes the arc between them. Both
+    versions stay within degrees of each other here, where the two paths are the same.
+
+    Shapes: known (n, k, d), x (n, f, d) -> (n, f, d).
+
+    >>> fade_seam(torch.zeros(1, 3, 1), torch.ones(1, 4, 1)).flatten().tolist()
+    [0.0, 0.5, 1.0, 1.0]
+    """
+    k = known.shape[1]
+    w = torch.linspace(0, 1, k, dtype=x.dtype, device=x.device)[:, None]
+    return torch.cat([torch.lerp(known, x[:, :k], w), x[:, k:]], dim=1)
+
+
+SEAMS = {"copy": copy_seam, "fade": fade_seam}
+
+
+def _check_options(segments: int, f: int, *, overlap: int, pinning: str, seam: str, targets):
+    if segments < 1:
+        raise ValueError("segments_music has no segment; give the music of at least one")
+    if not 1 <= overlap < f:
+        raise ValueError(f"overlap={overlap} must lie in 1 ... {f - 1}: a segment has {f} frames")
+    for name, value, known in (("pinning", pinning, MODES), ("seam", seam, SEAMS)):
+        if value not in known:
+            raise ValueError(f"{name}={value!r} is not one of {', '.join(map(repr, known))}")
+    if targets is not None and len(targets) != segments:
+        raise ValueError(
+            f"target_orders has {len(targets)} entries for {segments} segments; "
+            "give one each, None where nothing is asked"
+        )

@@ -1,0 +1,191 @@
+r"""The five losses of TCDiff++, and two of ours that are off by default.
+
+Read first: notebook 05 · TCDiff++ section 4.4, eq. 12 to 17.
+
+Symbols (axes: b batch · n dancers · f frames · d motion features · j joints)
+    x_0          the true motion, normalised                     (b, n, f, d)
+    x_raw        the decoder's guess                             (b, n, f, d)
+    x_hat        the guess after the Footwork Adaptor            (b, n, f, d)
+    joints       forward kinematics of a guess, metres           (b, n, f, j, 3)
+    present      which dancers exist                             (b, n) bool
+"""
+
+from dataclasses import dataclass
+
+import torch
+from einops import rearrange
+from torch import Tensor
+
+from dancediff.motion.representation import TCDIFFPP, Normalizer, unpack
+from dancediff.motion.skeleton import FOOT_JOINTS, forward_kinematics
+
+FPS = 30
+
+
+@dataclass(frozen=True)
+class LossWeights:
+    """Weight of each term; those of the paper are from TCDiff++ section 5.1."""
+
+    simple: float = 0.636
+    vel: float = 2.964
+    fk: float = 0.646
+    contact: float = 10.942
+    dist: float = 0.636
+    joint_vel: float = 0.0  # ours: error of joint velocities, (m/s)^2
+    slide: float = 0.0  # ours: foot speed where the TRUE foot is planted, (m/s)^2
+
+
+def mean_over(error: Tensor, present: Tensor | None) -> Tensor:
+    """Mean of (b, n, ...) over everything, absent dancers left out.
+
+    >>> mean_over(torch.tensor([[1.0, 9.0]]), torch.tensor([[True, False]])).item()
+    1.0
+    """
+    if present is None:
+        return error.mean()
+    error = error.flatten(2).mean(-1) if error.ndim > 2 else error
+    return (error * present).sum() / present.sum().clamp_min(1)
+
+
+def l_simple(x_hat: Tensor, x_0: Tensor, present: Tensor | None = None) -> Tensor:
+    r"""Plain reconstruction: $\mathbb E \lVert x_0 - \hat x_0 \rVert^2$.
+
+    Source: TCDiff++ eq. 12.  Shapes: (b, n, f, d) normalised -> scalar.
+
+    >>> l_simple(torch.ones(1, 2, 3, 4), torch.zeros(1, 2, 3, 4)).item()
+    1.0
+    """
+    return mean_over((x_hat - x_0).square(), present)
+
+
+def l_vel(x_hat: Tensor, x_0: Tensor, present: Tensor | None = None) -> Tensor:
+    r"""Change from frame to frame of everything but the contacts.
+
+    $$\lVert (x_{i+1} - x_i) - (\hat x_{i+1} - \hat x_i) \rVert^2$$
+
+    Source: TCDiff++ eq. 13.  Differs: the official code leaves the root out; the paper does not.
+    Shapes: (b, n, f, d) normalised -> scalar.
+
+    >>> l_vel(torch.ones(1, 1, 5, 151), torch.zeros(1, 1, 5, 151)).item()    # a constant offset
+    0.0
+    """
+    moving = slice(TCDIFFPP.root.start, None)
+    error = x_hat[..., moving].diff(dim=-2) - x_0[..., moving].diff(dim=-2)
+    return mean_over(error.square(), present)
+
+
+def l_fk(joints_hat: Tensor, joints_0: Tensor, present: Tensor | None = None) -> Tensor:
+    r"""Where the joints end up: $\lVert FK(x_0) - FK(\hat x_0) \rVert^2$.
+
+    Source: TCDiff++ eq. 14.  Differs: in metres; the official code runs FK on normalised values.
+    Shapes: (b, n, f, j, 3) metres -> scalar.
+    """
+    return mean_over((joints_hat - joints_0).square(), present)
+
+
+def l_contact(
+    joints_hat: Tensor,
+    contact_hat: Tensor,
+    present: Tensor | None = None,
+    *,
+    threshold: float | None = 0.5,
+) -> Tensor:
+    r"""A foot that the dancer calls planted should not move.
+
+    $$\lVert (FK(\hat x)_{i+1} - FK(\hat x)_i) \cdot \hat b_i \rVert^2$$
+
+    Source: TCDiff++ eq. 15.  With a ``threshold`` (0..1) the predicted contact is a hard mask, as
+    in EDGE's and TCDiff++'s code, in physical units; ``None`` multiplies by it, as in the paper.
+
+    Shapes: joints_hat (b, n, f, j, 3) metres, contact_hat (b, n, f, 4) about 0..1 -> scalar.
+
+    >>> joints = torch.arange(3.0)[None, None, :, None, None].expand(1, 1, 3, 24, 3)
+    >>> l_contact(joints, torch.full((1, 1, 3, 4), 0.4)).item()      # nobody claims contact
+    0.0
+    """
+    step = joints_hat[..., FOOT_JOINTS, :].diff(dim=-3)
+    b = contact_hat[..., :-1, :]
+    b = b if threshold is None else (b > threshold).to(b)
+    return mean_over((step * b[..., None]).square(), present)
+
+
+def l_dist(
+    root_hat: Tensor, root_0: Tensor, present: Tensor | None = None, *, dist_axis: str = "pairs"
+) -> Tensor:
+    r"""Distance consistency: the offsets between dancers should be right.
+
+    $$\tfrac{2}{C(C-1)} \sum_{i<j} \lVert (p_i - p_j) - (\hat p_i - \hat p_j) \rVert^2$$
+
+    Source: TCDiff++ eq. 17.  Differs: a mean over frames and pairs where the paper sums.
+    ``dist_axis`` "adjacent" compares neighbours only (TCDiff v1), "time" compares frames of one
+    dancer, which is what the released TCDiff++ does under this name (its weight: 100).
+
+    Shapes: root (b, n, f, 3) metres -> scalar; 0 for a solo.
+    Raises: ValueError for another ``dist_axis``.
+
+    >>> root = torch.randn(1, 3, 10, 3)
+    >>> l_dist(root + 1.0, root).item() < 1e-12                # the whole group shifted: no error
+    True
+    """
+    n = root_hat.shape[1]
+    error = root_hat - root_0
+    if dist_axis == "time":
+        return mean_over(error.diff(dim=2).square(), present)
+    if dist_axis not in ("pairs", "adjacent"):
+        raise ValueError(f"dist_axis={dist_axis!r} is not one of 'pairs', 'adjacent', 'time'")
+    if n < 2:
+        return error.sum() * 0
+    i, j = torch.triu_indices(n, n, 1)
+    if dist_axis == "adjacent":
+        i, j = torch.arange(n - 1), torch.arange(1, n)
+    both = None if present is None else present[:, i] & present[:, j]
+    return mean_over((error[:, i] - error[:, j]).square(), both)
+
+
+def tcdiffpp_losses(
+    x_raw: Tensor,
+    x_hat: Tensor,
+    x_0: Tensor,
+    normalizer: Normalizer,
+    *,
+    weights: LossWeights | None = None,
+    present: Tensor | None = None,
+) -> dict[str, Tensor]:
+    r"""All terms, unweighted and by name, and their weighted sum "total".
+
+    Source: TCDiff++ eq. 16 (the sum).  The reconstruction term is taken on the raw output, as the
+    paper writes it, and on the adapted one, so that both paths learn; every other term is taken
+    on the adapted output.
+
+    Shapes: x_raw, x_hat, x_0 (b, n, f, d) normalised -> dict of scalars.
+
+    >>> norm = Normalizer(-torch.ones(151), torch.ones(151))
+    >>> x = torch.rand(1, 2, 8, 151)
+    >>> sorted(tcdiffpp_losses(x, x, x, norm))
+    ['contact', 'dist', 'fk', 'joint_vel', 'simple', 'slide', 'total', 'vel']
+    """
+    weights = weights or LossWeights()
+    both = torch.stack([normalizer.unnormalize(x_hat.float()), normalizer.unnormalize(x_0.float())])
+    contact, root, pose = unpack(both)
+    joints_hat, joints_0 = forward_kinematics(pose, root)
+    terms = {
+        "simple": 0.5 * (l_simple(x_raw, x_0, present) + l_simple(x_hat, x_0, present)),
+        "vel": l_vel(x_hat, x_0, present),
+        "fk": l_fk(joints_hat, joints_0, present),
+        "contact": l_contact(joints_hat, contact[0], present),
+        "dist": l_dist(root[0], root[1], present),
+        "joint_vel": l_fk(joints_hat.diff(dim=2) * FPS, joints_0.diff(dim=2) * FPS, present),
+        "slide": l_contact(joints_hat * FPS, contact[1], present),
+    }
+    terms["total"] = sum(getattr(weights, name) * value for name, value in terms.items())
+    return terms
+
+
+def pair_distances(root: Tensor) -> Tensor:
+    """Distance of every pair of dancers in every frame, (b, n, f, 3) -> (b, f, n, n) metres.
+
+    >>> pair_distances(torch.zeros(1, 3, 7, 3)).shape
+    torch.Size([1, 7, 3, 3])
+    """
+    by_frame = rearrange(root, "b n f x -> b f n x")
+    return torch.cdist(by_frame, by_frame)

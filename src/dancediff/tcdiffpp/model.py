@@ -1,0 +1,178 @@
+r"""TCDiff++: a song in, a group dance out.
+
+Read first: notebook 10 · TCDiff++ sections 3 and 4.
+
+Symbols (axes: b batch · n dancers · f frames · d motion, m music features)
+    x_raw, x_hat   the guess before and after the Footwork Adaptor   (b, n, f, d)
+    abar           $\bar\alpha_t$, signal kept after t steps         (T,)
+"""
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor, nn
+
+from dancediff.diffusion.schedule import cosine_abar
+from dancediff.motion.motion import Motion
+from dancediff.motion.representation import Normalizer
+from dancediff.music.features import MusicNormalizer
+from dancediff.tcdiffpp.footwork_adaptor import FootworkAdaptor
+from dancediff.tcdiffpp.generate import generate
+from dancediff.tcdiffpp.group_dance_decoder import GroupDanceDecoder
+
+
+@dataclass
+class TCDiffPPConfig:
+    """Sizes and switches; plain values, so that it can be stored as JSON.
+
+    The defaults are a small model which two CPU cores can train; `paper` has the published sizes.
+
+    >>> TCDiffPPConfig.paper(max_dancers=3).d_model
+    512
+    """
+
+    d_model: int = 128
+    num_heads: int = 4
+    num_layers: int = 4
+    ff_dim: int = 512
+    max_dancers: int = 5
+    num_frames: int = 150  # 5 seconds
+    motion_dim: int = 151
+    music_dim: int = 35
+    fusion_hidden: int = 512
+    footwork_hidden: int = 128
+    ssm: str = "ssd"  # or "mamba" (the paper's), or "none"
+    d_state: int = 16
+    expand: int = 2
+    head_dim: int = 64  # only for "ssd"
+    bidirectional: bool = False
+    dropout: float = 0.0
+    cond_drop: float = 0.25
+    num_steps: int = 1000
+    dpe: bool = True
+    fp: bool = True
+    fa: bool = True
+    swap_mode: bool = True
+
+    @classmethod
+    def paper(cls, **changes) -> "TCDiffPPConfig":
+        """Sizes of TCDiff++ section 5.1: 8 layers, 8 heads, width 512, Mamba."""
+        sizes = {
+            "d_model": 512,
+            "num_heads": 8,
+            "num_layers": 8,
+            "ff_dim": 1024,
+            "fusion_hidden": 1024,
+            "ssm": "mamba",
+            "dropout": 0.1,
+        }
+        return cls(**sizes | changes)
+
+
+class TCDiffPP(nn.Module):
+    r"""The whole model: Group Dance Decoder, Footwork Adaptor, normalisers and noise schedule.
+
+    $$\hat x_r = \text{GDD}(x_t, t, M, S), \qquad \hat x = \text{FA}(\hat x_r)$$
+
+    Source: TCDiff++ section 4.  Differs: one model serves 1 to ``max_dancers`` dancers, and one
+    pair of normalisers, fitted on the training set, serves every clip.
+
+    Shapes: x_t (b, n, f, d), t (b,), M (b, f, m) standardised, S (b, n); keep (b,), present (b, n)
+    -> x_raw, x_hat, both (b, n, f, d).  Dancers come in left-to-right order of the first frame.
+
+    >>> model = TCDiffPP(TCDiffPPConfig(d_model=16, num_layers=1, ff_dim=32, fusion_hidden=32))
+    >>> x_t, M, S = torch.randn(2, 3, 20, 151), torch.randn(2, 20, 35), torch.arange(3).expand(2, 3)
+    >>> x_raw, x_hat = model(x_t, torch.tensor([10, 900]), M, S)
+    >>> x_hat.shape
+    torch.Size([2, 3, 20, 151])
+    """
+
+    name = "tcdiffpp"  # what dances made with it call it; a loaded folder puts its own name here
+
+    def __init__(self, config: TCDiffPPConfig | None = None):
+        """Random weights; normalisers that change nothing until training fits them."""
+        super().__init__()
+        self.config = config = config or TCDiffPPConfig()
+        self.decoder = GroupDanceDecoder(config)
+        self.footwork = FootworkAdaptor(config.footwork_hidden) if config.fa else None
+        one = torch.ones(config.motion_dim)
+        self.normalizer = Normalizer(-one, one)
+        self.music_normalizer = MusicNormalizer(
+            torch.zeros(config.music_dim), torch.ones(config.music_dim)
+        )
+        self.register_buffer("abar", cosine_abar(config.num_steps), persistent=False)
+
+    def forward(
+        self,
+        x_t: Tensor,
+        t: Tensor,
+        M: Tensor,
+        S: Tensor,
+        *,
+        keep: Tensor | None = None,
+        present: Tensor | None = None,
+    ) -> tuple[Tensor, Tensor]:
+        """Guess the clean dance, without and with the Footwork Adaptor."""
+        x_raw = self.decoder(x_t, t, M, S, keep=keep, present=present)
+        if self.footwork is None:
+            return x_raw, x_raw
+        x_hat = self.footwork(x_raw)
+        return x_raw, x_hat if present is None else x_hat * present[:, :, None, None]
+
+    def generate(
+        self,
+        song,
+        *,
+        dancers: int = 3,
+        seconds: float | None = None,
+        seed: int = 0,
+        steps: int = 50,
+        sampler: str = "ddim",
+        guidance: float = 2.0,
+        eta: float = 1.0,
+        swap=None,
+        swap_at: float | None = None,
+        overlap: int = 75,
+        pinning: str = "renoise",
+        seam: str = "copy",
+        progress=False,
+        device=None,
+        dtype=None,
+    ) -> Motion:
+        """Dance to a song.
+
+        - ``song``: a `Music`.  ``seconds``: how much of it, from its start; default all.
+        - ``dancers``: 1 to ``config.max_dancers``.  ``seed``: the same seed on the same machine
+          gives the same bits.
+        - ``sampler`` "ddim" (``steps``, ``eta``: 0 = no fresh noise) or "ddpm" (all 1000 steps).
+        - ``guidance``: 0 ignores the music, 1 listens, 2 exaggerates (the papers' value).
+        - ``swap[k]``: the dancer, counted 0.. from the left at the first frame, who stands k-th
+          from the left in the end; ``swap_at``: when, in seconds (default: at the end).
+        - ``overlap``, ``pinning``, ``seam``: how segments of 5 s are joined, see
+          `dancediff.tcdiffpp.long_group_sampling`.
+        - ``progress``: True for a bar, or a function (done, total).
+        - ``device``: move the model there first.  ``dtype``: torch.bfloat16 is about twice as fast
+          on processors that have it.
+
+        Raises: ValueError naming the argument, its value and what is allowed; also for a silent
+        song or one under a second.
+        """
+        return generate(
+            self,
+            song,
+            dancers=dancers,
+            seconds=seconds,
+            seed=seed,
+            steps=steps,
+            sampler=sampler,
+            guidance=guidance,
+            eta=eta,
+            swap=swap,
+            swap_at=swap_at,
+            overlap=overlap,
+            pinning=pinning,
+            seam=seam,
+            progress=progress,
+            device=device,
+            dtype=dtype,
+        )

@@ -1,0 +1,54 @@
+"""Checkpoints: everything needed to go on, in one safetensors file that is whole or absent."""
+
+import json
+from pathlib import Path
+
+import torch
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save_file
+from torch import nn
+
+from dancediff.training.ema import EMA
+
+
+def save_checkpoint(path, *, model: nn.Module, ema: EMA, optimizer, step: int, config: dict):
+    """Write weights, averaged weights and optimiser moments; the old file stays until it is done."""
+    path = Path(path)
+    tensors = {f"model.{k}": v for k, v in model.state_dict().items()}
+    tensors |= {f"ema.{k}": v for k, v in ema.model.state_dict().items()}
+    for i, state in optimizer.state_dict()["state"].items():
+        tensors |= {f"optimizer.{i}.{k}": torch.as_tensor(v) for k, v in state.items()}
+    meta = {"step": str(step), "ema_updates": str(ema.updates), "config": json.dumps(config)}
+    part = path.with_name(f".{path.name}.part")
+    try:
+        save_file({k: v.detach().contiguous().clone() for k, v in tensors.items()}, part, meta)
+        part.replace(path)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def load_checkpoint(path, *, model: nn.Module, ema: EMA, optimizer) -> int:
+    """Put a checkpoint back where it came from; returns the step it was written after.
+
+    Raises: ValueError naming the file when it is no checkpoint of this model.
+    """
+    try:
+        with safe_open(path, "pt") as file:
+            meta = file.metadata()
+            tensors = {k: file.get_tensor(k) for k in file.keys()}  # noqa: SIM118 - no mapping
+        model.load_state_dict(_part(tensors, "model."))
+        ema.model.load_state_dict(_part(tensors, "ema."))
+        state: dict = {}
+        for name, value in _part(tensors, "optimizer.").items():
+            i, key = name.split(".", 1)
+            state.setdefault(int(i), {})[key] = value
+        groups = optimizer.state_dict()["param_groups"]
+        optimizer.load_state_dict({"state": state, "param_groups": groups})
+        ema.updates = int(meta["ema_updates"])
+        return int(meta["step"])
+    except (SafetensorError, RuntimeError, KeyError, ValueError, TypeError) as err:
+        raise ValueError(f"{path} is no checkpoint of this model: {err}") from err
+
+
+def _part(tensors: dict, prefix: str) -> dict:
+    return {k.removeprefix(prefix): v for k, v in tensors.items() if k.startswith(prefix)}

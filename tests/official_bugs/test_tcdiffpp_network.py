@@ -1,0 +1,96 @@
+"""What the released TCDiff++ network gets wrong; each test fails on that behaviour."""
+
+import random
+
+import pytest
+import torch
+
+from dancediff.axes import from_tokens
+from dancediff.nn.decoder import frame_of_tokens
+from dancediff.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
+from dancediff.tcdiffpp.positioning import DancerPositioning
+from dancediff.tcdiffpp.swap_mode import swap_mode
+
+
+def make():
+    torch.manual_seed(0)
+    sizes = {"d_model": 16, "num_heads": 2, "num_layers": 2, "ff_dim": 32, "fusion_hidden": 48}
+    return TCDiffPP(TCDiffPPConfig(**sizes, head_dim=8)).eval()
+
+
+def inputs(b=2, n=3, f=12):
+    torch.manual_seed(1)
+    x_t, M = torch.randn(b, n, f, 151), torch.randn(b, f, 35)
+    return x_t, torch.randint(1000, (b,)), M, torch.arange(n).expand(b, n)
+
+
+def test_swap_mode_changes_output():
+    """Released: the order is computed, then a constant is used."""
+    model, (x_t, t, M, S) = make(), inputs()
+    for k in range(2):
+        other = S.clone()
+        other[:, [k, k + 1]] = S[:, [k + 1, k]]
+        assert (model(x_t, t, M, other)[1] - model(x_t, t, M, S)[1]).abs().amax(
+            (1, 2, 3)
+        ).min() > 1e-3
+
+
+def test_order_uses_first_frame():
+    """Released: ranks come from the last frame, so that the order at the end is always 0, 1, 2."""
+    x_first, x_last = torch.tensor([-1.0, 0.0, 1.0]), torch.tensor([1.0, 0.0, -1.0])
+    assert swap_mode(x_first, x_last).tolist() == [2, 1, 0]
+
+
+def test_codes_follow_axes_not_layout():
+    """Released: codes are laid out dancer by dancer on tokens that run frame by frame."""
+    n, f = 3, 150
+    frames = from_tokens(frame_of_tokens(n, f)[None, :, None], n)[0, :, :, 0]
+    assert torch.equal(frames, torch.arange(f).expand(n, f))  # all 450 right; released: 4
+    codes = DancerPositioning(5, 8)(torch.zeros(1, n, f, 8))
+    assert (codes == codes[:, :, :1]).all()  # a dancer is the same dancer throughout
+
+
+@pytest.mark.parametrize("ssm", ["ssd", "mamba"])
+def test_music_is_still_heard_beside_the_state_space_model(ssm):
+    """Released: the fast path of the state space model silently drops the music."""
+    torch.manual_seed(0)
+    config = TCDiffPPConfig(
+        d_model=16, num_heads=2, num_layers=1, ff_dim=32, fusion_hidden=48, head_dim=8, ssm=ssm
+    )
+    model, (x_t, t, M, S) = TCDiffPP(config), inputs()
+    layer = model.decoder.decoder.layers[0]
+    for film in layer.films:  # music reaches FiLM too; here only attention may carry it
+        torch.nn.init.zeros_(film.knobs[1].weight)
+    assert (model(x_t, t, -M, S)[1] - model(x_t, t, M, S)[1]).abs().max() > 1e-4
+
+
+def test_dancers_do_not_share_a_memory():
+    """Released: one state runs through dancer 0, 1, 2, 0, 1, 2, ... as if they were one stream."""
+    layer = make().decoder.decoder.layers[0]
+    seen = []
+    layer.ssm.register_forward_pre_hook(lambda block, args: seen.append(args[0].shape))
+    layer(torch.randn(2, 3, 12, 16), torch.randn(2, 5, 16), torch.randn(2, 16), torch.arange(5))
+    assert seen == [(6, 12, 16)]
+
+
+def test_evaluation_is_deterministic():
+    """Released: identities are drawn with Python's random in every forward pass."""
+    model, x = make(), inputs()
+    y = model(*x)[1]
+    state = random.getstate()
+    assert torch.equal(model(*x)[1], y)
+    assert random.getstate() == state
+
+
+def test_batch_of_one():
+    model, (x_t, t, M, S) = make(), inputs()
+    one = model(x_t[:1], t[:1], M[:1], S[:1])[1]
+    torch.testing.assert_close(one, model(x_t, t, M, S)[1][:1], atol=1e-5, rtol=1e-5)
+
+
+def test_five_and_more_places_work():
+    """Released: more than five dancers raise an error in the identity table."""
+    torch.manual_seed(0)
+    config = TCDiffPPConfig(d_model=16, num_layers=1, ff_dim=32, fusion_hidden=48, max_dancers=7)
+    x_t, t, M, S = inputs(n=7)
+    assert TCDiffPP(config)(x_t, t, M, S)[1].shape == x_t.shape

@@ -1,0 +1,200 @@
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+import torch
+
+from dancediff.tcdiffpp.generate import Wish, cut_music
+from dancediff.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
+
+
+@dataclass
+class Tune:
+    """As much of a song as `generate` looks at."""
+
+    duration: float = 12.0
+    name: str = "tune"
+    is_silent: bool = False
+    peak: float = 0.5
+
+    def features(self):
+        return torch.randn(
+            1 + int(30 * self.duration),
+            35,
+            generator=torch.Generator().manual_seed(int(self.duration)),
+        )
+
+
+@pytest.fixture(scope="module")
+def model():
+    torch.manual_seed(0)
+    config = TCDiffPPConfig(
+        d_model=16, num_heads=2, num_layers=1, ff_dim=32, fusion_hidden=48, head_dim=8
+    )
+    return TCDiffPP(config)
+
+
+def dance(model, song=None, **options):
+    return model.generate(song or Tune(), **{"steps": 2} | options)
+
+
+@pytest.mark.parametrize(
+    "seconds, frames", [(0.5, 15), (2, 60), (5, 150), (5.1, 153), (7.5, 225), (None, 360)]
+)
+def test_any_length(model, seconds, frames):
+    motion = dance(model, seconds=seconds)
+    assert motion.num_frames == frames
+    assert motion.joints().isfinite().all()
+
+
+@pytest.mark.parametrize("dancers", [1, 2, 5, np.int64(3)])
+def test_any_group(model, dancers):
+    assert dance(model, seconds=6, dancers=dancers).num_dancers == dancers
+
+
+def test_short_song(model):
+    assert dance(model, Tune(1.3)).num_frames == 39
+
+
+def test_same_seed_same_bits_whatever_ran_before(model):
+    first = dance(model, seconds=8, seed=5)
+    dance(model, seconds=3, seed=6)
+    torch.randn(7)
+    np.random.default_rng().normal()
+    again = dance(model, seconds=8, seed=5)
+    assert torch.equal(first.root, again.root) and torch.equal(first.pose, again.pose)
+    assert not torch.equal(first.root, dance(model, seconds=8, seed=6).root)
+
+
+def test_leaves_the_model_as_it_was(model):
+    model.train()
+    dance(model, seconds=1)
+    assert model.training
+    assert all(p.grad is None for p in model.parameters())
+    motion = dance(model.eval(), seconds=1)
+    assert not model.training and not motion.root.is_inference()
+
+
+def test_options_reach_the_sampler(model):
+    base = dance(model, seconds=8)
+    for changed in (
+        {"guidance": 1.0},
+        {"eta": 0.0},
+        {"steps": 3},
+        {"overlap": 60},
+        {"pinning": "clean"},
+        {"swap": [2, 1, 0]},
+        {"song": Tune(11.0)},
+    ):
+        assert not torch.equal(base.root, dance(model, **{"seconds": 8} | changed).root), changed
+
+
+def test_ddpm_takes_all_steps():
+    torch.manual_seed(0)
+    tiny = TCDiffPPConfig(
+        d_model=16, num_layers=1, ff_dim=32, fusion_hidden=16, num_steps=8, ssm="none"
+    )
+    calls = []
+    motion = TCDiffPP(tiny).generate(
+        Tune(), seconds=2, steps=3, sampler="ddpm", progress=lambda done, total: calls.append(total)
+    )
+    assert motion.root.isfinite().all() and calls == [8] * 8
+
+
+def test_bfloat16_dance_is_close(model):
+    plain, fast = dance(model, seconds=2), dance(model, seconds=2, dtype=torch.bfloat16)
+    assert (plain.root - fast.root).abs().max() < 0.1
+    assert not torch.equal(plain.root, fast.root)
+
+
+def test_progress_counts_to_the_end(model):
+    calls = []
+    dance(model, seconds=8, progress=lambda done, total: calls.append((done, total)))
+    assert calls == [(i, 6) for i in range(1, 7)]  # 3 segments of 2 steps
+
+
+def test_progress_bar_closes(model, capsys):
+    dance(model, seconds=2, progress=True)
+    assert "dancing" in capsys.readouterr().err
+
+
+def test_meta_says_how_it_was_made(model):
+    meta = dance(model, seconds=2, seed=4, dancers=2, swap=[1, 0]).meta
+    assert meta["seed"] == 4 and meta["song"] == "tune" and meta["model"] == "tcdiffpp"
+    assert meta["steps"] == 2 and meta["guidance"] == 2.0 and meta["swap"] == [1, 0]
+
+
+def test_one_dancer_swaps_with_nobody(model):
+    solo, swapped = dance(model, seconds=1, dancers=1), dance(model, seconds=1, dancers=1, swap=[0])
+    assert torch.equal(solo.root, swapped.root)
+
+
+@pytest.mark.parametrize(
+    "argument, value, message",
+    [
+        ("dancers", 0, r"dancers=0 must lie in 1 \.\.\. 5"),
+        ("dancers", 9, r"dancers=9 must lie in 1 \.\.\. 5"),
+        ("dancers", 2.0, r"dancers=2.0 must be an integer"),
+        ("seed", "x", r"seed='x' must be an integer"),
+        ("seed", -1, r"seed=-1 must lie in 0 \.\.\."),
+        ("steps", 0, r"steps=0 must lie in 1 \.\.\. 1000"),
+        ("sampler", "euler", r"sampler='euler' is not one of 'ddim', 'ddpm'"),
+        ("guidance", -1, r"guidance=-1 must lie in 0"),
+        ("guidance", math.nan, r"guidance=nan must lie in 0"),
+        ("eta", 1.5, r"eta=1.5 must lie in 0 \.\.\. 1"),
+        ("seconds", -3, r"seconds=-3 must lie in 0"),
+        ("seconds", 0, r"seconds=0 is less than a frame"),
+        ("seconds", "ten", r"seconds='ten' must be a number"),
+        ("seconds", 13, r"seconds=13 is more than the song's 12\.00"),
+        ("swap", [0, 1], r"swap=\[0, 1\] must hold each of 0\.\.2 exactly once"),
+        ("swap_at", 3, r"swap_at=3 needs swap="),
+        ("overlap", 150, r"overlap=150 must lie in 1 \.\.\. 149"),
+        ("pinning", "glue", r"pinning='glue' is not one of"),
+        ("seam", "zip", r"seam='zip' is not one of"),
+        ("dtype", torch.int8, r"dtype=torch.int8 is not one of"),
+        ("device", "toaster", r"device='toaster' cannot be used here"),
+    ],
+)
+def test_bad_arguments_are_named(model, argument, value, message):
+    with pytest.raises(ValueError, match=message):
+        dance(model, **{argument: value})
+
+
+def test_swap_at_beyond_the_dance(model):
+    with pytest.raises(ValueError, match=r"swap_at=9 must lie in 0 \.\.\. 8"):
+        dance(model, seconds=8, swap=[1, 0, 2], swap_at=9)
+
+
+def test_song_without_sound_or_length(model):
+    with pytest.raises(ValueError, match="'tune' is silent"):
+        dance(model, Tune(is_silent=True, peak=0.0))
+    with pytest.raises(ValueError, match=r"song is 0\.20 s long; at least 1 s"):
+        dance(model, Tune(0.2))
+
+
+@pytest.mark.parametrize("seconds", [1, 5, 5.04, 7.5, 20, 24, 60])
+def test_segments_just_cover_the_dance(seconds):
+    wish = Wish(5, 90.0, seconds=seconds)
+    covered = 150 + wish.stride * (wish.segments - 1)
+    assert covered >= wish.frames and (wish.segments == 1 or covered - wish.stride < wish.frames)
+
+
+def test_720_frames_take_9_segments():
+    assert Wish(5, 24.0).segments == 9  # the papers' evaluation length
+
+
+@pytest.mark.parametrize("seconds", [6, 20, 21.3])
+def test_default_swap_ends_within_the_dance(seconds):
+    wish = Wish(5, 30.0, seconds=seconds, dancers=2, swap=[1, 0])
+    orders = wish.target_orders()
+    chosen = next(i for i, order in enumerate(orders) if order is not None)
+    assert len(orders) == wish.segments and chosen * wish.stride + 150 <= wish.frames
+    assert sum(order is not None for order in orders) == 1
+
+
+def test_cut_music_repeats_the_song():
+    M = torch.arange(7.0)[:, None].expand(7, 2)
+    cut = cut_music(M, 3, length=4, stride=2)
+    assert cut[..., 0].tolist() == [[0, 1, 2, 3], [2, 3, 4, 5], [4, 5, 6, 0]]
+    assert cut_music(M, 1, length=20, stride=2)[0, :, 0].tolist()[:15] == [*range(7), *range(7), 0]

@@ -1,0 +1,110 @@
+import json
+from dataclasses import asdict
+
+import pytest
+import torch
+
+from dancediff.diffusion.guidance import guided
+from dancediff.diffusion.schedule import cosine_abar
+from dancediff.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
+
+
+def make(**options):
+    torch.manual_seed(0)
+    sizes = {"d_model": 16, "num_heads": 2, "num_layers": 1, "ff_dim": 32, "fusion_hidden": 48}
+    return TCDiffPP(TCDiffPPConfig(**sizes | {"head_dim": 8} | options)).eval()
+
+
+def inputs(b=2, n=3, f=20):
+    torch.manual_seed(1)
+    x_t, M = torch.randn(b, n, f, 151), torch.randn(b, f, 35)
+    return x_t, torch.randint(1000, (b,)), M, torch.arange(n).expand(b, n)
+
+
+def test_footwork_is_the_last_step():
+    model, x = make(), inputs()
+    torch.nn.init.normal_(model.footwork.layers[2].linear.bias)
+    x_raw, x_hat = model(*x)
+    torch.testing.assert_close(x_raw, model.decoder(*x))
+    torch.testing.assert_close(x_hat, model.footwork(x_raw))
+    assert (x_hat - x_raw).abs().max() > 0.1
+    x_raw, x_hat = make(fa=False)(*x)
+    assert torch.equal(x_raw, x_hat)
+
+
+def test_absent_dancers_are_zero_in_both_outputs():
+    model, x = make(), inputs()
+    torch.nn.init.normal_(model.footwork.layers[2].linear.bias)
+    present = torch.tensor([[True, True, False]] * 2)
+    for out in model(*x, present=present):
+        assert out[:, 2].abs().max() == 0 and out[:, :2].abs().min() > 0
+
+
+@pytest.mark.parametrize("ssm", ["ssd", "mamba"])
+@pytest.mark.parametrize("bfloat16", [False, True])
+def test_gradient_reaches_every_parameter(ssm, bfloat16):
+    model, (x_t, t, M, S) = make(ssm=ssm, num_layers=2).train(), inputs(n=5)
+    keep = torch.tensor([True, False])
+    with torch.autocast("cpu", torch.bfloat16, enabled=bfloat16):
+        x_raw, x_hat = model(x_t, t, M, S, keep=keep)
+    (x_raw.square().mean() + x_hat.square().mean()).backward()
+    for name, parameter in model.named_parameters():
+        assert parameter.grad is not None, name
+        assert parameter.grad.isfinite().all() and parameter.grad.abs().max() > 0, name
+
+
+@pytest.mark.parametrize("ssm", ["ssd", "mamba"])
+def test_bfloat16_autocast_is_close_to_float32(ssm):
+    model, x = make(ssm=ssm, d_model=32), inputs(f=60)
+    _, plain = model(*x)
+    with torch.autocast("cpu", torch.bfloat16):
+        _, fast = model(*x)
+    assert fast.dtype == torch.float32
+    assert (fast - plain).square().mean().sqrt() < 0.02 * plain.std()
+
+
+def test_guidance_1_is_the_conditional_prediction():
+    model, (x_t, _, M, S) = make(), inputs()
+
+    def denoiser(*args, **kwargs):
+        return model(*args, **kwargs)[1]
+
+    conditional = model(x_t, torch.full((2,), 500), M, S)[1]
+    torch.testing.assert_close(guided(denoiser, M=M, S=S, guidance=1.0)(x_t, 500), conditional)
+    # the batched pass: x_u + w (x_c - x_u), just above w = 1
+    almost = guided(denoiser, M=M, S=S, guidance=1.0 + 1e-6)(x_t, 500)
+    torch.testing.assert_close(almost, conditional, atol=1e-4, rtol=1e-4)
+
+
+def test_music_that_was_dropped_cannot_matter_to_guidance_0():
+    model, (x_t, _, M, S) = make(), inputs()
+
+    def run(M):
+        return guided(lambda *a, **k: model(*a, **k)[1], M=M, S=S, guidance=0.0)(x_t, 500)
+
+    assert torch.equal(run(M), run(-M))
+
+
+def test_state_holds_normalisers_but_no_schedule():
+    state = make().state_dict()
+    assert {"normalizer.low", "normalizer.high", "music_normalizer.mean"} <= set(state)
+    assert not [name for name in state if "abar" in name or "channels" in name]
+    model = make()
+    torch.testing.assert_close(model.abar, cosine_abar(1000))
+    state["normalizer.high"] += 1
+    model.load_state_dict(state)
+    assert model.normalizer.high[0] == 2
+
+
+@pytest.mark.parametrize("config", [TCDiffPPConfig(), TCDiffPPConfig.paper(max_dancers=2)])
+def test_config_survives_json(config):
+    assert TCDiffPPConfig(**json.loads(json.dumps(asdict(config)))) == config
+
+
+@pytest.mark.parametrize("max_dancers, millions", [(2, 68.3), (3, 69.3), (4, 70.4), (5, 71.4)])
+def test_paper_size(max_dancers, millions):
+    """Parameter counts of the published sizes, worked out by hand from the layer widths."""
+    with torch.device("meta"):
+        model = TCDiffPP(TCDiffPPConfig.paper(max_dancers=max_dancers))
+    count = sum(p.numel() for p in model.parameters()) / 1e6
+    assert count == pytest.approx(millions, abs=0.06)
