@@ -1,1 +1,34 @@
-"""dancediff."""
+"""dancediff: diffusion models for dance, to learn, use and extend.
+
+>>> import dancediff as dd
+>>> song = dd.packaged_song()
+>>> dance = dd.load("tcdiffpp").generate(song, dancers=2, seconds=2, steps=5)
+>>> dance.num_dancers, dance.num_frames
+(2, 60)
+"""
+
+from importlib import import_module
+
+__version__ = "0.1.0"
+
+# Names are looked up on first use (PEP 562), so that `import dancediff` costs nothing.
+_HOME = {
+    "Music": "dancediff.music.song",
+    "Motion": "dancediff.motion.motion",
+    "choreograph": "dancediff.data.choreographer",
+    "load": "dancediff.hub",
+    "packaged_models": "dancediff.hub",
+    "packaged_song": "dancediff.hub",
+    "play": "dancediff.viz.stage",
+}
+__all__ = [*_HOME, "__version__"]  # noqa: PLE0604 - strings all of them
+
+
+def __getattr__(name: str):
+    if name not in _HOME:
+        raise AttributeError(f"module 'dancediff' has no attribute {name!r}")
+    return getattr(import_module(_HOME[name]), name)
+
+
+def __dir__():
+    return sorted(__all__)

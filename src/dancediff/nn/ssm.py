@@ -167,23 +167,23 @@ def ssd_scan(  # noqa: PLR0917
         x = F.pad(x, (0, 0, 0, padding)) if padding else x
         return rearrange(x, "b (z i) (h p) -> b z h i p", z=num_chunks, h=heads)
 
-    wide = u.shape[-1] // len(A)
-    x = cut(u * delta.repeat_interleave(wide, dim=-1), heads=len(A))
-    B_, C_ = cut(B), cut(C)  # (b, z, 1, i, s)
-    a = cut(delta * A, heads=len(A))[..., 0]
+    x, B_, C_ = cut(u, heads=len(A)), cut(B), cut(C)  # (b, z, h, i, p), (b, z, 1, i, s)
+    delta_, a = cut(delta, heads=len(A)), cut(delta * A, heads=len(A))[..., 0]
     since_start = a.cumsum(-1)  # (b, z, h, i): log decay of what came into the chunk
 
-    y = ((C_ @ B_.mT) * segsum(a).exp()) @ x
+    # Everything that scales frames is put on the (i, j) weights, smaller than the frames themselves.
+    weights = (C_ @ B_.mT) * segsum(a).exp() * delta_.mT
+    weights = weights + torch.diag_embed(D_skip[:, None].expand(-1, length))
+    y = weights @ x
     if num_chunks > 1:
         to_end = (since_start[..., -1:] - since_start).exp()[..., None]
-        written = (B_ * to_end).mT @ x  # (b, z, h, s, p): what each chunk leaves behind
+        written = (B_ * (to_end * delta_)).mT @ x  # (b, z, h, s, p): what each chunk leaves behind
         kept = since_start[..., -1].exp()[..., None, None]
         states = [torch.zeros_like(written[:, 0])]
         for z in range(num_chunks - 1):
             states.append(kept[:, z] * states[-1] + written[:, z])
-        y = y + since_start.exp()[..., None] * (C_ @ torch.stack(states, dim=1))
-    y = rearrange(y, "b z h i p -> b (z i) (h p)")[:, :f]
-    return y + u * D_skip.repeat_interleave(wide)
+        y = y + (C_ * since_start.exp()[..., None]) @ torch.stack(states, dim=1)
+    return rearrange(y, "b z h i p -> b (z i) (h p)")[:, :f]
 
 
 class MambaBlock(nn.Module):

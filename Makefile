@@ -1,0 +1,41 @@
+# Every target sets up .venv first if it is missing or out of date.
+PYTHON ?= $(shell command -v python3.11 || command -v python3.12 || command -v python3)
+VENV   := .venv
+BIN    := $(VENV)/bin
+READY  := $(VENV)/.ready
+export MPLBACKEND ?= Agg
+
+.PHONY: setup dance test lint lab song clean
+setup: $(READY)
+
+# The stamp is written last, so an interrupted set-up is done again.
+$(READY): pyproject.toml requirements.txt
+	@$(PYTHON) -c "import sys; sys.exit(sys.version_info < (3, 11))" || \
+	  { echo "Python 3.11 or newer is needed: make PYTHON=/path/to/python3.11"; exit 1; }
+	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV) || \
+	  { rm -rf $(VENV); echo "venv failed; on Debian: apt-get install python3-venv"; exit 1; }
+	$(BIN)/python -m pip install --disable-pip-version-check -q -r requirements.txt
+	$(BIN)/dancediff warm
+	@touch $@
+
+dance: $(READY)
+	$(BIN)/dancediff generate packaged --dancers 3 --seconds 20 --seed 0 --out out
+	@echo
+	@echo "Watch out/dance.mp4, look at out/dance.png, load out/dance.npz with dancediff.Motion.load."
+	@echo "Next: your own song     $(BIN)/dancediff generate SONG.mp3 --dancers 5 --out out"
+	@echo "      the lessons       make lab"
+
+test: $(READY)
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile
+	$(BIN)/python -m pytest --nbval-lax --nbval-current-env --nbval-cell-timeout=120 \
+	  -n 2 --dist loadfile -p no:doctest -o addopts= notebooks/
+
+lint: $(READY)
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+lab: $(READY)
+	$(BIN)/jupyter lab notebooks/00_tour.ipynb
+
+clean:
+	rm -rf $(VENV) out

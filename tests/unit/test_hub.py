@@ -1,0 +1,83 @@
+import json
+
+import pytest
+import torch
+from safetensors import safe_open
+
+from dancediff import hub
+from dancediff.motion.representation import Normalizer
+from dancediff.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
+
+
+@pytest.fixture
+def model():
+    torch.manual_seed(1)
+    tiny = TCDiffPPConfig(d_model=16, num_layers=1, num_heads=2, ff_dim=32, fusion_hidden=32)
+    net = TCDiffPP(tiny)
+    net.normalizer = Normalizer(-3.3 * torch.ones(151), 1.7 * torch.ones(151))
+    return net
+
+
+def test_round_trip(model, tmp_path):
+    hub.save_model(model, tmp_path / "tiny", card="hello")
+    again = hub.load(tmp_path / "tiny")
+    assert again.config == model.config and again.name == "tiny" and not again.training
+    for name, value in model.state_dict().items():
+        assert torch.allclose(again.state_dict()[name], value, rtol=1e-3, atol=1e-4), name
+    assert torch.equal(again.normalizer.low, model.normalizer.low)  # never rounded to fp16
+    assert sorted(p.name for p in (tmp_path / "tiny").iterdir()) == [
+        *["card.md", "config.json", "model.safetensors"]
+    ]
+    with safe_open(tmp_path / "tiny" / "model.safetensors", "pt") as file:
+        kinds = {file.get_tensor(k).dtype for k in file.keys() if k.startswith("decoder")}  # noqa: SIM118
+    assert kinds == {torch.float16}
+
+
+def test_unknown_name_lists_what_there_is():
+    with pytest.raises(ValueError, match=r"'nobody'.*packaged \("):
+        hub.load("nobody")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"class": "Evil"}, "cannot be read"),
+        ({"config": {"d_model": 10**9}}, "d_model=1000000000"),
+        ({"config": {"d_model": "16"}}, "should be int"),
+        ({"config": {"colour": 1}}, "colour"),
+        ({"config": {"d_model": 32}}, "cannot be read"),
+    ],
+)
+def test_bad_folders_are_refused(model, tmp_path, change, message):
+    hub.save_model(model, tmp_path)
+    path = tmp_path / "config.json"
+    stored = json.loads(path.read_text())
+    for key, value in change.items():
+        stored[key] = stored[key] | value if isinstance(value, dict) else value
+    path.write_text(json.dumps(stored))
+    with pytest.raises(ValueError, match=message):
+        hub.load(tmp_path)
+
+
+def test_damaged_weights_are_refused(model, tmp_path):
+    hub.save_model(model, tmp_path)
+    weights = tmp_path / "model.safetensors"
+    weights.write_bytes(weights.read_bytes()[:1000])
+    with pytest.raises(ValueError, match="cannot be read"):
+        hub.load(tmp_path)
+
+
+def test_packaged_song_can_be_danced_to():
+    song = hub.packaged_song()
+    truth = json.loads((hub.ASSETS / "songs" / "studio_floor.json").read_text())
+    assert 28 < song.duration < 33 and song.tempo == pytest.approx(truth["tempo"], rel=0.02)
+    assert (hub.ASSETS / "songs" / "studio_floor.ogg").stat().st_size < 600_000
+
+
+def test_packaged_model_is_small_and_has_a_card():
+    folder = hub.ASSETS / "models" / "tcdiffpp"
+    assert "tcdiffpp" in hub.packaged_models()
+    assert (folder / "model.safetensors").stat().st_size < 8_000_000
+    card = (folder / "card.md").read_text(encoding="utf-8")
+    for word in ("synthetic", "steps", "seed", "time"):
+        assert word in card.lower()

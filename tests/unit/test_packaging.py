@@ -1,0 +1,43 @@
+import tomllib
+from pathlib import Path
+
+import yaml
+
+ROOT = Path(__file__).parents[2]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+
+
+def test_conda_route_installs_the_same_resolve():
+    env = yaml.safe_load((ROOT / "environment.yml").read_text(encoding="utf-8"))
+    python = next(d for d in env["dependencies"] if str(d).startswith("python="))
+    lowest = PROJECT["requires-python"].removeprefix(">=").split(".")
+    assert python.removeprefix("python=").split(".") >= lowest
+    pip = next(d["pip"] for d in env["dependencies"] if isinstance(d, dict))
+    assert pip == ["-r requirements.txt"]  # everything else would drift from pyproject.toml
+
+
+def test_requirements_pin_torch_in_the_same_resolve():
+    lines = (ROOT / "requirements.txt").read_text(encoding="utf-8").splitlines()
+    lines = [line for line in lines if line and not line.startswith("#")]
+    assert lines[0].startswith("torch==2.13.0 ;") and lines[1] == "-e .[dev]"
+
+
+def test_card_packages_are_all_there():
+    extras = PROJECT["optional-dependencies"]
+    named = " ".join(PROJECT["dependencies"] + extras["notebooks"])
+    for package in ("torch", "numpy", "librosa", "matplotlib", "ipywidgets", "jupyterlab"):
+        assert package in named
+    assert "nbval" in named and "pythreejs" in named
+
+
+def test_nothing_wants_torchvision():
+    """torchvision and torchaudio pull a CUDA build of torch of several GB."""
+    text = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
+    assert "torchvision" not in text and "torchaudio" not in text
+
+
+def test_ci_calls_the_readme_test_command():
+    assert "make test" in (ROOT / ".ci/run").read_text(encoding="utf-8")
+    assert ".ci/run" in (ROOT / ".github/workflows/ci.yml").read_text(encoding="utf-8")
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert "make dance" in readme and "make test" in readme
