@@ -7,9 +7,15 @@ Symbols (axes: b batch · n dancers · f frames · d motion, m music features)
     S    left-to-right order at the window's last frame          (b, n)
 """
 
+import os
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
+from functools import partial
+from hashlib import sha256
+from itertools import chain
+from math import prod
 from multiprocessing import get_context
+from pathlib import Path
 
 import numpy as np
 import torch
@@ -17,17 +23,24 @@ from torch import Tensor
 from tqdm.auto import tqdm
 
 from dancediff.data.choreographer import choreograph
+from dancediff.motion.mirror import mirror_features
 from dancediff.motion.representation import TCDIFFPP
 from dancediff.music.synth import synth_song
+
+SIZES = (1, 2, 3, 4, 5)  # each song is danced once by a group of every size
 
 
 @dataclass(frozen=True)
 class Take:
-    """One dance with its music; ``name`` says where it comes from."""
+    """One dance with its music; ``name`` says where it comes from, ``song`` what it is danced to.
+
+    Takes to one song belong together: they share its beats, so a split must not part them.
+    """
 
     name: str
     x: Tensor
     M: Tensor
+    song: str = ""  # "" when no other take has this song
 
     @property
     def num_dancers(self) -> int:
@@ -60,14 +73,34 @@ class GroupDanceWindows:
     ``dancers_per_batch`` keeps the work of a step the same for every group size. The batch of a
     step depends on (seed, step) alone, so a run that resumes sees what it would have seen.
 
+    Augmentation, off by default: ``mirror`` is the share of windows mirrored left to right,
+    ``shift`` the largest offset of the whole group along x and along z, in metres. Nothing is
+    turned, because left and right of the stage have a meaning here.
+
     Raises: ValueError when a take is shorter than a window, or there is none.
     """
 
-    def __init__(self, takes: list[Take], *, num_frames=150, dancers_per_batch=24, seed=0):
+    def __init__(
+        self,
+        takes: list[Take],
+        *,
+        num_frames: int = 150,
+        dancers_per_batch: int = 24,
+        seed: int = 0,
+        mirror: float = 0.0,
+        shift: float = 0.0,
+    ):
+        if not takes:
+            raise ValueError("there are no takes at all to cut windows from; choreograph some")
         short = [take.name for take in takes if take.x.shape[1] < num_frames]
-        if short or not takes:
-            raise ValueError(f"takes shorter than {num_frames} frames: {short or 'no takes at all'}")
+        if short:
+            raise ValueError(f"takes shorter than {num_frames} frames: {short}; leave them out")
+        if not 0 <= mirror <= 1:
+            raise ValueError(f"mirror={mirror} is no share; choose 0 (never) to 1 (always)")
+        if not 0 <= shift < float("inf"):
+            raise ValueError(f"shift={shift} is no length; choose metres, 0 or more")
         self.num_frames, self.dancers_per_batch, self.seed = num_frames, dancers_per_batch, seed
+        self.mirror, self.shift = mirror, shift
         self.by_size: dict[int, list[Take]] = {}
         for take in takes:
             self.by_size.setdefault(take.num_dancers, []).append(take)
@@ -87,11 +120,43 @@ class GroupDanceWindows:
         """One random window of a take: x_0 (n, f, d), M (f, m), S (n,)."""
         start = int(rng.integers(take.x.shape[1] - self.num_frames + 1))
         part = slice(start, start + self.num_frames)
-        x_0, S = rank_left_to_right(take.x[:, part])
+        # ranked last: in the mirror, who stood left stands right
+        x_0, S = rank_left_to_right(self.augment(take.x[:, part], rng))
         return x_0, take.M[part], S
 
+    def augment(self, x: Tensor, rng: np.random.Generator) -> Tensor:
+        """Perhaps mirror and shift a window (n, f, d), not normalised; never changes ``x``."""
+        if self.mirror and rng.random() < self.mirror:
+            x = mirror_features(x)
+        if self.shift:
+            x = x.clone()
+            dx, dz = rng.uniform(-self.shift, self.shift, 2)
+            x[..., TCDIFFPP.root] += x.new_tensor([dx, 0.0, dz])  # the floor stays where it is
+        return x
 
-def choreographed_takes(song_seed: int, *, seconds: float = 30.0, sizes=(1, 2, 3, 4, 5)):
+
+def split_takes(
+    takes: list[Take], *, share: float = 0.1, seed: int = 0
+) -> tuple[list[Take], list[Take]]:
+    """Training and validation takes; all takes to one song end up on one side.
+
+    The side follows from (seed, song name) alone: a song stays where it is when others are added.
+    ``share`` is the expected share of songs in validation; with few songs it may hold none.
+
+    >>> takes = [Take(str(k), torch.zeros(1, 1, 151), torch.zeros(1, 35)) for k in range(100)]
+    >>> [len(part) for part in split_takes(takes, share=0.2)]
+    [83, 17]
+    """
+    if not 0 <= share < 1:
+        raise ValueError(f"share={share} is out of range; choose 0 to below 1")
+    parts: tuple[list[Take], list[Take]] = ([], [])
+    for take in takes:
+        digest = sha256(f"{seed}:{take.song or take.name}".encode()).digest()
+        parts[int.from_bytes(digest[:8]) < share * 2**64].append(take)
+    return parts
+
+
+def choreographed_takes(song_seed: int, *, seconds: float = 30.0, sizes=SIZES) -> list[Take]:
     """One synthetic song, danced once by a group of every size; all of it follows from the seed.
 
     >>> [take.x.shape for take in choreographed_takes(0, seconds=6, sizes=(1, 3))]
@@ -104,20 +169,103 @@ def choreographed_takes(song_seed: int, *, seconds: float = 30.0, sizes=(1, 2, 3
         seed = 10 * song_seed + n
         dance, _ = choreograph(truth.beats, dancers=n, seed=seed, seconds=seconds)
         f = min(dance.num_frames, len(M))
-        takes.append(Take(f"choreographer-{seed}", dance.features()[:, :f], M[:f].clone()))
+        x = dance.features()[:, :f]
+        takes.append(Take(f"choreographer-{seed}", x, M[:f].clone(), f"synth-{song_seed}"))
     return takes
 
 
-def _takes_in_worker(seed: int, seconds: float):
-    torch.set_num_threads(1)
-    return [(take.name, take.x.numpy(), take.M.numpy()) for take in choreographed_takes(seed, seconds=seconds)]
+def choreographed_corpus(
+    song_seeds, *, seconds: float = 30.0, workers: int = 2, cache=None
+) -> list[Take]:
+    """Takes for many songs, made by several processes, in the order of the seeds.
+
+    ``cache`` is a folder: songs found there are memory-mapped instead of made, the others are made
+    and kept. A run that was stopped goes on with the song it had reached. A song takes about 8 MB
+    for 30 s. float32, because float16 would move a planted foot by a millimetre or two.
+
+    Raises: ValueError when the cache was made by another choreographer or with other ``seconds``.
+    """
+    seeds = list(song_seeds)
+    cache = None if cache is None else Path(cache)
+    ready: list[int] = []
+    if cache is not None:
+        cache.mkdir(parents=True, exist_ok=True)
+        ready = [seed for seed in seeds if _is_cached(cache, seed)]
+        if ready:
+            _check_cache(cache, ready[0], seconds)
+    todo = sorted(set(seeds) - set(ready))
+    bar = partial(tqdm, total=len(todo), desc="choreographing", unit="song", disable=not todo)
+    make = partial(_make_song, seconds=seconds, cache=cache)
+    if workers < 2 or len(todo) < 2:
+        made = dict(bar(map(make, todo)))
+    else:
+        context = get_context("spawn")
+        with ProcessPoolExecutor(workers, context, torch.set_num_threads, (1,)) as pool:
+            made = dict(bar(pool.map(make, todo)))
+    songs = made if cache is None else {seed: _read_song(cache, seed) for seed in set(seeds)}
+    return list(chain.from_iterable(_unpack_song(seed, *songs[seed]) for seed in seeds))
 
 
-def choreographed_corpus(song_seeds, *, seconds: float = 30.0, workers: int = 2) -> list[Take]:
-    """Takes for many songs, made by several processes, in the order of the seeds."""
-    takes: list[Take] = []
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        jobs = pool.map(_takes_in_worker, song_seeds, [seconds] * len(song_seeds))
-        for parts in tqdm(jobs, total=len(song_seeds), desc="choreographing", unit="song"):
-            takes += [Take(name, torch.from_numpy(x), torch.from_numpy(M)) for name, x, M in parts]
-    return takes
+def _make_song(seed: int, seconds: float, cache: Path | None):
+    """Make a song's takes, as plain arrays: all dancers of all sizes (15, f, d), and M (f, m)."""
+    takes = choreographed_takes(seed, seconds=seconds)
+    x, M = torch.cat([take.x for take in takes]).numpy(), takes[0].M.numpy()
+    if cache is None:
+        return seed, (x, M)
+    for path, array in zip(_files(cache, seed), (x, M), strict=True):
+        _write(path, array)
+    return seed, None
+
+
+def _unpack_song(seed: int, x, M) -> list[Take]:
+    x, M = torch.as_tensor(x), torch.as_tensor(M)
+    names = [f"choreographer-{10 * seed + n}" for n in SIZES]
+    groups = zip(names, x.split(SIZES), strict=True)
+    return [Take(name, group, M, f"synth-{seed}") for name, group in groups]
+
+
+def _files(cache: Path, seed: int) -> tuple[Path, Path]:
+    return cache / f"synth-{seed}.x.npy", cache / f"synth-{seed}.M.npy"
+
+
+def _is_cached(cache: Path, seed: int) -> bool:
+    return all(path.exists() for path in _files(cache, seed))
+
+
+def _check_cache(cache: Path, seed: int, seconds: float) -> None:
+    """Make one song again: a cache that outlived a change of the choreographer would mislead."""
+    for old, new in zip(_read_song(cache, seed), _make_song(seed, seconds, None)[1], strict=True):
+        fresh = torch.from_numpy(new)
+        if old.shape != fresh.shape or not torch.allclose(old, fresh, rtol=1e-3, atol=1e-3):
+            raise ValueError(
+                f"cache {str(cache)!r} was made with other seconds than {seconds} or by another "
+                "version of the choreographer; delete it or name another folder"
+            )
+
+
+def _write(path: Path, array: np.ndarray) -> None:
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        with part.open("wb") as file:
+            np.save(file, array, allow_pickle=False)
+        part.replace(path)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def _read_song(cache: Path, seed: int) -> list[Tensor]:
+    """Map a song's files. np.load would keep each one open, which ends at about 1000 of them."""
+    arrays = []
+    for path in _files(cache, seed):
+        try:
+            with path.open("rb") as file:
+                np.lib.format.read_magic(file)
+                shape, _, dtype = np.lib.format.read_array_header_1_0(file)
+                skip = file.tell() // 4
+            if dtype != np.float32:
+                raise ValueError(f"it holds {dtype}")
+            flat = torch.from_file(str(path), size=skip + prod(shape), dtype=torch.float32)
+        except (ValueError, RuntimeError) as err:
+            raise ValueError(f"{str(path)!r} is damaged; delete it to make it anew: {err}") from err
+        arrays.append(flat[skip:].view(shape))
+    return arrays

@@ -105,10 +105,16 @@ class Normalizer(nn.Module):
         self.register_buffer("high", high.clone().float())
 
     @classmethod
-    def fit(cls, x: Tensor) -> "Normalizer":
-        """Take the extremes of x (..., d) over everything but the last axis."""
+    def fit(cls, x: Tensor, *, min_span: float = 0.0) -> "Normalizer":
+        """Take the extremes of x (..., d) over everything but the last axis.
+
+        ``min_span`` widens narrower ranges about their middle: without it a matrix entry that
+        only ever moves between 0.996 and 1 weighs as much in a loss as a knee.
+        """
         flat = x.reshape(-1, x.shape[-1])
-        return cls(flat.amin(0), flat.amax(0))
+        low, high = flat.amin(0), flat.amax(0)
+        wider = ((min_span - (high - low)) / 2).clamp_min(0) * (high - low > 1e-6)
+        return cls(low - wider, high + wider)
 
     @property
     def scale(self) -> Tensor:

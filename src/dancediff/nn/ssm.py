@@ -75,20 +75,19 @@ class _Scan(torch.autograd.Function):
     def backward(ctx, grad_y: Tensor):
         """Last frame first."""
         v, delta, A, B, C, states = ctx.saved_tensors
-        grad_v, grad_delta = torch.empty_like(v), torch.empty_like(delta)
+        grad_v, grad_delta = torch.empty_like(v), torch.zeros_like(delta)
         grad_A, grad_B = torch.zeros_like(A), torch.empty_like(B)
         grad = torch.zeros_like(states[0])
         for i in reversed(range(len(v))):
             grad.addcmul_(C[i, :, :, None], grad_y[i, :, None])
             grad_v[i] = (B[i, :, None] @ grad)[:, 0]
             grad_B[i] = (grad @ v[i, :, :, None])[..., 0]
-            grad *= (delta[i, :, None] * A).exp_()
-            if i > 0:
+            if i > 0:  # the state before frame 0 is zero: nothing decays
+                grad *= (delta[i, :, None] * A).exp_()
                 through_decay = grad * states[i - 1]
-                grad_A += torch.einsum("bsd,bd->sd", through_decay, delta[i])
-                grad_delta[i] = through_decay.mul_(A).sum(1)
-        grad_delta[0] = 0  # the state before frame 0 is zero: nothing decays
-        grad_C = (states.flatten(0, 1) @ grad_y.reshape(-1, grad_y.shape[-1], 1)).reshape_as(C)
+                grad_delta[i] = (through_decay * A).sum(1)
+                grad_A += through_decay.mul_(delta[i, :, None]).sum(0)
+        grad_C = (states.flatten(0, 1) @ grad_y.reshape(-1, grad_y.shape[-1], 1)).reshape(C.shape)
         return grad_v, grad_delta, grad_A, grad_B, grad_C
 
 
@@ -171,7 +170,7 @@ def ssd_scan(  # noqa: PLR0917
     delta_, a = cut(delta, heads=len(A)), cut(delta * A, heads=len(A))[..., 0]
     since_start = a.cumsum(-1)  # (b, z, h, i): log decay of what came into the chunk
 
-    # Everything that scales frames is put on the (i, j) weights, smaller than the frames themselves.
+    # What scales frames is put on the (i, j) weights: they are smaller than the frames are.
     weights = (C_ @ B_.mT) * segsum(a).exp() * delta_.mT
     weights = weights + torch.diag_embed(D_skip[:, None].expand(-1, length))
     y = weights @ x

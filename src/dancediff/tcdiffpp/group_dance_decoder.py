@@ -16,12 +16,35 @@ features)
 import torch
 from torch import Tensor, nn
 
+from dancediff.diffusion.schedule import cosine_abar
 from dancediff.nn.decoder import MusicEncoder
 from dancediff.nn.timestep import TimestepEncoder
 from dancediff.tcdiffpp.fusion import FusionProjection
 from dancediff.tcdiffpp.positioning import DancerPositioning
 from dancediff.tcdiffpp.sequence_decoder import SequenceDecoder
 from dancediff.tcdiffpp.swap_mode import SwapModeEmbedding
+
+
+def preconditioning(abar: Tensor, spread: float = 0.5) -> tuple[Tensor, Tensor]:
+    r"""How much of the noisy motion to keep, and how large the network's own part can be.
+
+    $$\hat x_0 = \frac{\sqrt{\bar\alpha}\,\sigma^2}{v}\, x_t
+      + \frac{\sigma\sqrt{1-\bar\alpha}}{\sqrt v}\, F(x_t),
+      \quad v = \bar\alpha\sigma^2 + 1 - \bar\alpha$$
+
+    The best linear guess of a signal of spread $\sigma$, and what is left for the network.
+    Source: Karras et al. 2022 (EDM), eq. 7, for the x_0 form.  Differs: the papers let the network
+    output x_0 itself; a small one then spends its first thousands of steps learning to copy.
+
+    Shapes: abar (b,) -> (b,), (b,).
+
+    >>> [round(v.item(), 3) for v in preconditioning(torch.tensor([1.0])) ]       # no noise: copy
+    [1.0, 0.0]
+    >>> [round(v.item(), 3) for v in preconditioning(torch.tensor([0.0])) ]       # only noise
+    [0.0, 0.5]
+    """
+    v = abar * spread**2 + 1 - abar
+    return abar.sqrt() * spread**2 / v, spread * ((1 - abar) / v).sqrt()
 
 
 class GroupDanceDecoder(nn.Module):
@@ -71,6 +94,8 @@ class GroupDanceDecoder(nn.Module):
             bidirectional=c.bidirectional,
         )
         self.out = nn.Linear(d, c.motion_dim)
+        self.precondition = c.precondition
+        self.register_buffer("abar", cosine_abar(c.num_steps).float(), persistent=False)
 
     def forward(
         self,
@@ -97,6 +122,9 @@ class GroupDanceDecoder(nn.Module):
         )
         with torch.autocast(h.device.type, enabled=False):  # millimetres need float32
             x_raw = self.out(h.float())
+            if self.precondition:
+                skip, scale = preconditioning(self.abar[t])
+                x_raw = skip[:, None, None, None] * x_t + scale[:, None, None, None] * x_raw
         return x_raw if present is None else x_raw * present[:, :, None, None]
 
     def tokens(self, x_t: Tensor, present: Tensor | None = None) -> Tensor:

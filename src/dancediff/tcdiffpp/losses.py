@@ -1,6 +1,6 @@
 r"""The five losses of TCDiff++, and two of ours that are off by default.
 
-Read first: notebook 05 · TCDiff++ section 4.4, eq. 12 to 17.
+Read first: notebook 05 · TCDiff++ section 4.3, eq. 12 to 18.
 
 Symbols (axes: b batch · n dancers · f frames · d motion features · j joints)
     x_0          the true motion, normalised                     (b, n, f, d)
@@ -10,7 +10,7 @@ Symbols (axes: b batch · n dancers · f frames · d motion features · j joints
     present      which dancers exist                             (b, n) bool
 """
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import torch
 from einops import rearrange
@@ -24,15 +24,25 @@ FPS = 30
 
 @dataclass(frozen=True)
 class LossWeights:
-    """Weight of each term; those of the paper are from TCDiff++ section 5.1."""
+    """Weight of each term, and the two terms that paper and released code write differently.
 
-    simple: float = 0.636
+    >>> LossWeights().terms()["contact"]
+    10.942
+    """
+
+    simple: float = 0.636  # TCDiff++ section 5.1, as are the next four
     vel: float = 2.964
     fk: float = 0.646
     contact: float = 10.942
-    dist: float = 0.636
+    dist: float = 0.636  # the released code: 100, with dist_axis "time"
     joint_vel: float = 0.0  # ours: error of joint velocities, (m/s)^2
     slide: float = 0.0  # ours: foot speed where the TRUE foot is planted, (m/s)^2
+    dist_axis: str = "pairs"  # see `l_dist`
+    soft_contact: bool = False  # eq. 15 as printed; see `l_contact`
+
+    def terms(self) -> dict[str, float]:
+        """The weights alone, by the name of their term."""
+        return {k: v for k, v in asdict(self).items() if k not in ("dist_axis", "soft_contact")}
 
 
 def mean_over(error: Tensor, present: Tensor | None) -> Tensor:
@@ -63,7 +73,7 @@ def l_vel(x_hat: Tensor, x_0: Tensor, present: Tensor | None = None) -> Tensor:
 
     $$\lVert (x_{i+1} - x_i) - (\hat x_{i+1} - \hat x_i) \rVert^2$$
 
-    Source: TCDiff++ eq. 13.  Differs: the official code leaves the root out; the paper does not.
+    Source: TCDiff++ eq. 14.  Differs: the official code leaves the root out; the paper does not.
     Shapes: (b, n, f, d) normalised -> scalar.
 
     >>> l_vel(torch.ones(1, 1, 5, 151), torch.zeros(1, 1, 5, 151)).item()    # a constant offset
@@ -77,7 +87,7 @@ def l_vel(x_hat: Tensor, x_0: Tensor, present: Tensor | None = None) -> Tensor:
 def l_fk(joints_hat: Tensor, joints_0: Tensor, present: Tensor | None = None) -> Tensor:
     r"""Where the joints end up: $\lVert FK(x_0) - FK(\hat x_0) \rVert^2$.
 
-    Source: TCDiff++ eq. 14.  Differs: in metres; the official code runs FK on normalised values.
+    Source: TCDiff++ eq. 13.  Differs: in metres; the official code runs FK on normalised values.
     Shapes: (b, n, f, j, 3) metres -> scalar.
     """
     return mean_over((joints_hat - joints_0).square(), present)
@@ -116,7 +126,7 @@ def l_dist(
 
     $$\tfrac{2}{C(C-1)} \sum_{i<j} \lVert (p_i - p_j) - (\hat p_i - \hat p_j) \rVert^2$$
 
-    Source: TCDiff++ eq. 17.  Differs: a mean over frames and pairs where the paper sums.
+    Source: TCDiff++ eq. 16 and 17.  Differs: a mean over frames and pairs where the paper sums.
     ``dist_axis`` "adjacent" compares neighbours only (TCDiff v1), "time" compares frames of one
     dancer, which is what the released TCDiff++ does under this name (its weight: 100).
 
@@ -150,14 +160,16 @@ def tcdiffpp_losses(
     *,
     weights: LossWeights | None = None,
     present: Tensor | None = None,
+    joints_0: Tensor | None = None,
 ) -> dict[str, Tensor]:
     r"""All terms, unweighted and by name, and their weighted sum "total".
 
-    Source: TCDiff++ eq. 16 (the sum).  The reconstruction term is taken on the raw output, as the
+    Source: TCDiff++ eq. 18 (the sum).  The reconstruction term is taken on the raw output, as the
     paper writes it, and on the adapted one, so that both paths learn; every other term is taken
-    on the adapted output.
+    on the adapted output.  A term of weight 0 is reported and costs no backward pass.
 
-    Shapes: x_raw, x_hat, x_0 (b, n, f, d) normalised -> dict of scalars.
+    Shapes: x_raw, x_hat, x_0 (b, n, f, d) normalised; joints_0 (b, n, f, j, 3) metres, if the true
+    joints are known already -> dict of scalars.
 
     >>> norm = Normalizer(-torch.ones(151), torch.ones(151))
     >>> x = torch.rand(1, 2, 8, 151)
@@ -165,19 +177,23 @@ def tcdiffpp_losses(
     ['contact', 'dist', 'fk', 'joint_vel', 'simple', 'slide', 'total', 'vel']
     """
     weights = weights or LossWeights()
-    both = torch.stack([normalizer.unnormalize(x_hat.float()), normalizer.unnormalize(x_0.float())])
-    contact, root, pose = unpack(both)
-    joints_hat, joints_0 = forward_kinematics(pose, root)
+    contact, root, pose = unpack(normalizer.unnormalize(x_hat.float()))
+    joints = forward_kinematics(pose, root)
+    with torch.no_grad():  # the truth needs no graph; recording one nearly doubled the time
+        contact_0, root_0, pose_0 = unpack(normalizer.unnormalize(x_0.float()))
+        joints_0 = forward_kinematics(pose_0, root_0) if joints_0 is None else joints_0
+    hard = None if weights.soft_contact else 0.5
     terms = {
         "simple": 0.5 * (l_simple(x_raw, x_0, present) + l_simple(x_hat, x_0, present)),
         "vel": l_vel(x_hat, x_0, present),
-        "fk": l_fk(joints_hat, joints_0, present),
-        "contact": l_contact(joints_hat, contact[0], present),
-        "dist": l_dist(root[0], root[1], present),
-        "joint_vel": l_fk(joints_hat.diff(dim=2) * FPS, joints_0.diff(dim=2) * FPS, present),
-        "slide": l_contact(joints_hat * FPS, contact[1], present),
+        "fk": l_fk(joints, joints_0, present),
+        "contact": l_contact(joints, contact, present, threshold=hard),
+        "dist": l_dist(root, root_0, present, dist_axis=weights.dist_axis),
+        "joint_vel": l_fk(joints.diff(dim=2) * FPS, joints_0.diff(dim=2) * FPS, present),
+        "slide": l_contact(joints * FPS, contact_0, present),
     }
-    terms["total"] = sum(getattr(weights, name) * value for name, value in terms.items())
+    used = {name: weight for name, weight in weights.terms().items() if weight}
+    terms["total"] = sum((w * terms[name] for name, w in used.items()), x_hat.new_zeros(()))
     return terms
 
 

@@ -53,6 +53,7 @@ class TCDiffPPConfig:
     fp: bool = True
     fa: bool = True
     swap_mode: bool = True
+    precondition: bool = True  # ours: see group_dance_decoder.preconditioning
 
     @classmethod
     def paper(cls, **changes) -> "TCDiffPPConfig":
@@ -65,6 +66,7 @@ class TCDiffPPConfig:
             "fusion_hidden": 1024,
             "ssm": "mamba",
             "dropout": 0.1,
+            "precondition": False,
         }
         return cls(**sizes | changes)
 

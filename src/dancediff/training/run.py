@@ -13,6 +13,7 @@ from dancediff.tcdiffpp.losses import LossWeights
 from dancediff.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 from dancediff.training.loop import TrainConfig, train
 
+MIN_SPAN = 0.2  # of a channel's range, in metres or matrix entries
 _DATA = {"songs", "first_seed", "seconds", "dancers_per_batch", "workers"}
 
 
@@ -43,7 +44,7 @@ def read_config(path) -> dict:
 def fit_normalizers(model: TCDiffPP, takes: list[Take]) -> None:
     """Set the scales of motion and music from the training takes, once."""
     stack = torch.cat([take.x.flatten(0, 1) for take in takes])
-    model.normalizer = Normalizer.fit(stack)
+    model.normalizer = Normalizer.fit(stack, min_span=MIN_SPAN)
     songs = {take.M.data_ptr(): take.M for take in takes}
     model.music_normalizer = MusicNormalizer.fit(list(songs.values()))
 

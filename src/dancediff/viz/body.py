@@ -1,0 +1,235 @@
+r"""A dancer's body as flat shapes: capsules around bones, filled limb by limb.
+
+A limb is the union of a few capsules, written as ONE path (matplotlib fills with the non-zero
+rule, so overlapping capsules of the same winding melt together). Three dancers are some thirty
+paths, which is what makes video fast.
+
+Symbols (axes: n dancers · f frames)
+    points   24 joints and a few points of head and feet, metres     (n, f, 30, 3)
+    shape    (outline (v, 2), colour)                                to be filled in this order
+"""
+
+import numpy as np
+
+from dancediff.motion.motion import Motion
+from dancediff.motion.skeleton import world_rotations
+from dancediff.viz.palette import BEAT, GRID, INK, PAPER, dancer_color, mix, rgb
+from dancediff.viz.projection import Camera
+
+# Points that SMPL has no joint for: (name, parent joint, offset in the joint's frame, metres).
+_EXTRA = (
+    ("skull", 15, (0.0, 0.075, 0.015)),
+    ("face", 15, (0.0, 0.060, 0.062)),
+    ("lheel", 7, (0.0, -0.045, -0.045)),
+    ("rheel", 8, (0.0, -0.045, -0.045)),
+    ("ltip", 10, (0.0, 0.0, 0.06)),
+    ("rtip", 11, (0.0, 0.0, 0.06)),
+)
+SKULL, FACE, LHEEL, RHEEL, LTIP, RTIP = range(24, 30)
+HEAD_RADIUS = 0.105
+_SHADES = 6  # steps in which the floor grid fades
+_RING = np.stack([np.cos(a := np.linspace(0, 2 * np.pi, 24, endpoint=False)), 0 * a, np.sin(a)], -1)
+_SHADOW = mix(INK, "#334466", 0.5)
+
+# limb -> capsules (point a, point b, radius at a, radius at b), metres
+LIMBS = {
+    "lleg": (
+        (1, 4, 0.085, 0.058),
+        (4, 7, 0.056, 0.036),
+        (LHEEL, 10, 0.034, 0.034),
+        (7, LHEEL, 0.036, 0.034),
+        (7, 10, 0.036, 0.030),
+        (10, LTIP, 0.032, 0.024),
+    ),
+    "rleg": (
+        (2, 5, 0.085, 0.058),
+        (5, 8, 0.056, 0.036),
+        (RHEEL, 11, 0.034, 0.034),
+        (8, RHEEL, 0.036, 0.034),
+        (8, 11, 0.036, 0.030),
+        (11, RTIP, 0.032, 0.024),
+    ),
+    "torso": (
+        (1, 2, 0.082, 0.082),
+        (0, 3, 0.118, 0.116),
+        (3, 6, 0.116, 0.125),
+        (6, 9, 0.125, 0.120),
+        (9, 12, 0.105, 0.052),
+        (13, 14, 0.060, 0.060),
+        (13, 16, 0.062, 0.050),
+        (14, 17, 0.062, 0.050),
+        (6, 16, 0.095, 0.050),
+        (6, 17, 0.095, 0.050),
+        (12, 15, 0.048, 0.048),
+    ),
+    "larm": (
+        (16, 18, 0.052, 0.040),
+        (18, 20, 0.039, 0.028),
+        (20, 22, 0.030, 0.034),
+    ),
+    "rarm": (
+        (17, 19, 0.052, 0.040),
+        (19, 21, 0.039, 0.028),
+        (21, 23, 0.030, 0.034),
+    ),
+    "head": ((SKULL, SKULL, HEAD_RADIUS, HEAD_RADIUS),),
+    "face": ((FACE, FACE, 0.074, 0.074),),
+}
+_HALF = 12  # corners of each half circle
+_CAPSULES = np.array([c for limb in LIMBS.values() for c in limb])
+_A, _B = _CAPSULES[:, 0].astype(int), _CAPSULES[:, 1].astype(int)
+_RADII = np.repeat(_CAPSULES[:, 2:][:, ::-1], _HALF, axis=1)  # (k, 2 * 12): around b, then around a
+_LIMB_OF = np.repeat(np.arange(len(LIMBS)), [len(limb) for limb in LIMBS.values()])
+_TURN = np.linspace(-np.pi / 2, np.pi / 2, _HALF)
+_TURN = np.concatenate([_TURN, _TURN + np.pi])
+# What lies in front when two limbs are equally deep; near or far by 1 % outweighs all of it.
+_BIAS = dict(zip(LIMBS, (0, 0, -0.002, 0.004, 0.004, 0.004, 0.003), strict=True))
+# Arms and legs grow out of the torso: their rims begin this far along the first capsule.
+_TRIM = np.zeros(len(_CAPSULES))
+_TRIM[[0, 6]], _TRIM[[23, 26]] = 0.45, 0.35
+
+
+def body_points(motion: Motion) -> np.ndarray:
+    """Joints, skull, nose, heels and toe tips, (n, f, 30, 3) metres.
+
+    >>> import torch
+    >>> body_points(Motion(torch.eye(3).expand(1, 2, 24, 3, 3), torch.zeros(1, 2, 3))).shape
+    (1, 2, 30, 3)
+    """
+    joints = motion.joints().numpy()
+    Q = world_rotations(motion.pose, motion.skeleton).numpy()
+    extra = [joints[:, :, j] + Q[:, :, j] @ np.float32(offset) for _, j, offset in _EXTRA]
+    return np.concatenate([joints, np.stack(extra, 2)], axis=2)
+
+
+def capsules(xy: np.ndarray, scale: np.ndarray, grow: float = 0.0, trim=0.0) -> np.ndarray:
+    """Outlines of all capsules of all dancers, all winding the same way.
+
+    ``trim`` moves the first end of each capsule that share of its length, (k,) or a number.
+
+    Shapes: xy (n, 30, 2), scale (n, 30) -> (n, k, 24, 2); ``grow`` metres are added to each radius.
+
+    >>> capsules(np.zeros((3, 30, 2)), np.ones((3, 30))).shape
+    (3, 33, 24, 2)
+    """
+    a, b = xy[:, _A], xy[:, _B]
+    a = a + np.reshape(trim, (-1, 1)) * (b - a)
+    angle = np.arctan2(*np.moveaxis((b - a)[..., ::-1], -1, 0))[..., None] + _TURN
+    centre = np.repeat(np.stack([b, a], 2), _HALF, axis=2)
+    pixels = np.repeat(np.stack([scale[:, _B], scale[:, _A]], 2), _HALF, axis=2)
+    ring = np.stack([np.cos(angle), np.sin(angle)], -1)
+    radii = _RADII.copy()
+    radii[:, _HALF:] += np.reshape(trim, (-1, 1)) * (radii[:, :_HALF] - radii[:, _HALF:])
+    return centre + ((radii + grow) * pixels)[..., None] * ring
+
+
+def dancer_shapes(points: np.ndarray, camera: Camera, *, colors=None, halo: float = 0.012):
+    """Filled outlines of all dancers in one frame, from back to front.
+
+    Every dancer is a white silhouette with a dark rim, then limb by limb; far limbs are darker, and
+    a light face tells front from back.
+
+    Shapes: points (n, 30, 3) -> list of (outlines (k, v, 2), RGBA).
+    """
+    xy, scale = camera.project(points)  # (n, p, 2), (n, p)
+    white, rim, fill = (capsules(xy, scale, halo * g) for g in (1.7, 0.5, 0.0))
+    cut = capsules(xy, scale, halo * 0.5, _TRIM)
+    core = scale.mean(1)
+    at = (scale[:, _A] + scale[:, _B]) / 2 / core[:, None]
+    near = np.stack([at[:, _LIMB_OF == m].mean(1) for m in range(len(LIMBS))], 1)  # (n, limbs)
+    names = list(LIMBS)
+    shapes = []
+    for i in np.argsort(core):  # far dancers first
+        color = dancer_color(i) if colors is None else colors[i]
+        dark = (*mix(color, INK, 0.55), 1.0)
+        shapes += [(white[i], (*rgb(PAPER), 0.9)), (rim[i], dark)]
+        for m in np.argsort(near[i] + list(_BIAS.values())):
+            tone = mix(color, INK, min(max(-4 * (near[i, m] - 0.997), 0), 0.3))
+            tone = mix(color, PAPER, 0.55) if names[m] == "face" else tone
+            limb = _LIMB_OF == m
+            if names[m] not in ("torso", "face"):
+                shapes.append((cut[i, limb], dark))
+            shapes.append((fill[i, limb], (*tone, 1.0)))
+    return shapes
+
+
+def shadow_shapes(points: np.ndarray, camera: Camera):
+    """Soft shadows of bodies and feet on the floor; a lifted foot's shadow is fainter.
+
+    Shapes: points (n, 30, 3) -> list of (outlines (1, v, 2), RGBA).
+    """
+    body = points[:, [0, 9, 7, 8]].mean(1, keepdims=True)  # (n, 1, 3)
+    feet = 0.35 * points[:, [7, 8]] + 0.65 * points[:, [10, 11]]  # (n, 2, 3)
+    lift = np.clip(points[:, [10, 11], 1] - 0.02, 0, None)
+    layers = [(body, r, np.full(body.shape[:2], 0.03)) for r in np.linspace(0.46, 0.16, 7)]
+    layers += [(feet, r, 0.11 / (1 + 12 * lift)) for r in (0.12, 0.10, 0.08)]
+    shapes = []
+    for centre, radius, alpha in layers:
+        discs = camera.project(centre[:, :, None] * (1, 0, 1) + radius * _RING)[0]
+        flat = discs.reshape(-1, 1, len(_RING), 2)
+        shapes += [(o, (*_SHADOW, float(v))) for o, v in zip(flat, alpha.ravel(), strict=True)]
+    return shapes
+
+
+def floor_ribbon(a, b, width, camera: Camera) -> np.ndarray:
+    """Quads on the floor along lines from a to b (..., 3), ``width`` metres wide, (k, 4, 2)."""
+    along = (b - a)[..., [0, 2]]
+    along = along / np.maximum(np.linalg.norm(along, axis=-1, keepdims=True), 1e-9)
+    side = np.stack([-along[..., 1], np.zeros(along.shape[:-1]), along[..., 0]], -1) * width / 2
+    return camera.project(np.stack([a - side, b - side, b + side, a + side], -2))[0].reshape(
+        -1, 4, 2
+    )
+
+
+def grid_shapes(camera: Camera, pulse: float = 0.0, *, reach: int = 6, width: float = 0.012):
+    """The metre grid around the camera's target, fading outwards; a beat tints it for a moment.
+
+    >>> len(grid_shapes(Camera((0, 2, 6), (0, 1, 0), (160, 90), 100)))
+    6
+    """
+    cx, _, cz = camera.target
+    x = np.floor(cx) + np.arange(-reach, reach + 1)
+    z = np.floor(cz) + np.arange(-reach, 4)
+    at = np.stack(np.broadcast_arrays(x, 0.0, z[:, None]), -1)
+    a = np.concatenate([at[:, :-1].reshape(-1, 3), at[:-1].reshape(-1, 3)])
+    b = np.concatenate([at[:, 1:].reshape(-1, 3), at[1:].reshape(-1, 3)])
+    away = np.linalg.norm(((a + b) / 2 - (cx, 0, cz))[:, [0, 2]], axis=1)
+    alpha = np.clip(1 - away / reach, 0, 1)
+    quads = floor_ribbon(a, b, width * (1 + 0.6 * pulse), camera)
+    tint = mix(GRID, BEAT, 0.4 * pulse)
+    level = np.minimum((alpha * _SHADES).astype(int), _SHADES - 1)
+    return [
+        (quads[(level == v) & (alpha > 0.02)], (*tint, (v + 0.5) / _SHADES * 0.95))
+        for v in range(_SHADES)
+    ]
+
+
+def trail_shapes(path: np.ndarray, camera: Camera, color: str, width: float = 0.045):
+    """Where a root has just been, (k, 3) metres, as a ribbon on the floor that fades backwards."""
+    if len(path) < 2:
+        return []
+    quads = floor_ribbon(path[:-1] * (1, 0, 1), path[1:] * (1, 0, 1), width, camera)
+    alphas = np.linspace(0, 0.6, len(quads))
+    return [(quad[None], (*rgb(color), float(v))) for quad, v in zip(quads, alphas, strict=True)]
+
+
+def label_spots(points: np.ndarray) -> np.ndarray:
+    """Where a dancer's number lies on the floor, in front of the feet; (..., 30, 3) -> (..., 3)."""
+    return points[..., [0, 7, 8], :].mean(-2) * (1, 0, 1) + (0, 0, 0.52)
+
+
+def to_paths(shapes):
+    """Shapes as matplotlib paths and their face colours."""
+    from matplotlib.path import Path  # noqa: PLC0415 - only when a picture is drawn
+
+    paths, colors = [], []
+    for outlines, color in shapes:
+        k, v, _ = outlines.shape
+        if k == 0:
+            continue
+        codes = np.full((k, v + 1), Path.LINETO, dtype=Path.code_type)
+        codes[:, 0], codes[:, -1] = Path.MOVETO, Path.CLOSEPOLY
+        closed = np.concatenate([outlines, outlines[:, :1]], axis=1)
+        paths.append(Path(closed.reshape(-1, 2), codes.ravel()))
+        colors.append(color)
+    return paths, np.array(colors)

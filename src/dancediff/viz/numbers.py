@@ -1,0 +1,138 @@
+"""Pictures of numbers: what the model hears, what it sees, and how fast noise takes over."""
+
+import numpy as np
+import torch
+
+from dancediff.motion.representation import TCDIFFPP
+from dancediff.music.features import BEATS, CHROMA, FPS, MFCC, ONSET, PEAKS
+from dancediff.viz.palette import BEAT, INK, MUTED, dancer_color
+from dancediff.viz.style import bare, new_axes, set_title
+
+_PITCHES = ("C", "C♯", "D", "D♯", "E", "F", "F♯", "G", "G♯", "A", "A♯", "B")
+_DIVERGING = "RdBu_r"
+_SEQUENTIAL = "cividis"  # made for colour-blind readers, and monotone in greyscale
+
+
+def plot_features(M, *, song=None, title: str | None = None):
+    """The 35 music features over time, in their four groups, under the waveform if a song is given.
+
+    Shapes: M (f, 35), raw, at 30 frames a second -> the top Axes of a figure of its own.
+    """
+    import matplotlib.pyplot as plt  # noqa: PLC0415
+
+    M = np.asarray(M)
+    stop = len(M) / FPS
+    heights = [0.7] * (song is not None) + [0.8, 1.5, 1.2]
+    figure, axes = plt.subplots(
+        len(heights), 1, figsize=(7.6, 1.35 * sum(heights)), sharex=True, layout="constrained",
+        height_ratios=heights,
+    )  # fmt: skip
+    axes = list(axes)
+    if song is not None:
+        plot_waveform(song, ax=axes[0], stop=stop)
+    onset, mfcc, chroma = axes[-3:]
+    time = np.arange(len(M)) / FPS
+    onset.fill_between(time, M[:, ONSET.start], color=dancer_color(0), alpha=0.75, lw=0)
+    top = max(float(M[:, ONSET.start].max()), 1e-6)
+    peaks = np.flatnonzero(M[:, PEAKS.start] > 0.5)
+    onset.plot(peaks / FPS, np.full(len(peaks), 1.08 * top), "v", ms=3, color=MUTED)
+    for beat in np.flatnonzero(M[:, BEATS.start] > 0.5) / FPS:
+        onset.axvline(beat, color=BEAT, lw=1, alpha=0.8)
+    onset.set(ylim=(0, 1.2 * top), ylabel="onset [0]\npeaks [33]\nbeats [34]")
+    z = (M[:, MFCC] - M[:, MFCC].mean(0)) / np.maximum(M[:, MFCC].std(0), 1e-3)
+    look = {"aspect": "auto", "origin": "lower"}
+    mfcc.imshow(z.T, extent=(0, stop, -0.5, 19.5), cmap=_DIVERGING, vmin=-2.5, vmax=2.5, **look)
+    mfcc.set_ylabel("MFCC\n[1:21]")
+    chroma.imshow(M[:, CHROMA].T, extent=(0, stop, -0.5, 11.5), cmap=_SEQUENTIAL, **look)
+    chroma.set_yticks(range(0, 12, 2), _PITCHES[::2])
+    chroma.set(ylabel="chroma\n[21:33]", xlabel="time (s)", xlim=(0, stop))
+    for ax in axes:
+        bare(ax, keep=("bottom",))
+    figure.align_ylabels(axes)
+    set_title(axes[0], title)
+    return axes[0]
+
+
+def plot_waveform(song, *, ax=None, start: float = 0.0, stop: float | None = None, title=None):
+    """The sound itself: largest and smallest sample of each short stretch."""
+    ax = new_axes(ax, (7.6, 1.2))
+    part = song.slice(start, min(stop or song.duration, song.duration)).audio.mean(1)
+    columns = np.array_split(part, min(1200, len(part)))
+    low, high = ([fn(c) for c in columns] for fn in (np.min, np.max))
+    time = start + np.linspace(0, len(part) / song.rate, len(columns))
+    ax.fill_between(time, low, high, color=INK, alpha=0.8, lw=0)
+    ax.set_ylabel("sound")
+    ax.set_yticks([])
+    return set_title(bare(ax, keep=("bottom",)), title)
+
+
+def plot_beats(M, beats=None, *, truth=None, ax=None, title: str | None = None):
+    """The onset envelope with detected beats (full lines) and, if known, the true ones (dots).
+
+    Shapes: M (f, 35) raw; beats, truth (k,) seconds; beats default to column 34 -> Axes.
+    """
+    ax = new_axes(ax, (7.6, 2.2))
+    M = np.asarray(M)
+    beats = np.flatnonzero(M[:, BEATS.start] > 0.5) / FPS if beats is None else np.asarray(beats)
+    onset = M[:, ONSET.start]
+    top = max(float(onset.max()), 1e-6)
+    ax.fill_between(np.arange(len(M)) / FPS, onset, color=dancer_color(0), alpha=0.7, lw=0)
+    ax.vlines(beats, 0, 1.1 * top, color=BEAT, lw=1.2, label="detected beat")
+    if truth is not None:
+        ax.plot(truth, np.full(len(truth), 1.18 * top), "o", ms=4, color=INK, label="true beat")
+    ax.set(xlim=(0, len(M) / FPS), ylim=(0, 1.28 * top), xlabel="time (s)", ylabel="onset strength")
+    ax.legend(loc="upper right", fontsize=8, frameon=True, framealpha=0.9, ncols=2)
+    return set_title(bare(ax), title)
+
+
+def plot_barcode(x, *, ax=None, title: str | None = None):
+    """A dance as the network sees it: one row a feature, one column a frame.
+
+    Shapes: x (f, 151) of one dancer, any scale -> Axes. Each row is scaled by its own range, so
+    that a row without change is grey.
+    """
+    ax = new_axes(ax, (7.6, 3.4))
+    x = np.asarray(torch.as_tensor(x).float())
+    low, high = x.min(0), x.max(0)
+    scaled = np.where(high - low > 1e-6, (x - low) / np.maximum(high - low, 1e-6) * 2 - 1, 0)
+    stop = len(x) / FPS
+    ax.imshow(
+        scaled.T, aspect="auto", extent=(0, stop, x.shape[1], 0), cmap=_DIVERGING, vmin=-1.4,
+        vmax=1.4, interpolation="nearest",
+    )  # fmt: skip
+    parts = {"contact": TCDIFFPP.contact, "root": TCDIFFPP.root, "24 rotations": TCDIFFPP.rot6d}
+    for part in parts.values():
+        ax.axhline(part.stop, color=INK, lw=0.8)
+    ax.set_yticks(
+        [(p.start + p.stop) / 2 for p in parts.values()],
+        [f"{name}\n[{p.start}:{p.stop}]" for name, p in parts.items()],
+    )
+    ax.set(xlabel="time (s)")
+    # the two narrow bands would write over each other
+    for label, shift in zip(ax.get_yticklabels(), ("bottom", "top", "center"), strict=True):
+        label.set_verticalalignment(shift)
+    return set_title(bare(ax, keep=()), title)
+
+
+def plot_schedule(abar, *, t=None, ax=None, title: str | None = None):
+    r"""How much signal, $\sqrt{\bar\alpha_t}$, and noise, $\sqrt{1-\bar\alpha_t}$, is in $x_t$.
+
+    Shapes: abar (T,); ``t`` marks one step -> Axes.
+    """
+    ax = new_axes(ax, (6.4, 2.6))
+    abar = np.asarray(abar, dtype=np.float64)
+    steps = np.arange(len(abar))
+    ax.plot(steps, np.sqrt(abar), color=dancer_color(0), lw=2.2)
+    ax.plot(steps, np.sqrt(1 - abar), color=dancer_color(4), lw=2.2, ls="--")
+    end = len(abar) - 1
+    for height, name, k in ((0.86, "signal  √ᾱ", 0), (0.86, "noise  √(1−ᾱ)", 4)):
+        x = 0.02 * end if k == 0 else 0.98 * end
+        ax.text(
+            x, height - 0.12 * (k == 0), name, color=dancer_color(k), fontsize=9,
+            fontweight="bold", ha="left" if k == 0 else "right",
+        )  # fmt: skip
+    if t is not None:
+        ax.axvline(t, color=INK, lw=1)
+        ax.plot([t, t], [abar[t] ** 0.5, (1 - abar[t]) ** 0.5], "o", color=INK, ms=5)
+    ax.set(xlim=(0, end), ylim=(0, 1.05), xlabel="diffusion step t", ylabel="weight")
+    return set_title(bare(ax), title)

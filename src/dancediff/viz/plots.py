@@ -1,0 +1,308 @@
+"""Still pictures: a dance as a filmstrip, its floor paths, its foot contacts, its numbers.
+
+Every ``plot_*`` takes ``ax=None`` (or makes a figure of its own) and ``title=``, and returns the
+Axes it drew on; `plot_filmstrip`, which is a page, returns the Figure. Nothing is shown or saved,
+except by `save_filmstrip`. A dancer has the same colour and number in all of them.
+"""
+
+import os
+from pathlib import Path
+
+import numpy as np
+
+from dancediff.motion.contact import foot_contact
+from dancediff.motion.motion import Motion
+from dancediff.motion.skeleton import SMPL24
+from dancediff.viz.body import (
+    body_points,
+    dancer_shapes,
+    grid_shapes,
+    label_spots,
+    shadow_shapes,
+    to_paths,
+)
+from dancediff.viz.numbers import plot_barcode, plot_beats, plot_features, plot_schedule
+from dancediff.viz.palette import BEAT, FLOOR, GRID, INK, MUTED, WALL, dancer_color, mix, rgb
+from dancediff.viz.projection import Camera, follow
+from dancediff.viz.style import bare, new_axes, set_title
+
+__all__ = [
+    "moments",
+    "plot_barcode",
+    "plot_beats",
+    "plot_contact_strip",
+    "plot_features",
+    "plot_filmstrip",
+    "plot_floor_paths",
+    "plot_moment",
+    "plot_noise_filmstrip",
+    "plot_schedule",
+    "plot_skeleton",
+    "save_filmstrip",
+]
+_PAGE = 9.6  # inches
+FEET = ("left ankle", "right ankle", "left toe", "right toe")
+
+
+def plot_moment(points: np.ndarray, camera: Camera, *, ax=None, colors=None, numbers: bool = True):
+    """All dancers at one moment, seen by a camera.
+
+    Shapes: points (n, 30, 3) metres, from `body.body_points` -> Axes.
+    """
+    from matplotlib.collections import PathCollection  # noqa: PLC0415
+
+    ax = new_axes(ax, (4.0, 4.0 * camera.size[1] / camera.size[0]))
+    width, height = camera.size
+    rows = np.linspace(0, 1, 64)[:, None, None]
+    floor, wall = np.array(rgb(FLOOR)), np.array(rgb(WALL))
+    ax.imshow(
+        floor + (wall - floor) / (1 + np.exp(-(rows - 0.55) * 14)), extent=(0, width, 0, height),
+        origin="lower", interpolation="bilinear",
+    )  # fmt: skip
+    shapes = grid_shapes(camera, width=0.016) + shadow_shapes(points, camera)
+    paths, faces = to_paths(shapes + dancer_shapes(points, camera, colors=colors, halo=0.016))
+    ax.add_collection(PathCollection(paths, facecolors=faces, linewidths=0))
+    if numbers:
+        for k, spot in enumerate(camera.project(label_spots(points))[0]):
+            tone = mix(dancer_color(k), INK, 0.3)
+            ax.text(*spot, str(k + 1), ha="center", va="center", fontsize=7, color=tone)
+    ax.set(xlim=(0, width), ylim=(0, height), aspect="equal")
+    ax.axis("off")
+    return ax
+
+
+def moments(num_frames: int, count: int, beat_frames=()) -> list[int]:
+    """Evenly spaced frames, each moved to the nearest beat where that leaves them apart.
+
+    >>> moments(90, 3)
+    [15, 45, 75]
+    >>> moments(90, 3, [12, 44, 80])
+    [12, 44, 80]
+    """
+    gap = num_frames / count
+    wanted = [min(int((k + 0.5) * gap), num_frames - 1) for k in range(count)]
+    beats = np.asarray([b for b in beat_frames if b < num_frames])
+    if len(beats) == 0:
+        return wanted
+    near = [int(beats[np.abs(beats - w).argmin()]) for w in wanted]
+    return [b if abs(b - w) < gap / 2 else w for b, w in zip(near, wanted, strict=True)]
+
+
+def plot_filmstrip(motion: Motion, *, count: int = 8, song=None, title: str | None = None):
+    """A dance on a page: moments, and below them the floor paths and the foot contacts.
+
+    Moments are evenly spaced; with a song they fall on its beats. Returns a matplotlib Figure.
+    Raises: ValueError when count is not 1..24.
+
+    >>> import torch
+    >>> still = Motion(torch.eye(3).expand(1, 9, 24, 3, 3), torch.zeros(1, 9, 3))
+    >>> figure = plot_filmstrip(still, count=2)
+    >>> len(figure.axes)                                  # two moments, floor, contacts
+    4
+    """
+    from matplotlib.figure import Figure  # noqa: PLC0415
+
+    if not 1 <= count <= 24:
+        raise ValueError(f"count={count} is not in 1..24")
+    beats = np.zeros(0, int) if song is None else np.round(song.beats() * motion.fps).astype(int)
+    points = body_points(motion)
+    cameras = _cameras(points, motion.fps)
+    shape = cameras[0].size[0] / cameras[0].size[1]
+    rows = _rows(count, shape)
+    columns = -(-count // rows)
+    height = rows * (_PAGE / columns / shape + 0.2)
+    figure = Figure(figsize=(_PAGE, height + 3.3), dpi=110, layout="constrained")
+    top, bottom = figure.subfigures(2, 1, height_ratios=[height, 3.0])
+    grid = top.subplots(rows, columns, squeeze=False, gridspec_kw={"wspace": 0.02, "hspace": 0.02})
+    shown = moments(motion.num_frames, count, beats)
+    names = [_name_moment(frame, beats, motion.fps) for frame in shown]
+    _draw_moments(points, cameras, grid, dict(zip(shown, names, strict=True)))
+    floor, feet = bottom.subplots(1, 2, width_ratios=[1, 1.5])
+    plot_floor_paths(motion, ax=floor, title="Seen from above")
+    plot_contact_strip(motion, ax=feet, beats=beats / motion.fps, title="Feet on the floor")
+    name = "" if song is None else f" to “{song.name}”"
+    people = "1 dancer" if motion.num_dancers == 1 else f"{motion.num_dancers} dancers"
+    title = title or f"{people}, {motion.duration:.1f} s{name}"
+    figure.suptitle(title, x=0.01, ha="left", fontsize=12, color=INK, fontweight="bold")
+    return figure
+
+
+def _rows(count: int, shape: float) -> int:
+    """Rows that bring a block of cells near to three times as wide as high, with few cells empty.
+
+    >>> [_rows(8, shape) for shape in (0.6, 1.0, 2.2)]
+    [1, 2, 2]
+    """
+
+    def badness(rows: int) -> float:
+        columns = -(-count // rows)
+        return abs(np.log(columns / rows * shape / 3)) + 0.4 * (columns * rows - count)
+
+    return min(range(1, count + 1), key=badness)
+
+
+def _cameras(points: np.ndarray, fps: float) -> list[Camera]:
+    """Cameras of just the right shape: wide for a line of five, tall for a solo."""
+    in_view = np.concatenate([points, label_spots(points)[:, :, None]], axis=2)
+    look = {"fps": fps, "elevation": 16.0, "margin": 0.94}
+    cameras = follow(in_view, (320.0, 320.0), **look)
+    xy = np.stack([c.project(in_view[:, f])[0] for f, c in enumerate(cameras)])
+    width, height = np.abs(xy - 160).max((0, 1, 2))
+    shape = float(np.clip(width / height, 0.6, 2.2))
+    return follow(in_view, (320.0, 320.0 / shape), **look)
+
+
+def _name_moment(frame: int, beats: np.ndarray, fps: float) -> str:
+    at = np.flatnonzero(np.abs(beats - frame) <= 1)
+    return f"{frame / fps:.1f} s" + (f" · beat {at[0] + 1}" if len(at) else "")
+
+
+def _draw_moments(points, cameras, grid, names: dict[int, str]) -> None:
+    cells = list(grid.flat)
+    for ax, (frame, name) in zip(cells, names.items(), strict=False):
+        plot_moment(points[:, frame], cameras[frame], ax=ax)
+        ax.set_title(name, loc="left", fontsize=9, color=MUTED, pad=3)
+    for ax in cells[len(names) :]:
+        ax.remove()
+
+
+def save_filmstrip(motion: Motion, path, song=None, *, count: int = 8) -> Path:
+    """Write `plot_filmstrip` as a picture; the file appears whole or not at all."""
+    path = Path(path)
+    part = path.with_name(f".part.{os.getpid()}.{path.name}")
+    try:
+        figure = plot_filmstrip(motion, count=count, song=song)
+        figure.savefig(part, format=path.suffix[1:], dpi=160, metadata={"Software": None})
+        part.replace(path)
+    finally:
+        part.unlink(missing_ok=True)
+    return path
+
+
+def plot_floor_paths(motion: Motion, *, ax=None, title: str | None = None):
+    """Where every dancer went, from above; the audience sits below.
+
+    A ring marks the start, a filled disc with the dancer's number the end; a grid line every metre.
+
+    Shapes: motion.root (n, f, 3) metres -> Axes.
+    """
+    from matplotlib.ticker import MultipleLocator  # noqa: PLC0415
+
+    ax = new_axes(ax, (4.2, 4.0))
+    root = motion.root.numpy()
+    for k, path in enumerate(root):
+        color = dancer_color(k)
+        ax.plot(path[:, 0], path[:, 2], color=color, lw=2, solid_capstyle="round", zorder=2)
+        ax.plot(*path[0, [0, 2]], "o", ms=9, mfc="white", mec=color, mew=2, zorder=3)
+        ax.plot(*path[-1, [0, 2]], "o", ms=13, color=color, mec="white", zorder=4)
+        ax.annotate(
+            str(k + 1), path[-1, [0, 2]], ha="center", va="center", fontsize=8,
+            color="white", fontweight="bold", zorder=5,
+        )  # fmt: skip
+    (x0, x1), (z0, z1) = ((root[..., c].min() - 0.5, root[..., c].max() + 0.5) for c in (0, 2))
+    pad_x, pad_z = (max(0.0, (2.2 - side) / 2) for side in (x1 - x0, z1 - z0))
+    # z grows downwards in the picture, towards the audience
+    ax.set(xlim=(x0 - pad_x, x1 + pad_x), ylim=(z1 + pad_z, z0 - pad_z))
+    step = 1 if max(x1 - x0, z1 - z0) < 8 else 2
+    ax.xaxis.set_major_locator(MultipleLocator(step))
+    ax.yaxis.set_major_locator(MultipleLocator(step))
+    ax.grid(color=GRID, lw=0.6)
+    ax.set_axisbelow(True)
+    ax.set(xlabel="x lateral (m), audience on this side", ylabel="z depth (m)", facecolor=FLOOR)
+    ax.set_aspect("equal", anchor="NW")
+    return set_title(bare(ax, keep=()), title)
+
+
+def plot_contact_strip(motion: Motion, *, ax=None, beats=(), title: str | None = None):
+    """Which feet stand on the floor over time: two lanes a dancer, dark where planted.
+
+    The upper lane of each dancer is the left foot, the lower one the right; a lane is as dark as
+    the surer of its ankle and toe contacts. Beats (seconds) are ticks.
+
+    Shapes: motion.contact (n, f, 4), else labelled from the joints -> Axes.
+    """
+    ax = new_axes(ax, (6.0, 2.4))
+    contact = motion.contact if motion.contact is not None else foot_contact(motion.joints())
+    feet = contact.numpy().reshape(motion.num_dancers, -1, 2, 2).max(2)  # (n, f, left/right)
+    for k in range(motion.num_dancers):
+        color = np.array(rgb(dancer_color(k)))
+        for side in range(2):
+            shade = feet[k, :, side, None].clip(0, 1)
+            picture = 1 - shade * (1 - color) * 0.95
+            low = -k - 0.42 + 0.43 * (1 - side)
+            ax.imshow(
+                picture[None], extent=(0, motion.duration, low, low + 0.37),
+                aspect="auto", interpolation="nearest",
+            )  # fmt: skip
+            ax.text(
+                -0.008, low + 0.18, "LR"[side], transform=ax.get_yaxis_transform(),
+                ha="right", va="center", fontsize=6.5, color=MUTED,
+            )  # fmt: skip
+    for beat in beats:
+        if beat <= motion.duration:
+            ax.axvline(beat, color=BEAT, lw=0.9, alpha=0.7, ymin=0.965)
+    ax.set(
+        xlim=(0, motion.duration), ylim=(0.42 - max(motion.num_dancers, 3), 0.62), xlabel="time (s)"
+    )
+    ax.set_yticks(
+        -np.arange(motion.num_dancers), [f"{k + 1}   " for k in range(motion.num_dancers)]
+    )
+    ax.xaxis.get_major_locator().set_params(integer=True)
+    bare(ax, keep=("bottom",)).tick_params(axis="y", length=0)
+    for k, label in enumerate(ax.get_yticklabels()):
+        label.set(color=mix(dancer_color(k), INK, 0.25), fontweight="bold", fontsize=10)
+    return set_title(ax, title)
+
+
+def plot_skeleton(joints=None, *, ax=None, title: str | None = None, numbers: bool = True):
+    """The SMPL-24 joint tree from the front, with the index of every joint.
+
+    Shapes: joints (24, 3) metres, default the T-pose -> Axes. The dancer faces you, so the left
+    side of the body (blue) is on the right of the picture.
+    """
+    ax = new_axes(ax, (6.0, 5.4))
+    if joints is None:
+        joints = Motion(np.broadcast_to(np.eye(3), (1, 1, 24, 3, 3)).copy(), np.zeros((1, 1, 3)))
+        joints = joints.joints()[0, 0]
+    xy = np.asarray(joints)[:, :2]
+    side = {"l": dancer_color(0), "r": dancer_color(4)}
+    colors = [INK if n[0] not in side or n in ("root",) else side[n[0]] for n in SMPL24.names]
+    for parent, child in SMPL24.bones:
+        ax.plot(*xy[[parent, child]].T, color=mix(colors[child], "#FFFFFF", 0.45), lw=5, zorder=1)
+    ax.scatter(*xy.T, s=150, color=colors, edgecolor="white", zorder=2)
+    if numbers:
+        for j, spot in enumerate(xy):
+            ax.annotate(
+                str(j), spot, color="white", fontsize=6.5, ha="center", va="center",
+                fontweight="bold", zorder=3,
+            )  # fmt: skip
+    ax.set_aspect("equal")
+    ax.margins(0.08)
+    ax.set(xlabel="x (m), the dancer's left is +", ylabel="y (m)")
+    return set_title(bare(ax), title)
+
+
+def plot_noise_filmstrip(dances, labels, *, frame: int = 0, title: str | None = None):
+    """The same moment of several versions of a dance side by side, e.g. noisier and noisier ones.
+
+    ``dances`` are Motions of one size, ``labels`` stand above them. Returns a Figure. All share
+    the first one's camera, so what flies away has flown away.
+
+    Raises: ValueError when the numbers of dances and labels differ.
+    """
+    from matplotlib.figure import Figure  # noqa: PLC0415
+
+    if len(dances) != len(labels) or not dances:
+        raise ValueError(f"{len(dances)} dances need as many labels, at least 1; got {len(labels)}")
+    points = [body_points(dance)[:, frame : frame + 1] for dance in dances]
+    camera = _cameras(points[0], dances[0].fps)[0]
+    shape = camera.size[1] / camera.size[0]
+    size = (_PAGE, _PAGE / len(dances) * shape + 0.7)
+    figure = Figure(figsize=size, dpi=110, layout="constrained")
+    axes = figure.subplots(1, len(dances), squeeze=False)[0]
+    for ax, p, label in zip(axes, points, labels, strict=True):
+        plot_moment(p[:, 0], camera, ax=ax, numbers=False)
+        ax.set_title(label, loc="left", fontsize=9, color=MUTED, pad=3)
+    if title:
+        figure.suptitle(title, x=0.01, ha="left", fontsize=11, color=INK, fontweight="bold")
+    return figure

@@ -1,0 +1,30 @@
+"""The look that all figures share: small grey axes, and a finding as the title."""
+
+from dancediff.viz.palette import GRID, INK, MUTED
+
+
+def new_axes(ax=None, size=(7.0, 3.2)):
+    """The axes given, or those of a new figure that belongs to no window."""
+    if ax is not None:
+        return ax
+    import matplotlib.pyplot as plt  # noqa: PLC0415
+
+    return plt.subplots(figsize=size, layout="constrained")[1]
+
+
+def bare(ax, *, keep=("left", "bottom")):
+    """Take the frame away and leave small grey labels."""
+    for side, spine in ax.spines.items():
+        spine.set_visible(side in keep)
+        spine.set_color(GRID)
+    ax.tick_params(colors=MUTED, labelsize=8, length=3)
+    ax.xaxis.label.set(color=MUTED, fontsize=9)
+    ax.yaxis.label.set(color=MUTED, fontsize=9)
+    return ax
+
+
+def set_title(ax, title: str | None):
+    """A finding, flush left above the picture."""
+    if title:
+        ax.set_title(title, loc="left", fontsize=10, color=INK, fontweight="bold")
+    return ax

@@ -1,0 +1,214 @@
+"""Videos of a dance with its song: H.264 and AAC through PyAV, or an animated GIF through Pillow.
+
+A frame is one collection of filled shapes and a few letters on a background that is copied;
+nothing else of matplotlib runs per frame.
+"""
+
+import os
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+
+from dancediff.motion.motion import Motion
+from dancediff.viz.body import (
+    body_points,
+    dancer_shapes,
+    grid_shapes,
+    label_spots,
+    shadow_shapes,
+    to_paths,
+    trail_shapes,
+)
+from dancediff.viz.palette import FLOOR, INK, MUTED, WALL, dancer_color, mix, rgb
+from dancediff.viz.projection import Camera, follow
+
+_TRAIL_SECONDS = 1.5
+_GIF_FPS = 12.5  # GIF counts in hundredths of a second: 8 of them a frame
+_BLOCK = 1024  # samples an AAC frame
+
+
+class Canvas:
+    """Draws the frames of one dance; the same dance gives the same bits.
+
+    >>> import torch
+    >>> still = Motion(torch.eye(3).expand(1, 3, 24, 3, 3), torch.zeros(1, 3, 3))
+    >>> Canvas(still, size=(64, 36)).frame(0).shape
+    (36, 64, 4)
+    """
+
+    def __init__(self, motion: Motion, song=None, *, size=(1280, 720)):
+        from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: PLC0415
+        from matplotlib.collections import PathCollection  # noqa: PLC0415
+        from matplotlib.figure import Figure  # noqa: PLC0415
+
+        self.fps, self.size = motion.fps, size
+        self.points = body_points(motion)
+        in_view = np.concatenate([self.points, label_spots(self.points)[:, :, None]], axis=2)
+        self.cameras = follow(in_view, size, fps=motion.fps)
+        self.beats = np.zeros(0) if song is None else song.beats()
+        self.unit = size[1] / 720  # line widths and letters scale with the picture
+        self.figure = Figure(figsize=(size[0] / 100, size[1] / 100), dpi=100)
+        self.canvas = FigureCanvasAgg(self.figure)
+        self.axes = self.figure.add_axes((0, 0, 1, 1))
+        self.axes.set(xlim=(0, size[0]), ylim=(0, size[1]))
+        self.axes.axis("off")
+        self._backdrop("" if song is None else song.name)
+        self.shapes = PathCollection([], linewidths=0)
+        self.caption = self.axes.text(
+            size[0] - 24 * self.unit, 22 * self.unit, "", ha="right", color=MUTED, **self._font(19)
+        )
+        self.names = [
+            self.axes.text(0, 0, str(k + 1), ha="center", va="center", color=INK, **self._font(17))
+            for k in range(len(self.points))
+        ]
+        self.axes.add_collection(self.shapes)
+        for artist in (self.shapes, self.caption, *self.names):
+            artist.set_animated(True)
+        self.canvas.draw()
+        self.background = self.canvas.copy_from_bbox(self.figure.bbox)
+
+    def _font(self, pixels: float) -> dict:
+        return {"fontsize": pixels * self.unit * 0.72, "family": "DejaVu Sans"}
+
+    def _backdrop(self, title: str) -> None:
+        horizon = 0.62  # share of the height; the grid fades out below it
+        rows = np.linspace(0, 1, 256)[:, None]
+        wall, floor = np.array(rgb(WALL)), np.array(rgb(FLOOR))
+        blend = 1 / (1 + np.exp(-(rows - horizon) * 14))
+        picture = floor + (wall - floor) * blend
+        self.axes.imshow(
+            picture[:, None], extent=(0, self.size[0], 0, self.size[1]), origin="lower",
+            aspect="auto", interpolation="bilinear",
+        )  # fmt: skip
+        self.axes.text(24 * self.unit, 22 * self.unit, title, color=MUTED, **self._font(19))
+
+    def frame(self, position: float) -> np.ndarray:
+        """The picture at a frame number, RGBA (h, w, 4) uint8; fractions are blended."""
+        low = int(np.clip(np.floor(position), 0, self.points.shape[1] - 1))
+        high = min(low + 1, self.points.shape[1] - 1)
+        part = float(np.clip(position - low, 0, 1)) if high > low else 0.0
+        points = self.points[:, low] * (1 - part) + self.points[:, high] * part
+        camera = self.cameras[low] if part < 0.5 else self.cameras[high]
+        pulse, count = self._beat(position / self.fps)
+        floor = grid_shapes(camera, pulse) + self._trails(low, camera)
+        bodies = shadow_shapes(points, camera) + dancer_shapes(points, camera)
+        paths, colors = to_paths(floor + bodies)
+        self.shapes.set_paths(paths)
+        self.shapes.set_facecolors(colors)
+        self._draw_texts(points, camera, position / self.fps, count)
+        self.canvas.restore_region(self.background)
+        for artist in (self.shapes, *self.names, self.caption):
+            self.axes.draw_artist(artist)
+        return np.asarray(self.canvas.buffer_rgba())
+
+    def _beat(self, time: float) -> tuple[float, int]:
+        """How strongly the last beat still glows (1 on it, 0 after 0.3 s), and its number."""
+        count = int(np.searchsorted(self.beats, time + 1e-6, side="right"))
+        age = time - self.beats[count - 1] if count else np.inf
+        return max(0.0, 1 - age / 0.3), count
+
+    def _trails(self, index: int, camera: Camera):
+        start = max(0, index - round(_TRAIL_SECONDS * self.fps))
+        paths = self.points[:, start : index + 1 : 3, 0]
+        return [s for k, p in enumerate(paths) for s in trail_shapes(p, camera, dancer_color(k))]
+
+    def _draw_texts(self, points, camera: Camera, time: float, count: int) -> None:
+        beat = f"   beat {count}" if count else ""
+        self.caption.set_text(f"{time:4.1f} s{beat}")
+        for k, text in enumerate(self.names):
+            text.set_position(camera.project(label_spots(points[k]))[0])
+            text.set_color(mix(dancer_color(k), INK, 0.3))
+
+
+def save_video(motion: Motion, path, song=None, *, size=None, fps: float | None = None) -> Path:
+    """Draw a dance as .mp4 (with sound if a song is given) or as animated .gif (always silent).
+
+    ``size`` is (width, height) in pixels, default (1280, 720), for a GIF (480, 270); ``fps``
+    defaults to the motion's, for a GIF to 12.5. The song starts with the dance and is cut to its
+    length. The file appears whole or not at all.
+    Raises: ValueError for another suffix or an odd size; ImportError naming the extra when an
+    .mp4 is asked for and PyAV is not installed.
+    """
+    path = Path(path)
+    if path.suffix not in (".mp4", ".gif"):
+        raise ValueError(f"suffix {path.suffix!r} of {path} is unknown; use .mp4 or .gif")
+    gif = path.suffix == ".gif"
+    size = size or ((480, 270) if gif else (1280, 720))
+    fps = fps or (_GIF_FPS if gif else motion.fps)
+    if size[0] % 2 or size[1] % 2 or min(size) < 16:
+        raise ValueError(f"size={size} must be two even numbers of at least 16 pixels")
+    if not fps > 0:
+        raise ValueError(f"fps={fps} must be positive")
+    part = path.with_name(f".part.{os.getpid()}.{path.name}")
+    try:
+        (_write_gif if gif else _write_mp4)(motion, part, song, size, fps)
+        part.replace(path)
+    finally:
+        part.unlink(missing_ok=True)
+    return path
+
+
+def _frames(motion: Motion, song, size, fps: float):
+    canvas = Canvas(motion, song, size=size)
+    for k in range(max(1, round(motion.duration * fps))):
+        yield canvas.frame(k * motion.fps / fps)
+
+
+def _write_gif(motion: Motion, path: Path, song, size, fps: float) -> None:
+    from PIL import Image  # noqa: PLC0415
+
+    pictures = [Image.fromarray(f[..., :3].copy()) for f in _frames(motion, song, size, fps)]
+    # one palette for all frames, or the colours flicker
+    first = pictures[len(pictures) // 2].quantize(128)
+    pictures = [p.quantize(palette=first, dither=Image.Dither.NONE) for p in pictures]
+    wait = max(20, round(100 / fps) * 10)
+    pictures[0].save(
+        path, format="GIF", save_all=True, append_images=pictures[1:], duration=wait, loop=0
+    )
+
+
+def _import_av():
+    try:
+        import av  # noqa: PLC0415
+    except ImportError as err:
+        raise ImportError(
+            'writing .mp4 needs PyAV: pip install "dancediff[video]" (or save as .gif)'
+        ) from err
+    return av
+
+
+def _write_mp4(motion: Motion, path: Path, song, size, fps: float) -> None:
+    av = _import_av()
+    with av.open(str(path), "w", format="mp4", options={"movflags": "+faststart"}) as file:
+        rate = Fraction(fps).limit_denominator(1001)
+        video = file.add_stream("libx264", rate=rate, options={"crf": "20", "preset": "superfast"})
+        video.width, video.height, video.pix_fmt = *size, "yuv420p"
+        audio = None
+        if song is not None:
+            # the stream must exist before the first packet is written
+            audio = file.add_stream("aac", rate=48000, layout="stereo")
+            audio.bit_rate = 160_000
+        for picture in _frames(motion, song, size, fps):
+            frame = av.VideoFrame.from_ndarray(picture, format="rgba")
+            file.mux(video.encode(frame))
+        file.mux(video.encode())
+        if audio is not None:
+            _write_sound(av, file, audio, song, motion.duration)
+
+
+def _write_sound(av, file, stream, song, seconds: float) -> None:
+    """Encode the first ``seconds`` of the song, at full scale cut to [-1, 1]."""
+    samples = song.audio[: round(seconds * song.rate)]
+    samples = np.clip(samples[:, :2] if samples.shape[1] > 1 else samples.repeat(2, 1), -1, 1)
+    resampler = av.AudioResampler(format="fltp", layout="stereo", rate=48000, frame_size=_BLOCK)
+    for start in range(0, len(samples), song.rate):
+        block = np.ascontiguousarray(samples[start : start + song.rate].T)
+        frame = av.AudioFrame.from_ndarray(block, format="fltp", layout="stereo")
+        frame.sample_rate, frame.pts = song.rate, start
+        frame.time_base = Fraction(1, song.rate)
+        for piece in resampler.resample(frame):
+            file.mux(stream.encode(piece))
+    for piece in resampler.resample(None):
+        file.mux(stream.encode(piece))
+    file.mux(stream.encode())

@@ -1,0 +1,79 @@
+import numpy as np
+import pytest
+import torch
+
+from dancediff.music.features import (
+    BEATS,
+    CHROMA,
+    MFCC,
+    ONSET,
+    PEAKS,
+    SAMPLE_RATE,
+    MusicNormalizer,
+    music_features,
+)
+from dancediff.music.song import Music
+from dancediff.music.synth import synth_song
+
+
+@pytest.fixture(scope="module")
+def song():
+    return synth_song(1, seconds=12, tempo=120)
+
+
+def test_slices_cover_35_columns_once():
+    taken = [k for s in (ONSET, MFCC, CHROMA, PEAKS, BEATS) for k in range(35)[s]]
+    assert taken == list(range(35))
+
+
+@pytest.mark.parametrize("n", [1, 511, 512, 1536, 15360, 40001])
+def test_exactly_one_row_a_hop(n):
+    y = np.random.default_rng(0).normal(size=n).astype(np.float32)
+    M = music_features(y)
+    assert M.shape == (1 + n // 512, 35) and np.isfinite(M).all()
+
+
+def test_binary_columns_and_number_of_beats(song):
+    import librosa
+
+    M = song[0].features().numpy()
+    for column in (33, 34):
+        assert set(np.unique(M[:, column])) == {0, 1}
+    y = song[0].mono()
+    onset = librosa.onset.onset_strength(y=y, sr=SAMPLE_RATE, hop_length=512)
+    _, beats = librosa.beat.beat_track(onset_envelope=onset, sr=SAMPLE_RATE, hop_length=512, start_bpm=120)
+    assert M[:, 34].sum() == pytest.approx(len(beats), abs=1)
+
+
+def test_silence_is_finite():
+    assert np.isfinite(music_features(np.zeros(30000, dtype=np.float32))).all()
+
+
+def test_the_whole_song_not_slices(song):
+    """EDGE computes features per slice: at the cut its chroma and beats differ from the song's."""
+    whole = song[0].features()[90:150]
+    sliced = song[0].slice(3, 5).features()[:60]
+    assert not torch.allclose(whole[:, CHROMA], sliced[:, CHROMA], atol=0.05)
+
+
+def test_loudness_does_not_matter(song):
+    soft = Music(song[0].audio * 0.1, song[0].rate)
+    gap = (soft.features() - song[0].features()).abs()
+    assert gap[:, 1:33].max() < 0.05 * song[0].features()[:, 1:33].abs().max()
+    assert gap[:, 34].sum() == 0
+
+
+def test_normalizer_keeps_unseen_songs_in_range(song, real_data):
+    norm = MusicNormalizer.fit([synth_song(s, seconds=12)[0].features() for s in range(12)])
+    real = Music.load(real_data / "music" / "hr3-caves.ogg").slice(0, 20).features()
+    x = norm.normalize(real)
+    assert x[:, :33].abs().max() <= 4 and set(x[:, 33:].unique().tolist()) <= {0, 1}
+    cut = ((real - norm.mean) / norm.std)[:, :33].abs() > 4
+    assert cut.float().mean() < 0.02
+
+
+def test_bad_samples_are_named():
+    with pytest.raises(ValueError, match="samples"):
+        music_features(np.array([0.0, np.nan]))
+    with pytest.raises(ValueError, match=r"\(2, 3\)"):
+        music_features(np.zeros((2, 3)))

@@ -1,0 +1,74 @@
+import numpy as np
+import pytest
+import soundfile
+
+from dancediff.music.song import Music
+
+
+def tone(rate, seconds=1.5, channels=2, hz=440):
+    t = np.arange(int(rate * seconds)) / rate
+    return np.repeat(0.5 * np.sin(2 * np.pi * hz * t)[:, None], channels, 1).astype(np.float32)
+
+
+@pytest.mark.parametrize("suffix", ["wav", "flac", "ogg", "mp3"])
+@pytest.mark.parametrize(("rate", "channels"), [(44100, 2), (22050, 1), (48000, 1)])
+def test_formats_rates_channels(tmp_path, suffix, rate, channels):
+    path = Music(tone(rate, channels=channels), rate).save(tmp_path / f"a.{suffix}")
+    song = Music.load(path)
+    assert song.rate == rate and song.audio.shape[1] == channels and song.name == "a"
+    assert song.duration == pytest.approx(1.5, abs=0.1)
+    mono = song.mono()
+    assert abs(len(mono) - 15360 * song.duration) <= 1
+    spectrum = np.abs(np.fft.rfft(mono))
+    assert np.argmax(spectrum) * 15360 / len(mono) == pytest.approx(440, abs=2)
+    assert [p.name for p in tmp_path.iterdir()] == [f"a.{suffix}"]
+
+
+def test_high_sounds_do_not_alias():
+    mono = Music(tone(44100, hz=12000), 44100).mono()
+    assert np.abs(mono[500:-500]).max() < 0.01
+
+
+@pytest.mark.parametrize("samples", [44100, 44101, 50000, 13, 22050])
+def test_num_frames_is_the_number_of_feature_rows(samples):
+    song = Music(tone(44100, 2)[:samples], 44100)
+    assert song.num_frames == len(song.features())
+
+
+def test_slice(tmp_path):
+    song = Music(tone(10000, 2), 10000)
+    assert song.slice(0.5, 1.0).duration == pytest.approx(0.5)
+    with pytest.raises(ValueError, match="lasts 2.00"):
+        song.slice(3, 4)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("none.wav", None, "does not exist"),
+        ("empty.wav", b"", "empty"),
+        ("text.mp3", b"hello world, this is no sound", "text.mp3"),
+        ("half.ogg", b"OggS\0\2" + b"\0" * 90, "half.ogg"),
+    ],
+)
+def test_bad_files_name_path_and_fix(tmp_path, name, content, message):
+    if content is not None:
+        (tmp_path / name).write_bytes(content)
+    with pytest.raises(ValueError, match=message):
+        Music.load(tmp_path / name)
+    with pytest.raises(ValueError, match="is a folder"):
+        Music.load(tmp_path)
+
+
+def test_no_samples_and_nan_are_refused(tmp_path):
+    soundfile.write(tmp_path / "zero.wav", np.zeros((0, 1), np.float32), 8000)
+    with pytest.raises(ValueError, match="no samples"):
+        Music.load(tmp_path / "zero.wav")
+    soundfile.write(tmp_path / "nan.wav", np.full(100, np.nan, np.float32), 8000, subtype="FLOAT")
+    with pytest.raises(ValueError, match="finite"):
+        Music.load(tmp_path / "nan.wav")
+
+
+def test_silence():
+    assert Music(np.full(1000, 5e-5, np.float32), 8000).is_silent
+    assert not Music(np.full(1000, 5e-3, np.float32), 8000).is_silent
