@@ -4,6 +4,7 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 READY  := $(VENV)/.ready
 export MPLBACKEND ?= Agg
+export OMP_WAIT_POLICY ?= passive
 
 .PHONY: setup dance test lint lab song clean
 setup: $(READY)

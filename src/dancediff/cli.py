@@ -7,6 +7,7 @@ input; the last line then names the value and the fix. torch is imported inside 
 import importlib.metadata
 import json
 import operator
+import os
 import platform
 import shutil
 import sys
@@ -54,7 +55,9 @@ class Generate:
         formats = [name.strip() for name in self.formats.split(",") if name.strip()]
         for name in formats or [self.formats]:
             if name not in FORMATS:
-                raise ValueError(f"--formats {self.formats!r}: {name!r} is not of {','.join(FORMATS)}")
+                raise ValueError(
+                    f"--formats {self.formats!r}: {name!r} is not of {','.join(FORMATS)}"
+                )
         _check_folder(self.out)
         song = hub.packaged_song() if self.song == "packaged" else hub.Music.load(self.song)
         model = hub.load(self.model)
@@ -96,7 +99,9 @@ class Train:
 
         _check_folder(self.out)
         model = train_from_config(self.config, self.out, resume=self.resume)
-        folder = hub.save_model(model, self.out / "model", card=f"Trained from {self.config.name}.\n")
+        folder = hub.save_model(
+            model, self.out / "model", card=f"Trained from {self.config.name}.\n"
+        )
         print(f"model folder: {folder}")
 
 
@@ -170,6 +175,8 @@ COMMANDS = {"generate": Generate, "train": Train, "warm": Warm, "doctor": Doctor
 def main(args: list[str] | None = None) -> int:
     """Run a command; returns the exit status."""
     args = sys.argv[1:] if args is None else args
+    # before torch is imported: waiting threads that spin slow each other down many times over
+    os.environ.setdefault("OMP_WAIT_POLICY", "passive")
     try:
         _parse(args).run()
     except (ValueError, OSError) as err:

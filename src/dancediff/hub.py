@@ -84,7 +84,9 @@ def load(name, *, device: str = "cpu") -> TCDiffPP:
         stored = json.loads((folder / "config.json").read_text(encoding="utf-8"))
         model_class, config_class = _CLASSES[stored["class"]]
         model = model_class(config_class(**_checked(stored["config"], config_class)))
-        model.load_state_dict({k: v.float() for k, v in load_file(folder / "model.safetensors").items()})
+        model.load_state_dict(
+            {k: v.float() for k, v in load_file(folder / "model.safetensors").items()}
+        )
     except (OSError, ValueError, KeyError, TypeError, RuntimeError, SafetensorError) as err:
         raise ValueError(f"model folder {str(folder)!r} cannot be read: {err}") from err
     model.name = folder.name

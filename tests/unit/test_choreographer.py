@@ -47,7 +47,9 @@ def test_contact_rule_agrees_with_the_plan(dances):
 
 
 def test_low_feet_hardly_slide(dances):
-    still = [(foot_speed(j)[feet_low(j)] < 0.015).float().mean() for j in (m.joints() for m, _ in dances)]
+    still = [
+        (foot_speed(j)[feet_low(j)] < 0.015).float().mean() for j in (m.joints() for m, _ in dances)
+    ]
     assert np.mean(still) > 0.95
 
 

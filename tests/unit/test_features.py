@@ -41,7 +41,9 @@ def test_binary_columns_and_number_of_beats(song):
         assert set(np.unique(M[:, column])) == {0, 1}
     y = song[0].mono()
     onset = librosa.onset.onset_strength(y=y, sr=SAMPLE_RATE, hop_length=512)
-    _, beats = librosa.beat.beat_track(onset_envelope=onset, sr=SAMPLE_RATE, hop_length=512, start_bpm=120)
+    _, beats = librosa.beat.beat_track(
+        onset_envelope=onset, sr=SAMPLE_RATE, hop_length=512, start_bpm=120
+    )
     assert M[:, 34].sum() == pytest.approx(len(beats), abs=1)
 
 

@@ -29,7 +29,7 @@ def test_round_trip(model, tmp_path):
         *["card.md", "config.json", "model.safetensors"]
     ]
     with safe_open(tmp_path / "tiny" / "model.safetensors", "pt") as file:
-        kinds = {file.get_tensor(k).dtype for k in file.keys() if k.startswith("decoder")}  # noqa: SIM118
+        kinds = {file.get_tensor(k).dtype for k in file.keys() if k.startswith("decoder")}
     assert kinds == {torch.float16}
 
 

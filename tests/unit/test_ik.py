@@ -36,6 +36,8 @@ def test_the_knee_points_to_the_pole():
 
 def test_out_of_reach_is_pulled_in():
     hip = torch.tensor([0.0, 1.0, 0.0])
-    *_, reached = two_bone_ik(hip, torch.tensor([0.0, -3.0, 0.0]), torch.tensor([0.0, 0, 1]), THIGH, SHIN)
+    *_, reached = two_bone_ik(
+        hip, torch.tensor([0.0, -3.0, 0.0]), torch.tensor([0.0, 0, 1]), THIGH, SHIN
+    )
     leg = THIGH.norm() + SHIN.norm()
     assert torch.isclose((hip - reached).norm(), 0.999 * leg)

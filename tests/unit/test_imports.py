@@ -28,7 +28,9 @@ def imports(tree: ast.AST):
             yield from (alias.name for alias in node.names)
 
 
-@pytest.mark.parametrize("path", sorted(SOURCE.rglob("*.py")), ids=lambda p: str(p.relative_to(SOURCE)))
+@pytest.mark.parametrize(
+    "path", sorted(SOURCE.rglob("*.py")), ids=lambda p: str(p.relative_to(SOURCE))
+)
 def test_imports_point_one_way(path):
     own = part_of(path)
     if own == "__init__":

@@ -18,9 +18,7 @@ from dancediff.tcdiffpp.losses import (
 def motion(b=2, n=3, f=6, seed=0):
     g = torch.Generator().manual_seed(seed)
     pose = axis_angle_to_matrix(0.5 * torch.randn(b, n, f, 24, 3, generator=g))
-    return pack(
-        torch.rand(b, n, f, 4, generator=g), torch.randn(b, n, f, 3, generator=g), pose
-    )
+    return pack(torch.rand(b, n, f, 4, generator=g), torch.randn(b, n, f, 3, generator=g), pose)
 
 
 NORM = Normalizer(-2 * torch.ones(151), 3 * torch.ones(151))

@@ -64,5 +64,5 @@ def test_bad_files(tmp_path):
     np.savez(tmp_path / "pickle.npz", header=np.array([{"evil": 1}], dtype=object))
     with pytest.raises(ValueError, match=r"pickle\.npz"):
         Motion.load(tmp_path / "pickle.npz")
-    with pytest.raises(ValueError, match="suffix '.xyz'"):
+    with pytest.raises(ValueError, match=r"suffix '\.xyz'"):
         random_motion().save(tmp_path / "dance.xyz")

@@ -38,7 +38,7 @@ def test_num_frames_is_the_number_of_feature_rows(samples):
 def test_slice(tmp_path):
     song = Music(tone(10000, 2), 10000)
     assert song.slice(0.5, 1.0).duration == pytest.approx(0.5)
-    with pytest.raises(ValueError, match="lasts 2.00"):
+    with pytest.raises(ValueError, match=r"lasts 2\.00"):
         song.slice(3, 4)
 
 

@@ -10,7 +10,14 @@ from dancediff.training.ema import EMA
 from dancediff.training.loop import TrainConfig, learning_rate, train
 from dancediff.training.run import fit_normalizers, read_config, train_from_config
 
-TINY = {"d_model": 32, "num_layers": 1, "num_heads": 2, "ff_dim": 64, "fusion_hidden": 64, "num_frames": 30}
+TINY = {
+    "d_model": 32,
+    "num_layers": 1,
+    "num_heads": 2,
+    "ff_dim": 64,
+    "fusion_hidden": 64,
+    "num_frames": 30,
+}
 
 
 @pytest.fixture(scope="module")
@@ -83,7 +90,9 @@ def test_damaged_checkpoint_is_named(takes, tmp_path):
     (tmp_path / "c.safetensors").write_bytes(b"nonsense")
     optimizer = torch.optim.AdamW(model.parameters())
     with pytest.raises(ValueError, match=r"c\.safetensors"):
-        load_checkpoint(tmp_path / "c.safetensors", model=model, ema=EMA(model), optimizer=optimizer)
+        load_checkpoint(
+            tmp_path / "c.safetensors", model=model, ema=EMA(model), optimizer=optimizer
+        )
 
 
 def test_ema_is_a_slow_average():

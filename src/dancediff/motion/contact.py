@@ -2,7 +2,7 @@ r"""Which feet stand on the floor.
 
 Symbols (axes: f frames · j joints)
     joints   positions, metres                (..., f, j, 3)
-    contact  0 or 1 per foot joint            (..., f, 4)   left ankle, right ankle, left toe, right toe
+    contact  0 or 1 per foot joint            (..., f, 4)   left and right ankle, left and right toe
 """
 
 import torch

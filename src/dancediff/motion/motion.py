@@ -133,15 +133,17 @@ class Motion:
         if path.suffix == ".npz":
             _write_npz(path, self)
         elif path.suffix in (".mp4", ".gif"):
-            from dancediff.viz.video import save_video  # noqa: PLC0415 - pictures only when asked
+            from dancediff.viz.video import save_video
 
             save_video(self, path, song=song)
         elif path.suffix == ".png":
-            from dancediff.viz.plots import save_filmstrip  # noqa: PLC0415
+            from dancediff.viz.plots import save_filmstrip
 
             save_filmstrip(self, path, song=song)
         else:
-            raise ValueError(f"suffix {path.suffix!r} of {path} is unknown; use .npz .mp4 .gif .png")
+            raise ValueError(
+                f"suffix {path.suffix!r} of {path} is unknown; use .npz .mp4 .gif .png"
+            )
         return path
 
     @classmethod
@@ -207,4 +209,6 @@ def _read_npz(path: Path) -> Motion:
     except FileNotFoundError:
         raise
     except (OSError, ValueError, KeyError, TypeError, AttributeError, zipfile.BadZipFile) as err:
-        raise ValueError(f"{path} is no dancediff motion (.npz written by Motion.save): {err}") from err
+        raise ValueError(
+            f"{path} is no dancediff motion (.npz written by Motion.save): {err}"
+        ) from err

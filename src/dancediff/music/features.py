@@ -38,7 +38,7 @@ def music_features(samples: np.ndarray) -> np.ndarray:
     >>> M.shape, bool(np.isfinite(M).all())
     ((31, 35), True)
     """
-    import librosa  # noqa: PLC0415 - takes seconds to import
+    import librosa
 
     y = np.asarray(samples, dtype=np.float32)
     if y.ndim != 1 or not np.isfinite(y).all():
@@ -70,7 +70,7 @@ def detect_beats(onset: np.ndarray) -> np.ndarray:
     >>> detect_beats(np.zeros(100)).tolist()
     []
     """
-    import librosa  # noqa: PLC0415
+    import librosa
 
     if not onset.any():
         return np.zeros(0, dtype=int)

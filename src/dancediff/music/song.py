@@ -50,11 +50,13 @@ class Music:
 
         Raises: ValueError naming the path and the fix when there is no such sound file.
         """
-        import soundfile  # noqa: PLC0415 - keeps `import dancediff` light
+        import soundfile
 
         path = Path(path)
         if not path.exists():
-            raise ValueError(f"song {str(path)!r} does not exist; give a wav, flac, ogg or mp3 file")
+            raise ValueError(
+                f"song {str(path)!r} does not exist; give a wav, flac, ogg or mp3 file"
+            )
         if path.is_dir():
             raise ValueError(f"song {str(path)!r} is a folder; give a wav, flac, ogg or mp3 file")
         if path.stat().st_size == 0:
@@ -72,7 +74,7 @@ class Music:
 
     def save(self, path) -> Path:
         """Write the sound; the suffix decides the format (.wav .flac .ogg .mp3)."""
-        import soundfile  # noqa: PLC0415
+        import soundfile
 
         path = Path(path)
         part = path.with_name(f".part.{path.name}")
@@ -106,7 +108,7 @@ class Music:
         y = self.audio.mean(axis=1)
         if rate == self.rate:
             return y
-        import librosa  # noqa: PLC0415
+        import librosa
 
         return librosa.resample(y, orig_sr=self.rate, target_sr=rate, res_type="soxr_hq")
 
@@ -118,7 +120,7 @@ class Music:
         a, b = max(0, round(start * self.rate)), round(stop * self.rate)
         if a >= min(b, len(self.audio)):
             raise ValueError(
-                f"slice({start}, {stop}) is empty; the song {self.name!r} lasts {self.duration:.2f} s"
+                f"slice({start}, {stop}) is empty; song {self.name!r} lasts {self.duration:.2f} s"
             )
         return Music(self.audio[a:b], self.rate, self.name)
 

@@ -239,7 +239,8 @@ def _voice(rng):
             live = [k for k in range(1, 13) if k * hz < RATE / 2.2]
             fade = 1.5 if kind == "pluck" else 0.0
             wave = sum(
-                partials[k - 1] * np.sin(2 * np.pi * hz * k * t) * np.exp(-t * fade * k) for k in live
+                partials[k - 1] * np.sin(2 * np.pi * hz * k * t) * np.exp(-t * fade * k)
+                for k in live
             )
             wave = wave / max(partials[: len(live)].sum(), 1e-3)
         return wave * shape

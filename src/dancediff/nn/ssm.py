@@ -20,7 +20,7 @@ from einops import rearrange
 from torch import Tensor, nn
 
 
-def selective_scan_ref(  # noqa: PLR0917 - the six of the equation
+def selective_scan_ref(
     u: Tensor, delta: Tensor, A: Tensor, B: Tensor, C: Tensor, D_skip: Tensor
 ) -> Tensor:
     r"""The scan as the paper writes it, frame by frame. Read this one.
@@ -59,7 +59,7 @@ class _Scan(torch.autograd.Function):
     """
 
     @staticmethod
-    def forward(ctx, v, delta, A, B, C):  # noqa: PLR0917
+    def forward(ctx, v, delta, A, B, C):
         """Frames first: v = delta u, delta (f, b, d), A (s, d), B, C (f, b, s) -> y (f, b, d)."""
         f, b, d = v.shape
         states = v.new_empty(f, b, *A.shape)
@@ -91,7 +91,7 @@ class _Scan(torch.autograd.Function):
         return grad_v, grad_delta, grad_A, grad_B, grad_C
 
 
-def selective_scan(  # noqa: PLR0917
+def selective_scan(
     u: Tensor, delta: Tensor, A: Tensor, B: Tensor, C: Tensor, D_skip: Tensor
 ) -> Tensor:
     r"""`selective_scan_ref`, faster: the same loop with the gradient written by hand.
@@ -128,7 +128,7 @@ def segsum(a: Tensor) -> Tensor:
     return (total[..., :, None] - total[..., None, :]).masked_fill(future, -torch.inf)
 
 
-def ssd_scan(  # noqa: PLR0917
+def ssd_scan(
     u: Tensor,
     delta: Tensor,
     A: Tensor,

@@ -223,7 +223,7 @@ class _Progress:
     def __enter__(self):
         if not self.progress or callable(self.progress):
             return self.progress or None
-        from tqdm.auto import tqdm  # noqa: PLC0415 - only when a bar is wanted
+        from tqdm.auto import tqdm
 
         self.bar = tqdm(desc="dancing", unit="step")
 

@@ -12,7 +12,11 @@ from dancediff.training.ema import EMA
 
 
 def save_checkpoint(path, *, model: nn.Module, ema: EMA, optimizer, step: int, config: dict):
-    """Write weights, averaged weights and optimiser moments; the old file stays until it is done."""
+    """Write weights, averaged weights and optimiser moments.
+
+    The old file stays until the new one is whole. No random state is kept: a step's randomness
+    follows from its number.
+    """
     path = Path(path)
     tensors = {f"model.{k}": v for k, v in model.state_dict().items()}
     tensors |= {f"ema.{k}": v for k, v in ema.model.state_dict().items()}
@@ -35,7 +39,7 @@ def load_checkpoint(path, *, model: nn.Module, ema: EMA, optimizer) -> int:
     try:
         with safe_open(path, "pt") as file:
             meta = file.metadata()
-            tensors = {k: file.get_tensor(k) for k in file.keys()}  # noqa: SIM118 - no mapping
+            tensors = {k: file.get_tensor(k) for k in file.keys()}
         model.load_state_dict(_part(tensors, "model."))
         ema.model.load_state_dict(_part(tensors, "ema."))
         state: dict = {}

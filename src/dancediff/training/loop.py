@@ -4,7 +4,7 @@ Read first: notebook 05.
 
 A step: take a batch, add noise of a random strength t, let the model guess the clean motion, and
 correct it. The randomness of a step follows from (seed, step) alone, so a run that was stopped goes
-on exactly where it was.
+on exactly where it was, bit by bit; only with ``max_minutes`` the clock has a say in it.
 
 Symbols (axes: b batch · n dancers · f frames · d motion features)
     x_0, x_t   clean and noisy motion, normalised      (b, n, f, d)
@@ -41,7 +41,22 @@ class TrainConfig:
     precision: str = "fp32"  # or "bf16"
     seed: int = 0
     save_every: int = 500  # steps
+    max_minutes: float | None = None  # end in this time, learning rate and all; see `schedule_step`
     weights: LossWeights = field(default_factory=LossWeights)
+
+    def __post_init__(self):
+        """Catch what would otherwise be noticed after an hour, or never."""
+        if self.precision not in ("fp32", "bf16"):
+            raise ValueError(f"precision={self.precision!r} is not one of 'fp32', 'bf16'")
+        if not 0 <= self.decay <= 1:
+            raise ValueError(f"decay={self.decay} is a share of the run; choose 0 to 1")
+        if not 0 <= self.ema < 1:
+            raise ValueError(f"ema={self.ema} never moves or overshoots; choose 0 to below 1")
+        for name in ("steps", "lr", "clip", "save_every"):
+            if not getattr(self, name) > 0:
+                raise ValueError(f"{name}={getattr(self, name)} must be above 0")
+        if self.max_minutes is not None and not self.max_minutes > 0:
+            raise ValueError(f"max_minutes={self.max_minutes} must be above 0, or left out")
 
 
 def learning_rate(step: int, config: TrainConfig) -> float:
@@ -56,67 +71,159 @@ def learning_rate(step: int, config: TrainConfig) -> float:
     return config.lr * max(0.0, min(1.0, rise, fall))
 
 
+def schedule_step(step: int, seconds: float, config: TrainConfig) -> int:
+    """How far the schedule is: the step, or where the clock says it should be, if that is later.
+
+    Without ``max_minutes`` it is the step. With it a run of unknown speed still ends with a small
+    learning rate, in time; the price is that it cannot be repeated bit by bit.
+
+    >>> config = TrainConfig(steps=100, max_minutes=10)
+    >>> schedule_step(5, 0.0, config), schedule_step(5, 300.0, config)
+    (5, 50)
+    """
+    if config.max_minutes is None:
+        return step
+    return max(step, int(config.steps * seconds / (60 * config.max_minutes)))
+
+
 def train(model: nn.Module, data, config: TrainConfig, out, *, resume=False, compile_model=False):
     """Train ``model`` in place on ``data.batch(step)``; returns the averaged model.
 
     Writes ``out/checkpoint.safetensors`` and ``out/losses.csv``. With ``resume`` it goes on from
-    the checkpoint there, if there is one.
+    the checkpoint there, if there is one. The model may be on any device; batches follow it.
+
+    Raises: RuntimeError naming the step when the gradient is not finite; the weights are then
+    those before that step.
     """
     out = Path(out)
     out.mkdir(parents=True, exist_ok=True)
     checkpoint = out / "checkpoint.safetensors"
-    optimizer = torch.optim.AdamW(
-        model.parameters(), lr=config.lr, betas=(0.9, 0.99),
-        weight_decay=config.weight_decay, fused=True
-    )
+    optimizer = make_optimizer(model, config)
     ema = EMA(model, config.ema)
     first = 0
     if resume and checkpoint.exists():
         first = load_checkpoint(checkpoint, model=model, ema=ema, optimizer=optimizer)
     forward = torch.compile(model) if compile_model else model
     model.train()
-    saved = {"train": asdict(config), "model": asdict(model.config)}
-    with (out / "losses.csv").open("a" if first else "w", newline="") as file:
-        log = csv.writer(file)
-        started = time.monotonic()
+    settings = {"train": asdict(config), "model": asdict(model.config)}
+
+    def save(step: int) -> None:
+        log.flush()  # first, so that the log never lacks a step which the checkpoint has
+        save_checkpoint(
+            checkpoint, model=model, ema=ema, optimizer=optimizer, step=step, config=settings
+        )
+
+    with LossLog(out / "losses.csv", first) as log:
+        step = saved = first
         bar = tqdm(range(first, config.steps), initial=first, total=config.steps, desc="training")
         for step in bar:
-            terms = train_step(forward, model, optimizer, data.batch(step), step, config)
+            at = schedule_step(step, log.seconds, config)
+            if at >= config.steps:
+                break  # time is up
+            lr = learning_rate(at, config)
+            terms = train_step(forward, model, optimizer, data.batch(step), step, config, lr=lr)
             ema.update(model)
             row = {name: value.item() for name, value in terms.items()}
-            if step == 0:
-                log.writerow(["step", "seconds", *row])
-            log.writerow([step, f"{time.monotonic() - started:.1f}", *(f"{v:.6g}" for v in row.values())])
+            log.write(step, row)
             if step % 20 == 0:
                 bar.set_postfix({"loss": f"{row['total']:.4f}"})
             if (step + 1) % config.save_every == 0 or step + 1 == config.steps:
-                file.flush()
-                save_checkpoint(
-                    checkpoint, model=model, ema=ema, optimizer=optimizer, step=step + 1, config=saved
-                )
+                save(saved := step + 1)
+        else:
+            step = config.steps
+        if step > saved:
+            save(step)
     return ema.model
 
 
-def train_step(forward, model, optimizer, batch, step: int, config: TrainConfig) -> dict:
+def make_optimizer(model: nn.Module, config: TrainConfig) -> torch.optim.Optimizer:
+    """AdamW in one fused pass over all weights.
+
+    Differs: TCDiff++ writes Adam at 5e-5, its released code runs Adan at 4e-4; a small model that
+    must be done in an hour wants a larger step, warm-up and clipping.
+    """
+    return torch.optim.AdamW(
+        model.parameters(),
+        lr=config.lr,
+        betas=(0.9, 0.99),
+        weight_decay=config.weight_decay,
+        fused=True,
+    )
+
+
+class LossLog:
+    """The CSV of every loss of every step; on resuming, steps that will be run again are cut off.
+
+    ``seconds`` is the training time so far, that of earlier runs included.
+    """
+
+    def __init__(self, path: Path, first: int = 0):
+        rows = []
+        if first and path.exists():
+            rows = list(csv.reader(path.read_text(encoding="utf-8").splitlines()))
+            rows = rows[:1] + [r for r in rows[1:] if r and r[0].isdigit() and int(r[0]) < first]
+        before = float(rows[-1][1]) if len(rows) > 1 else 0.0
+        self.started = time.monotonic() - before
+        part = path.with_name(f".{path.name}.part")
+        with part.open("w", newline="", encoding="utf-8") as file:
+            csv.writer(file).writerows(rows)
+        part.replace(path)
+        self.has_header = bool(rows)
+        self.file = path.open("a", newline="", encoding="utf-8")
+        self.flush = self.file.flush
+
+    @property
+    def seconds(self) -> float:
+        """Training time so far."""
+        return time.monotonic() - self.started
+
+    def write(self, step: int, losses: dict[str, float]) -> None:
+        """One line: step, seconds, losses."""
+        writer = csv.writer(self.file)
+        if not self.has_header:
+            writer.writerow(["step", "seconds", *losses])
+            self.has_header = True
+        values = (f"{value:.6g}" for value in losses.values())
+        writer.writerow([step, f"{self.seconds:.1f}", *values])
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.file.close()
+
+
+def train_step(
+    forward, model, optimizer, batch, step: int, config: TrainConfig, *, lr: float | None = None
+) -> dict:
     """Noise, guess, correct: one update of the weights; returns the named losses."""
-    x_raw, M_raw, S = batch
-    g = torch.Generator().manual_seed(config.seed * 1_000_003 + step)
-    torch.manual_seed(config.seed * 1_000_003 + step)  # dropout has no generator argument
+    device = model.abar.device
+    x_raw, M_raw, S = (part.to(device) for part in batch)
+    seed = config.seed * 1_000_003 + step
+    g = torch.Generator().manual_seed(seed)  # on the CPU: the same noise on every device
     b = len(x_raw)
     x_0 = model.normalizer.normalize(x_raw)
     M = model.music_normalizer.normalize(M_raw)
-    t = torch.randint(model.config.num_steps, (b,), generator=g)
-    x_t = q_sample(x_0, t, model.abar, torch.randn(x_0.shape, generator=g)).to(x_0.dtype)
-    keep = torch.rand(b, generator=g) >= model.config.cond_drop
-    with torch.autocast("cpu", torch.bfloat16, enabled=config.precision == "bf16"):
-        guess, adapted = forward(x_t, t, M, S, keep=keep)
+    t = torch.randint(model.config.num_steps, (b,), generator=g).to(device)
+    eps = torch.randn(x_0.shape, generator=g).to(device)
+    keep = (torch.rand(b, generator=g) >= model.config.cond_drop).to(device)
+    x_t = q_sample(x_0, t, model.abar, eps).to(x_0.dtype)
+    with torch.random.fork_rng(devices=[device] if device.type == "cuda" else []):
+        torch.manual_seed(seed)  # dropout has no generator argument
+        with torch.autocast(device.type, torch.bfloat16, enabled=config.precision == "bf16"):
+            guess, adapted = forward(x_t, t, M, S, keep=keep)
     terms = tcdiffpp_losses(
         guess.float(), adapted.float(), x_0, model.normalizer, weights=config.weights
     )
     optimizer.zero_grad(set_to_none=True)
     terms["total"].backward()
-    nn.utils.clip_grad_norm_(model.parameters(), config.clip)
+    length = nn.utils.clip_grad_norm_(model.parameters(), config.clip)
+    if not length.isfinite():
+        raise RuntimeError(
+            f"the gradient of step {step} is not finite (loss {terms['total'].item()}): "
+            "lower lr, or use precision fp32, and resume"
+        )
     for group in optimizer.param_groups:
-        group["lr"] = learning_rate(step, config)
+        group["lr"] = learning_rate(step, config) if lr is None else lr
     optimizer.step()
     return terms

@@ -37,7 +37,9 @@ def read_config(path) -> dict:
     }
     for table, values in config.items():
         for key in [table] if table not in known else set(values) - known[table]:
-            raise ValueError(f"{str(path)!r}: {table!r} has no {key!r}; known: {known.get(table, known)}")
+            raise ValueError(
+                f"{str(path)!r}: {table!r} has no {key!r}; known: {known.get(table, known)}"
+            )
     return {table: dict(config.get(table, {})) for table in known}
 
 

@@ -220,7 +220,7 @@ def label_spots(points: np.ndarray) -> np.ndarray:
 
 def to_paths(shapes):
     """Shapes as matplotlib paths and their face colours."""
-    from matplotlib.path import Path  # noqa: PLC0415 - only when a picture is drawn
+    from matplotlib.path import Path
 
     paths, colors = [], []
     for outlines, color in shapes:

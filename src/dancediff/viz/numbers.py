@@ -4,8 +4,9 @@ import numpy as np
 import torch
 
 from dancediff.motion.representation import TCDIFFPP
+from dancediff.motion.skeleton import SMPL24, forward_kinematics
 from dancediff.music.features import BEATS, CHROMA, FPS, MFCC, ONSET, PEAKS
-from dancediff.viz.palette import BEAT, INK, MUTED, dancer_color
+from dancediff.viz.palette import BEAT, INK, MUTED, dancer_color, mix
 from dancediff.viz.style import bare, new_axes, set_title
 
 _PITCHES = ("C", "C♯", "D", "D♯", "E", "F", "F♯", "G", "G♯", "A", "A♯", "B")
@@ -18,7 +19,7 @@ def plot_features(M, *, song=None, title: str | None = None):
 
     Shapes: M (f, 35), raw, at 30 frames a second -> the top Axes of a figure of its own.
     """
-    import matplotlib.pyplot as plt  # noqa: PLC0415
+    import matplotlib.pyplot as plt
 
     M = np.asarray(M)
     stop = len(M) / FPS
@@ -135,4 +136,31 @@ def plot_schedule(abar, *, t=None, ax=None, title: str | None = None):
         ax.axvline(t, color=INK, lw=1)
         ax.plot([t, t], [abar[t] ** 0.5, (1 - abar[t]) ** 0.5], "o", color=INK, ms=5)
     ax.set(xlim=(0, end), ylim=(0, 1.05), xlabel="diffusion step t", ylabel="weight")
+    return set_title(bare(ax), title)
+
+
+def plot_skeleton(joints=None, *, ax=None, title: str | None = None, numbers: bool = True):
+    """The SMPL-24 joint tree from the front, with the index of every joint.
+
+    Shapes: joints (24, 3) metres, default the T-pose -> Axes. The dancer faces you, so the left
+    side of the body (blue) is on the right of the picture.
+    """
+    ax = new_axes(ax, (6.0, 5.4))
+    if joints is None:
+        joints = forward_kinematics(torch.eye(3).expand(24, 3, 3), torch.zeros(3))
+    xy = np.asarray(joints)[:, :2]
+    side = {"l": dancer_color(0), "r": dancer_color(4)}
+    colors = [INK if n[0] not in side or n in ("root",) else side[n[0]] for n in SMPL24.names]
+    for parent, child in SMPL24.bones:
+        ax.plot(*xy[[parent, child]].T, color=mix(colors[child], "#FFFFFF", 0.45), lw=5, zorder=1)
+    ax.scatter(*xy.T, s=150, color=colors, edgecolor="white", zorder=2)
+    if numbers:
+        for j, spot in enumerate(xy):
+            ax.annotate(
+                str(j), spot, color="white", fontsize=6.5, ha="center", va="center",
+                fontweight="bold", zorder=3,
+            )  # fmt: skip
+    ax.set_aspect("equal")
+    ax.margins(0.08)
+    ax.set(xlabel="x (m), the dancer's left is +", ylabel="y (m)")
     return set_title(bare(ax), title)

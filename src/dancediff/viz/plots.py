@@ -12,7 +12,6 @@ import numpy as np
 
 from dancediff.motion.contact import foot_contact
 from dancediff.motion.motion import Motion
-from dancediff.motion.skeleton import SMPL24
 from dancediff.viz.body import (
     body_points,
     dancer_shapes,
@@ -21,7 +20,13 @@ from dancediff.viz.body import (
     shadow_shapes,
     to_paths,
 )
-from dancediff.viz.numbers import plot_barcode, plot_beats, plot_features, plot_schedule
+from dancediff.viz.numbers import (
+    plot_barcode,
+    plot_beats,
+    plot_features,
+    plot_schedule,
+    plot_skeleton,
+)
 from dancediff.viz.palette import BEAT, FLOOR, GRID, INK, MUTED, WALL, dancer_color, mix, rgb
 from dancediff.viz.projection import Camera, follow
 from dancediff.viz.style import bare, new_axes, set_title
@@ -49,7 +54,7 @@ def plot_moment(points: np.ndarray, camera: Camera, *, ax=None, colors=None, num
 
     Shapes: points (n, 30, 3) metres, from `body.body_points` -> Axes.
     """
-    from matplotlib.collections import PathCollection  # noqa: PLC0415
+    from matplotlib.collections import PathCollection
 
     ax = new_axes(ax, (4.0, 4.0 * camera.size[1] / camera.size[0]))
     width, height = camera.size
@@ -100,7 +105,7 @@ def plot_filmstrip(motion: Motion, *, count: int = 8, song=None, title: str | No
     >>> len(figure.axes)                                  # two moments, floor, contacts
     4
     """
-    from matplotlib.figure import Figure  # noqa: PLC0415
+    from matplotlib.figure import Figure
 
     if not 1 <= count <= 24:
         raise ValueError(f"count={count} is not in 1..24")
@@ -186,7 +191,7 @@ def plot_floor_paths(motion: Motion, *, ax=None, title: str | None = None):
 
     Shapes: motion.root (n, f, 3) metres -> Axes.
     """
-    from matplotlib.ticker import MultipleLocator  # noqa: PLC0415
+    from matplotlib.ticker import MultipleLocator
 
     ax = new_axes(ax, (4.2, 4.0))
     root = motion.root.numpy()
@@ -254,34 +259,6 @@ def plot_contact_strip(motion: Motion, *, ax=None, beats=(), title: str | None =
     return set_title(ax, title)
 
 
-def plot_skeleton(joints=None, *, ax=None, title: str | None = None, numbers: bool = True):
-    """The SMPL-24 joint tree from the front, with the index of every joint.
-
-    Shapes: joints (24, 3) metres, default the T-pose -> Axes. The dancer faces you, so the left
-    side of the body (blue) is on the right of the picture.
-    """
-    ax = new_axes(ax, (6.0, 5.4))
-    if joints is None:
-        joints = Motion(np.broadcast_to(np.eye(3), (1, 1, 24, 3, 3)).copy(), np.zeros((1, 1, 3)))
-        joints = joints.joints()[0, 0]
-    xy = np.asarray(joints)[:, :2]
-    side = {"l": dancer_color(0), "r": dancer_color(4)}
-    colors = [INK if n[0] not in side or n in ("root",) else side[n[0]] for n in SMPL24.names]
-    for parent, child in SMPL24.bones:
-        ax.plot(*xy[[parent, child]].T, color=mix(colors[child], "#FFFFFF", 0.45), lw=5, zorder=1)
-    ax.scatter(*xy.T, s=150, color=colors, edgecolor="white", zorder=2)
-    if numbers:
-        for j, spot in enumerate(xy):
-            ax.annotate(
-                str(j), spot, color="white", fontsize=6.5, ha="center", va="center",
-                fontweight="bold", zorder=3,
-            )  # fmt: skip
-    ax.set_aspect("equal")
-    ax.margins(0.08)
-    ax.set(xlabel="x (m), the dancer's left is +", ylabel="y (m)")
-    return set_title(bare(ax), title)
-
-
 def plot_noise_filmstrip(dances, labels, *, frame: int = 0, title: str | None = None):
     """The same moment of several versions of a dance side by side, e.g. noisier and noisier ones.
 
@@ -290,7 +267,7 @@ def plot_noise_filmstrip(dances, labels, *, frame: int = 0, title: str | None = 
 
     Raises: ValueError when the numbers of dances and labels differ.
     """
-    from matplotlib.figure import Figure  # noqa: PLC0415
+    from matplotlib.figure import Figure
 
     if len(dances) != len(labels) or not dances:
         raise ValueError(f"{len(dances)} dances need as many labels, at least 1; got {len(labels)}")

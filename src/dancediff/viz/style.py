@@ -7,7 +7,7 @@ def new_axes(ax=None, size=(7.0, 3.2)):
     """The axes given, or those of a new figure that belongs to no window."""
     if ax is not None:
         return ax
-    import matplotlib.pyplot as plt  # noqa: PLC0415
+    import matplotlib.pyplot as plt
 
     return plt.subplots(figsize=size, layout="constrained")[1]
 

@@ -38,9 +38,9 @@ class Canvas:
     """
 
     def __init__(self, motion: Motion, song=None, *, size=(1280, 720)):
-        from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: PLC0415
-        from matplotlib.collections import PathCollection  # noqa: PLC0415
-        from matplotlib.figure import Figure  # noqa: PLC0415
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.collections import PathCollection
+        from matplotlib.figure import Figure
 
         self.fps, self.size = motion.fps, size
         self.points = body_points(motion)
@@ -156,7 +156,7 @@ def _frames(motion: Motion, song, size, fps: float):
 
 
 def _write_gif(motion: Motion, path: Path, song, size, fps: float) -> None:
-    from PIL import Image  # noqa: PLC0415
+    from PIL import Image
 
     pictures = [Image.fromarray(f[..., :3].copy()) for f in _frames(motion, song, size, fps)]
     # one palette for all frames, or the colours flicker
@@ -170,7 +170,7 @@ def _write_gif(motion: Motion, path: Path, song, size, fps: float) -> None:
 
 def _import_av():
     try:
-        import av  # noqa: PLC0415
+        import av
     except ImportError as err:
         raise ImportError(
             'writing .mp4 needs PyAV: pip install "dancediff[video]" (or save as .gif)'

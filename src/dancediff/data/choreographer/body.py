@@ -67,7 +67,7 @@ def pelvis_path(beat, feet: tuple[FootPath, FootPath], groove: Groove, frames_pe
     room = np.full(len(beat), np.inf)
     for side, (hip, knee, ankle, _), foot in zip((1, -1), _LEGS, feet, strict=True):
         leg = _REACH * (_OFFSETS[knee].norm() + _OFFSETS[ankle].norm()).item()
-        away = floor + [0.06 * side, -0.015] - foot.ankle[:, (0, 2)]
+        away = floor + np.array([0.06 * side, -0.015]) - foot.ankle[:, (0, 2)]
         drop = np.sqrt(np.maximum(leg**2 - (away**2).sum(-1), 0.05))
         room = np.minimum(room, foot.ankle[:, 1] + drop - _OFFSETS[hip, 1].item() - 0.012)
     excess = np.maximum(wanted - room, 0)
@@ -94,16 +94,14 @@ def ease_keys(keys: Tensor, beat: np.ndarray) -> Tensor:
 
 
 def arm_rotations(poses: list[str], side: int, spread: float) -> Tensor:
-    """Shoulder and elbow rotations for a list of arm poses, (k, 2, 3, 3); side +1 left, -1 right."""
+    """Shoulder and elbow rotations for arm poses, (k, 2, 3, 3); side +1 left, -1 right."""
     flip = torch.tensor([float(side), 1.0, 1.0])
     upper = torch.stack([tensor(ARM_POSES[p][0]) for p in poses]) + spread
     fore = torch.stack([tensor(ARM_POSES[p][1]) for p in poses]) + spread
     elbow, wrist = (18, 20) if side > 0 else (19, 21)
     shoulder = rotation_between(_OFFSETS[elbow].expand_as(upper), upper * flip)
     in_arm = (shoulder.mT @ (fore * flip)[..., None])[..., 0]
-    return torch.stack(
-        [shoulder, rotation_between(_OFFSETS[wrist].expand_as(fore), in_arm)], dim=1
-    )
+    return torch.stack([shoulder, rotation_between(_OFFSETS[wrist].expand_as(fore), in_arm)], dim=1)
 
 
 def torso_rotations(torso: np.ndarray, size: float) -> Tensor:

@@ -11,6 +11,7 @@ Symbols (axes: f frames)
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -57,7 +58,7 @@ def foot_path(beat: np.ndarray, steps: list[Step]) -> FootPath:
     yaw = np.full(f, steps[0].yaw)
     pitch = np.zeros(f)
     planted = np.ones(f, dtype=bool)
-    for before, step in zip(steps, steps[1:], strict=False):
+    for before, step in pairwise(steps):
         start = max(step.beat - SWING, before.beat + 0.05)
         later = beat > start
         u = (beat[later] - start) / (step.beat - start)

@@ -1,0 +1,263 @@
+"""The 3-D stage of the notebooks: turn it, zoom it, play it; no kernel is needed while it plays.
+
+The scene is built once. Every joint is a group inside its parent's group, and one clip with one
+quaternion track a joint and one position track a dancer moves them all. The clip stands still by
+itself (time scale 0); a slider in the browser sets its time.
+"""
+
+import io
+from collections import deque
+
+import numpy as np
+import roma
+
+from dancediff.motion.motion import Motion
+from dancediff.viz.palette import FLOOR, GRID, MUTED, WALL, dancer_color
+
+_MAX_OPEN = 6  # a page holds 8 to 16 WebGL pictures; beyond that the browser blanks the oldest
+_open: deque = deque()
+
+# (frame of joint, from, to, radius at from, radius at to, flatness); a name or an offset in metres
+_BODY = (
+    ("root", "lhip", "rhip", 0.088, 0.088, 0.85),
+    ("root", (0, 0, 0), "belly", 0.120, 0.115, 0.80),
+    ("belly", (0, 0, 0), "spine", 0.115, 0.128, 0.75),
+    ("spine", (0, 0, 0), "chest", 0.128, 0.130, 0.75),
+    ("chest", (0, 0, 0), (0, 0.14, -0.02), 0.130, 0.085, 0.75),
+    ("chest", (0, 0.12, -0.02), "neck", 0.070, 0.052, 1.0),
+    ("chest", "lcollar", "rcollar", 0.062, 0.062, 1.0),
+    ("neck", (0, 0, 0), "head", 0.050, 0.050, 1.0),
+    *[(f"{s}collar", (0, 0, 0), f"{s}shoulder", 0.060, 0.055, 1.0) for s in "lr"],
+    *[(f"{s}shoulder", (0, 0, 0), f"{s}elbow", 0.052, 0.042, 1.0) for s in "lr"],
+    *[(f"{s}elbow", (0, 0, 0), f"{s}wrist", 0.040, 0.029, 1.0) for s in "lr"],
+    *[(f"{s}wrist", (0, 0, 0), f"{s}hand", 0.031, 0.034, 1.0) for s in "lr"],
+    *[(f"{s}hip", (0, 0, 0), f"{s}knee", 0.086, 0.060, 1.0) for s in "lr"],
+    *[(f"{s}knee", (0, 0, 0), f"{s}ankle", 0.057, 0.037, 1.0) for s in "lr"],
+    *[(f"{s}ankle", (0, 0, 0), (0, -0.045, -0.04), 0.038, 0.036, 1.0) for s in "lr"],
+    *[(f"{s}ankle", (0, -0.045, -0.04), f"{s}toe", 0.036, 0.032, 1.0) for s in "lr"],
+    *[(f"{s}toe", (0, 0, 0), (0, 0, 0.06), 0.032, 0.024, 1.0) for s in "lr"],
+)
+_SKULL, _FACE = (0.0, 0.075, 0.015), (0.0, 0.060, 0.062)
+
+
+def stage(motion: Motion, song=None, *, size=(760, 430)):
+    """A dance to turn and to play, as a widget; ``dancediff.play`` is this function.
+
+    Drag to turn, scroll to zoom. With a song there is a sound player below; it has a start button
+    of its own, so dance and sound are in step only as well as you press both. For exact sound use
+    ``motion.save("dance.mp4", song)``.
+
+    Returns an ipywidgets.VBox. A page keeps the six newest stages; older ones are closed.
+    Raises: ImportError naming the extra when pythreejs or ipywidgets is not installed.
+    """
+    p3, widgets = _import_widgets()
+    skin = _Skin(p3, motion)
+    dancers = [skin.dancer(k) for k in range(motion.num_dancers)]
+    scene = p3.Scene(children=[*dancers, *_room(p3, motion)], background=WALL)
+    action = _action(p3, scene, motion)
+    renderer = _renderer(p3, scene, motion, size)
+    last = motion.num_frames - 1
+    play = widgets.Play(min=0, max=last, interval=round(1000 / motion.fps), repeat=True)
+    slider = widgets.IntSlider(
+        min=0, max=last, description="frame", layout={"width": f"{size[0] - 190}px"}
+    )
+    widgets.jslink((play, "value"), (slider, "value"))
+    widgets.jslink((slider, "value"), (action, "time"))
+    action.play()
+    rows = [renderer, widgets.HBox([play, slider])]
+    if song is not None:
+        rows.append(_player(widgets, song, motion.duration))
+    box = widgets.VBox(rows)
+    _remember(renderer)
+    return box
+
+
+play = stage
+
+
+def close_all() -> None:
+    """Close every stage that is open, and free their pictures in the browser."""
+    while _open:
+        _open.popleft().close()
+
+
+def _import_widgets():
+    try:
+        import ipywidgets
+        import pythreejs
+    except ImportError as err:
+        raise ImportError(
+            'the 3-D stage needs pythreejs and ipywidgets: pip install "dancediff[notebooks]"'
+        ) from err
+    return pythreejs, ipywidgets
+
+
+def _remember(renderer) -> None:
+    _open.append(renderer)
+    while len(_open) > _MAX_OPEN:
+        _open.popleft().close()
+
+
+class _Skin:
+    """Builds dancers; they share geometry, each has a colour."""
+
+    def __init__(self, p3, motion: Motion):
+        self.p3, self.motion, self.skeleton = p3, motion, motion.skeleton
+        self.offsets = motion.skeleton.offsets.numpy().astype(float)
+        self.ball = p3.SphereBufferGeometry(1.0, 20, 14)
+        self.tubes = {r: p3.CylinderBufferGeometry(r[1], r[0], 1.0, 16, 1, True) for r in _radii()}
+
+    def dancer(self, k: int):
+        p3, parents = self.p3, self.skeleton.parents
+        color = dancer_color(k)
+        skin = p3.MeshStandardMaterial(color=color, roughness=0.75, metalness=0.0)
+        face = p3.MeshStandardMaterial(color=_lighter(color), roughness=0.8, metalness=0.0)
+        parts: list[list] = [[] for _ in parents]
+        for joint, a, b, radius_a, radius_b, flat in _BODY:
+            a, b = self._point(a), self._point(b)
+            limb = parts[self.skeleton.index(joint)]
+            limb += self._capsule(a, b, radius_a, radius_b, flat, skin)
+        head = parts[self.skeleton.index("head")]
+        head += [self._ball(_SKULL, 0.105, skin), self._ball(_FACE, 0.072, face)]
+        groups: list = [None] * len(parents)
+        for j in reversed(range(len(parents))):  # children come after their parents
+            kids = [groups[c] for c, parent in enumerate(parents) if parent == j]
+            place = self.motion.root[k, 0].tolist() if j == 0 else self.offsets[j].tolist()
+            groups[j] = p3.Group(name=_name(k, j), position=place, children=parts[j] + kids)
+        return groups[0]
+
+    def _point(self, at) -> np.ndarray:
+        return self.offsets[self.skeleton.index(at)] if isinstance(at, str) else np.array(at, float)
+
+    def _ball(self, at, radius: float, material, flat: float = 1.0):
+        scale = (radius, radius, radius * flat)
+        return self.p3.Mesh(
+            self.ball, material, position=tuple(map(float, at)), scale=scale, castShadow=True
+        )
+
+    def _capsule(self, a, b, radius_a, radius_b, flat: float, material) -> list:
+        length = float(np.linalg.norm(b - a))
+        tube = self.p3.Mesh(
+            self.tubes[radius_a, radius_b],
+            material,
+            position=tuple(map(float, (a + b) / 2)),
+            quaternion=_turn_up_to(b - a),
+            scale=(1.0, length, flat),
+            castShadow=True,
+        )
+        ends = [self._ball(a, radius_a, material, flat), self._ball(b, radius_b, material, flat)]
+        return [tube, *ends]
+
+
+def _radii() -> set[tuple[float, float]]:
+    return {(part[3], part[4]) for part in _BODY}
+
+
+def _name(k: int, j: int) -> str:
+    return f"dancer{k}joint{j}"
+
+
+def _lighter(color: str) -> str:
+    return "#" + "".join(f"{(int(color[i : i + 2], 16) + 255) // 2:02X}" for i in (1, 3, 5))
+
+
+def _turn_up_to(direction: np.ndarray) -> tuple[float, float, float, float]:
+    """Quaternion (x, y, z, w) that turns the y axis, along which tubes are built, to a direction."""
+    x, y, z = direction / np.linalg.norm(direction)
+    if y < -0.999999:
+        return 1.0, 0.0, 0.0, 0.0
+    q = np.array([z, 0.0, -x, 1 + y])
+    return tuple((q / np.linalg.norm(q)).tolist())
+
+
+def _action(p3, scene, motion: Motion):
+    """All dancers in one clip whose clock counts frames, standing still until its time is set."""
+    times = np.arange(motion.num_frames, dtype=np.float32)
+    quaternions = steady_quaternions(motion)
+    tracks = []
+    for k in range(motion.num_dancers):
+        root = motion.root[k].numpy().astype(np.float32)
+        tracks.append(
+            p3.VectorKeyframeTrack(name=f"{_name(k, 0)}.position", times=times, values=root)
+        )
+        tracks += [
+            p3.QuaternionKeyframeTrack(
+                name=f"{_name(k, j)}.quaternion", times=times, values=quaternions[k, :, j].copy()
+            )
+            for j in range(motion.skeleton.num_joints)
+        ]
+    clip = p3.AnimationClip(tracks=tracks, duration=float(max(motion.num_frames - 1, 1)))
+    action = p3.AnimationAction(p3.AnimationMixer(scene), clip, scene)
+    action.timeScale = 0.0
+    action.clampWhenFinished = True
+    return action
+
+
+def steady_quaternions(motion: Motion) -> np.ndarray:
+    """Joint rotations as quaternions (x, y, z, w) that never flip sign from frame to frame.
+
+    Shapes: motion -> float32 (n, f, j, 4).
+
+    >>> import torch
+    >>> still = Motion(torch.eye(3).expand(1, 2, 24, 3, 3), torch.zeros(1, 2, 3))
+    >>> steady_quaternions(still)[0, 0, 0].tolist()
+    [0.0, 0.0, 0.0, 1.0]
+    """
+    q = roma.rotmat_to_unitquat(motion.pose).numpy()
+    same = np.sign((q[:, 1:] * q[:, :-1]).sum(-1, keepdims=True))
+    q[:, 1:] *= np.cumprod(np.where(same == 0, 1, same), axis=1)
+    return q.astype(np.float32)
+
+
+def _room(p3, motion: Motion) -> list:
+    root = motion.root.numpy()
+    middle = (root.min((0, 1)) + root.max((0, 1))) / 2
+    side = 2 * int(np.ceil(np.ptp(root[..., [0, 2]], axis=(0, 1)).max() / 2 + 3))
+    place = (round(float(middle[0])), 0.0, round(float(middle[2])))
+    floor = p3.Mesh(
+        p3.PlaneBufferGeometry(side, side),
+        p3.MeshStandardMaterial(color=FLOOR, roughness=1.0, metalness=0.0),
+        position=(place[0], -0.004, place[2]),
+        receiveShadow=True,
+    )
+    floor.rotateX(-np.pi / 2)
+    grid = p3.GridHelper(side, side, colorCenterLine=MUTED, colorGrid=GRID, position=place)
+    sun = p3.DirectionalLight(
+        color="#FFFFFF",
+        intensity=0.55,
+        position=(place[0] + 2.5, 6.0, place[2] + 3.5),
+        castShadow=True,
+    )
+    sky = p3.HemisphereLight(skyColor="#FFFFFF", groundColor="#D9D4CC", intensity=0.62)
+    return [floor, grid, sun, sky]
+
+
+def _renderer(p3, scene, motion: Motion, size):
+    root = motion.root.numpy()
+    target = (root.min((0, 1)) + root.max((0, 1))) / 2
+    target[1] = 0.9
+    reach = float(np.linalg.norm(np.ptp(root[..., [0, 2]], axis=(0, 1)))) / 2 + 1.0
+    eye = target + np.array([0.25, 0.32, 1.0]) * (reach * 1.25 + 2.2)
+    camera = p3.PerspectiveCamera(
+        fov=32, aspect=size[0] / size[1], near=0.1, far=80, position=eye.tolist()
+    )
+    orbit = p3.OrbitControls(controlling=camera, target=target.tolist(), maxPolarAngle=1.55)
+    camera.lookAt(target.tolist())
+    return p3.Renderer(
+        scene=scene,
+        camera=camera,
+        controls=[orbit],
+        width=size[0],
+        height=size[1],
+        antialias=True,
+        shadowMap=p3.WebGLShadowMap(enabled=True, type="PCFSoftShadowMap"),
+    )
+
+
+def _player(widgets, song, seconds: float):
+    import soundfile
+
+    part = song.slice(0, min(seconds, song.duration))
+    sound = io.BytesIO()
+    soundfile.write(sound, part.audio[:, :2], part.rate, format="MP3")
+    return widgets.Audio(value=sound.getvalue(), format="mp3", autoplay=False, loop=True)
