@@ -4,12 +4,15 @@ Exit status: 0 done, 1 nothing could be done though the arguments were fine, 2 b
 input; the last line then names the value and the fix. torch is imported inside commands only.
 """
 
+import contextlib
 import importlib.metadata
+import importlib.util
+import io
 import json
 import operator
 import os
 import platform
-import shutil
+import re
 import sys
 import tempfile
 from dataclasses import dataclass
@@ -19,6 +22,7 @@ from typing import Annotated
 import tyro
 
 FORMATS = ("npz", "mp4", "png")
+EXTRAS = {"av": "video", "pythreejs": "notebooks", "ipywidgets": "notebooks"}
 
 
 @dataclass
@@ -52,14 +56,11 @@ class Generate:
         """Check what is cheap to check, dance, then write all files or none."""
         from dancediff import hub
 
-        formats = [name.strip() for name in self.formats.split(",") if name.strip()]
-        for name in formats or [self.formats]:
-            if name not in FORMATS:
-                raise ValueError(
-                    f"--formats {self.formats!r}: {name!r} is not of {','.join(FORMATS)}"
-                )
+        formats = _check_formats(self.formats)
         _check_folder(self.out)
-        song = hub.packaged_song() if self.song == "packaged" else hub.Music.load(self.song)
+        _check_targets(self.out, formats)
+        packaged = self.song in ("packaged", hub.SONG)
+        song = hub.packaged_song() if packaged else hub.Music.load(self.song)
         model = hub.load(self.model)
         dance = model.generate(
             song,
@@ -72,13 +73,10 @@ class Generate:
             progress=not self.json,
         )
         files = _write_all(self.out, formats, dance, song)
-        if self.json:
-            facts = {"files": [str(f) for f in files], "frames": dance.num_frames, **dance.meta}
-            print(json.dumps(facts, default=str))
-            return
-        print(f"{self.dancers} dancers, {dance.duration:.1f} s, to {song.name!r}:")
-        for file in files:
-            print(f"  {file}")
+        facts = {"files": files, "dancers": dance.num_dancers, "frames": dance.num_frames}
+        who = "1 dancer" if dance.num_dancers == 1 else f"{dance.num_dancers} dancers"
+        lines = [f"{who}, {dance.duration:.1f} s, to {song.name!r}:", *(f"  {f}" for f in files)]
+        _tell(self.json, facts | dance.meta, lines)
 
 
 @dataclass
@@ -91,6 +89,8 @@ class Train:
     """Folder for checkpoint, losses and the model."""
     resume: bool = False
     """Go on from the checkpoint in the folder, if there is one."""
+    json: bool = False
+    """Print one line of JSON instead of text."""
 
     def run(self) -> None:
         """Train, then save the averaged model in OUT/model."""
@@ -99,15 +99,18 @@ class Train:
 
         _check_folder(self.out)
         model = train_from_config(self.config, self.out, resume=self.resume)
-        folder = hub.save_model(
-            model, self.out / "model", card=f"Trained from {self.config.name}.\n"
-        )
-        print(f"model folder: {folder}")
+        settings = self.config.read_text(encoding="utf-8")
+        card = f"Trained on synthetic dances with {self.config.name}:\n\n```toml\n{settings}```\n"
+        folder = hub.save_model(model, self.out / "model", card=card)
+        _tell(self.json, {"model": folder}, [f"model folder: {folder}"])
 
 
 @dataclass
 class Warm:
     """Compile librosa's inner loops once, so that the first dance does not wait for it."""
+
+    json: bool = False
+    """Print one line of JSON instead of text."""
 
     def run(self) -> None:
         """Compute the features of the packaged song."""
@@ -115,23 +118,49 @@ class Warm:
 
         song = hub.packaged_song()
         song.features()
-        print(f"ready: {song.name!r}, {song.duration:.0f} s, {song.tempo:.0f} beats a minute")
+        facts = {"song": song.name, "seconds": song.duration, "tempo": song.tempo}
+        line = f"ready: {song.name!r}, {song.duration:.0f} s, {song.tempo:.0f} beats a minute"
+        _tell(self.json, facts, [line])
 
 
 @dataclass
 class Doctor:
     """Say which versions are here, and what is missing."""
 
+    json: bool = False
+    """Print one line of JSON instead of text."""
+
     def run(self) -> None:
-        """Print one line a package."""
-        print(f"python {platform.python_version()} on {platform.system()} {platform.machine()}")
-        extras = {"av": "video", "pythreejs": "notebooks", "ipywidgets": "notebooks"}
-        for name in ("dancediff", "torch", "numpy", "librosa", "soundfile", *extras):
+        """One line a package."""
+        versions: dict[str, str | None] = {"python": platform.python_version()}
+        lines = [f"python {versions['python']} on {platform.system()} {platform.machine()}"]
+        for name in ("dancediff", "torch", "numpy", "librosa", "soundfile", *EXTRAS):
             try:
-                print(f"{name} {importlib.metadata.version(name)}")
+                versions[name] = importlib.metadata.version(name)
+                lines.append(f"{name} {versions[name]}")
             except importlib.metadata.PackageNotFoundError:
-                extra = f"[{extras[name]}]" if name in extras else ""
-                print(f'{name} is missing: pip install "dancediff{extra}"')
+                versions[name] = None
+                extra = f"[{EXTRAS[name]}]" if name in EXTRAS else ""
+                lines.append(f'{name} is missing: pip install "dancediff{extra}"')
+        _tell(self.json, versions, lines)
+
+
+def _tell(as_json: bool, facts: dict, lines: list[str]) -> None:
+    print(json.dumps(facts, default=str) if as_json else "\n".join(lines))
+
+
+def _check_formats(text: str) -> list[str]:
+    """Split ``--formats`` and refuse what cannot be written, before any work is done."""
+    formats = list(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
+    for name in formats or [text]:
+        if name not in FORMATS:
+            raise ValueError(f"--formats {text!r}: {name!r} is not one of {','.join(FORMATS)}")
+    if "mp4" in formats and importlib.util.find_spec("av") is None:
+        raise RuntimeError(
+            f'--formats {text!r}: mp4 needs PyAV; pip install "dancediff[{EXTRAS["av"]}]", '
+            "or choose --formats npz,png"
+        )
+    return formats
 
 
 def _check_folder(folder: Path) -> None:
@@ -150,26 +179,38 @@ def _check_folder(folder: Path) -> None:
             return
 
 
+def _check_targets(out: Path, formats: list[str]) -> None:
+    for name in formats:
+        if (target := out / f"dance.{name}").is_dir():
+            raise ValueError(
+                f"--out {str(out)!r}: {str(target)!r} is a folder; remove it or name another folder"
+            )
+
+
 def _write_all(out: Path, formats: list[str], dance, song) -> list[Path]:
     """Write every file in a hidden folder first, then move all of them into place."""
-    made = [part for part in (out, *out.parents) if not part.exists()]
-    work = None
+    new = [part for part in (out, *out.parents) if not part.exists()]  # deepest first
     try:
         out.mkdir(parents=True, exist_ok=True)
-        work = Path(tempfile.mkdtemp(prefix=".dancediff-", dir=out))
-        for suffix in formats:
-            dance.save(work / f"dance.{suffix}", song=song)
-        return [(work / f"dance.{s}").replace(out / f"dance.{s}") for s in formats]
+        with tempfile.TemporaryDirectory(prefix=".dancediff-", dir=out) as folder:
+            work = Path(folder)
+            for suffix in formats:
+                dance.save(work / f"dance.{suffix}", song=song)
+            return [(work / f"dance.{s}").replace(out / f"dance.{s}") for s in formats]
     except BaseException:
-        for part in made:
-            shutil.rmtree(part, ignore_errors=True)
+        for part in new:
+            with contextlib.suppress(OSError):  # not there yet, or somebody else wrote into it
+                part.rmdir()
         raise
-    finally:
-        if work is not None:
-            shutil.rmtree(work, ignore_errors=True)
 
 
 COMMANDS = {"generate": Generate, "train": Train, "warm": Warm, "doctor": Doctor}
+KINDS = {
+    int: "a whole number",
+    float: "a number",
+    float | None: "a number",
+    tuple[int, ...] | None: "whole numbers, such as 1 0 2",
+}
 
 
 def main(args: list[str] | None = None) -> int:
@@ -179,8 +220,12 @@ def main(args: list[str] | None = None) -> int:
     os.environ.setdefault("OMP_WAIT_POLICY", "passive")
     try:
         _parse(args).run()
-    except (ValueError, OSError) as err:
+    except ValueError as err:
         print(f"dancediff: {_one_line(err)}", file=sys.stderr)
+        return 2
+    except OSError as err:
+        fix = "check the path, its permissions and the free space"
+        print(f"dancediff: {_one_line(err)}; {fix}", file=sys.stderr)
         return 2
     except RuntimeError as err:
         print(f"dancediff: {_one_line(err)}", file=sys.stderr)
@@ -195,13 +240,54 @@ def _parse(args: list[str]):
     union = Annotated[Generate, tyro.conf.subcommand("generate", prefix_name=False)]
     for name, command in list(COMMANDS.items())[1:]:
         union = union | Annotated[command, tyro.conf.subcommand(name, prefix_name=False)]
+    words = io.StringIO()
     try:
-        return tyro.cli(union, args=args, prog="dancediff")
+        with contextlib.redirect_stderr(words):
+            return tyro.cli(union, args=args, prog="dancediff")
     except SystemExit as stop:
-        if stop.code in (0, None):
+        if stop.code in (0, None):  # --help
             raise
-        shown = " ".join(args) or "nothing"
-        raise ValueError(f"cannot understand {shown!r}; see `dancediff --help`") from stop
+        raise ValueError(_explain(args, words.getvalue())) from stop
+
+
+def _explain(args: list[str], words: str) -> str:
+    """One plain line out of the parser's drawn box: the option, the value and the fix.
+
+    >>> _explain(["generate", "song.ogg", "--seed", "1.5"], "| Error parsing --seed: invalid")
+    "--seed '1.5': give a whole number; see `dancediff generate --help`"
+    """
+    command = args[0] if args else ""
+    if command not in COMMANDS:
+        what = f"{command!r} is no command; choose" if command else "choose a command:"
+        return f"{what} {', '.join(COMMANDS)}; see `dancediff --help`"
+    see = f"; see `dancediff {command} --help`"
+    bare = [
+        re.sub(r"\x1b\[[0-9;]*m|[\u2500-\u257f|]", "", line).strip() for line in words.splitlines()
+    ]
+    if bad := re.search(r"parsing (--[\w-]+)", " ".join(bare)):
+        option = bad[1]
+        kind = KINDS.get(COMMANDS[command].__annotations__.get(option[2:]), "another value")
+        return f"{option} {_value_of(option, args)!r}: give {kind}{see}"
+    parts, near = [], re.search(r"meant: (--[\w-]+)", " ".join(bare))
+    for line in bare[1:]:  # the first line is the title of the box
+        if not line or line.startswith(("For full helptext", "Perhaps you meant")):
+            if parts:
+                break
+            continue
+        parts.append(line)
+    hint = f"; do you mean {near[1]}?" if near else ""
+    return (" ".join(parts).rstrip(".") or f"cannot understand {' '.join(args)!r}") + hint + see
+
+
+def _value_of(option: str, args: list[str]) -> str:
+    for k, arg in enumerate(args):
+        if arg.startswith(f"{option}="):
+            return arg.removeprefix(f"{option}=")
+        if arg == option:
+            rest = args[k + 1 :]
+            stop = next((i for i, word in enumerate(rest) if word.startswith("--")), len(rest))
+            return " ".join(rest[:stop])
+    return ""
 
 
 def _one_line(err: BaseException) -> str:

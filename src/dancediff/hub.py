@@ -20,13 +20,14 @@ from dancediff.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 ASSETS = Path(__file__).parent / "assets"
 SONG = "studio_floor"
 _CLASSES = {"TCDiffPP": (TCDiffPP, TCDiffPPConfig)}
-_LARGEST = 4096  # no size in a config is larger; a hostile one could ask for all memory
+_LARGEST, _MOST_LAYERS = 4096, 64  # a size beyond is a damaged config, not a model
 
 
 def save_model(model: TCDiffPP, folder, *, card: str = "", dtype=torch.float16) -> Path:
-    """Write a model folder; weights in ``dtype``, normalisers always in full precision."""
-    folder = Path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
+    """Write a model folder; weights in ``dtype``, normalisers always in full precision.
+
+    Raises: ValueError when a weight is not finite, or too large for ``dtype``.
+    """
     config = {
         "class": type(model).__name__,
         "dancediff": __version__,
@@ -36,6 +37,11 @@ def save_model(model: TCDiffPP, folder, *, card: str = "", dtype=torch.float16) 
         k: (v if "normalizer" in k else v.to(dtype)).detach().cpu().contiguous().clone()
         for k, v in model.state_dict().items()
     }
+    for key, value in tensors.items():
+        if not value.isfinite().all():
+            raise ValueError(f"model: {key} is not finite in {dtype}; train it again or save fp32")
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
     part = folder / ".model.part"
     try:
         save_file(tensors, part)
@@ -74,23 +80,44 @@ def load(name, *, device: str = "cpu") -> TCDiffPP:
     >>> load("tcdiffpp").config.max_dancers
     5
     """
-    folder = ASSETS / "models" / str(name)
-    if str(name) not in packaged_models():
-        folder = Path(name)
+    folder = ASSETS / "models" / str(name) if str(name) in packaged_models() else Path(name)
     if not (folder / "config.json").is_file():
         known = ", ".join(packaged_models()) or "none"
-        raise ValueError(f"model {str(name)!r} is neither packaged ({known}) nor a model folder")
-    try:
-        stored = json.loads((folder / "config.json").read_text(encoding="utf-8"))
-        model_class, config_class = _CLASSES[stored["class"]]
-        model = model_class(config_class(**_checked(stored["config"], config_class)))
-        model.load_state_dict(
-            {k: v.float() for k, v in load_file(folder / "model.safetensors").items()}
+        raise ValueError(
+            f"model {str(name)!r} is neither packaged ({known}) nor a model folder; "
+            "choose one of these names or a folder with a config.json"
         )
+    try:
+        model = _read(folder)
     except (OSError, ValueError, KeyError, TypeError, RuntimeError, SafetensorError) as err:
-        raise ValueError(f"model folder {str(folder)!r} cannot be read: {err}") from err
+        raise ValueError(
+            f"model folder {str(folder)!r} cannot be read: {err}; train or copy it again"
+        ) from err
     model.name = folder.name
-    return model.to(device).eval()
+    try:
+        return model.to(device).eval()
+    except (RuntimeError, AssertionError) as err:
+        raise ValueError(f"device={device!r} cannot be used here: {err}; choose 'cpu'") from err
+
+
+def _read(folder: Path) -> TCDiffPP:
+    stored = json.loads((folder / "config.json").read_text(encoding="utf-8"))
+    if stored["class"] not in _CLASSES:
+        raise ValueError(f"class {stored['class']!r} is not one of {', '.join(_CLASSES)}")
+    model_class, config_class = _CLASSES[stored["class"]]
+    config = config_class(**_checked(stored["config"], config_class))
+    tensors = load_file(folder / "model.safetensors")
+    with torch.device("meta"):  # takes no memory, however much the config asks for
+        wanted = model_class(config).state_dict()
+    for key in sorted(wanted.keys() | tensors.keys()):
+        have, want = (tuple(d[key].shape) if key in d else None for d in (tensors, wanted))
+        if have != want:
+            raise ValueError(f"{key} has shape {have} in the weights, {want} by config.json")
+        if not tensors[key].isfinite().all():
+            raise ValueError(f"{key} holds values that are no finite numbers")
+    model = model_class(config)
+    model.load_state_dict({key: value.float() for key, value in tensors.items()})
+    return model
 
 
 def _checked(config: dict, config_class) -> dict:
@@ -101,6 +128,7 @@ def _checked(config: dict, config_class) -> dict:
         kind = type(defaults[key])
         if kind is not float and type(value) is not kind:
             raise ValueError(f"config {key}={value!r} should be {kind.__name__}")
-        if kind is int and not 0 < value <= _LARGEST:
-            raise ValueError(f"config {key}={value} is not in 1..{_LARGEST}")
+        largest = _MOST_LAYERS if key == "num_layers" else _LARGEST
+        if kind is int and not 0 < value <= largest:
+            raise ValueError(f"config {key}={value} is not in 1..{largest}")
     return config

@@ -1,8 +1,9 @@
 import pytest
 import torch
 
-from dancediff.motion.representation import Normalizer, pack
+from dancediff.motion.representation import Normalizer, pack, unpack
 from dancediff.motion.rotation import axis_angle_to_matrix
+from dancediff.motion.skeleton import forward_kinematics
 from dancediff.tcdiffpp.losses import (
     LossWeights,
     l_contact,
@@ -30,7 +31,7 @@ def test_tcdiffpp_eq12_simple_is_the_mean_square():
     assert l_simple(x, y).item() == pytest.approx(slow / x.numel(), rel=1e-4)
 
 
-def test_tcdiffpp_eq13_velocity_counts_the_root_but_not_contacts():
+def test_tcdiffpp_eq14_velocity_counts_the_root_but_not_contacts():
     x = torch.zeros(1, 1, 2, 151)
     y = x.clone()
     y[0, 0, 1, 5] = 1.0
@@ -40,7 +41,7 @@ def test_tcdiffpp_eq13_velocity_counts_the_root_but_not_contacts():
     assert l_vel(y, x).item() == 0
 
 
-def test_tcdiffpp_eq14_fk_by_hand():
+def test_tcdiffpp_eq13_fk_by_hand():
     joints = torch.zeros(1, 1, 2, 24, 3)
     moved = joints.clone()
     moved[0, 0, 1, 7] = torch.tensor([0.3, 0.0, 0.4])
@@ -120,3 +121,58 @@ def test_gradients_are_finite_for_a_raw_network_output():
     y = torch.randn(1, 2, 5, 151, requires_grad=True)
     tcdiffpp_losses(y, y, motion(1, 2, 5), NORM)["total"].backward()
     assert y.grad.isfinite().all() and y.grad.abs().sum() > 0
+
+
+def test_forms_of_the_released_code_can_be_chosen():
+    x, y = motion(seed=0), motion(seed=1)
+    root = [NORM.unnormalize(k)[..., 4:7] for k in (y, x)]
+    for axis in ("pairs", "adjacent", "time"):
+        terms = tcdiffpp_losses(y, y, x, NORM, weights=LossWeights(dist_axis=axis))
+        assert torch.isclose(terms["dist"], l_dist(*root, dist_axis=axis)), axis
+    hard, soft = (
+        tcdiffpp_losses(y, y, x, NORM, weights=LossWeights(soft_contact=k))["contact"]
+        for k in (False, True)
+    )
+    assert not torch.isclose(hard, soft)
+
+
+def test_known_joints_give_the_same_losses():
+    x, y = motion(seed=0), motion(seed=1)
+    _, root, pose = unpack(NORM.unnormalize(x))
+    known = tcdiffpp_losses(y, y, x, NORM, joints_0=forward_kinematics(pose, root))
+    for name, value in tcdiffpp_losses(y, y, x, NORM).items():
+        assert torch.isclose(known[name], value), name
+
+
+def test_a_term_of_weight_zero_has_no_gradient():
+    x, y = motion(seed=0), motion(seed=1).requires_grad_()
+    none = {name: 0.0 for name in LossWeights().terms()}
+    total = tcdiffpp_losses(y, y, x, NORM, weights=LossWeights(**none))["total"]
+    assert total.item() == 0 and not total.requires_grad
+    only_simple = LossWeights(**none | {"simple": 1.0})
+    tcdiffpp_losses(x, y, x, NORM, weights=only_simple)["total"].backward()
+    assert torch.allclose(y.grad, (y - x).detach() / x.numel(), atol=1e-9)
+
+
+def test_both_outputs_learn():
+    """The raw output has only the reconstruction term: without it, it would not be trained."""
+    x = motion(seed=0)
+    raw, hat = motion(seed=1).requires_grad_(), motion(seed=2).requires_grad_()
+    tcdiffpp_losses(raw, hat, x, NORM)["total"].backward()
+    assert raw.grad.abs().sum() > 0 and hat.grad.abs().sum() > 0
+
+
+def test_slide_uses_the_true_contacts():
+    """A guess that denies its contacts escapes eq. 15; it does not escape the slide term."""
+    x = torch.zeros(1, 1, 4, 151)
+    x[..., :4], x[..., 7:] = 1.0, torch.tensor([1.0, 0, 0, 0, 1, 0]).repeat(24)
+    sliding = x.clone()
+    sliding[..., 4] = torch.arange(4.0)
+    sliding[..., :4] = 0.0
+    norm = Normalizer(-torch.ones(151), torch.ones(151))
+    terms = tcdiffpp_losses(sliding, sliding, x, norm)
+    assert terms["contact"].item() == 0
+    assert terms["slide"].item() == pytest.approx(30**2 / 3, rel=1e-4)  # 1 m a frame, one axis of 3
+    flying = x.clone()
+    flying[..., :4] = 0.0
+    assert tcdiffpp_losses(sliding, sliding, flying, norm)["slide"].item() == 0

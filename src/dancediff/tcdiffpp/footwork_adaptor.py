@@ -20,6 +20,8 @@ from dancediff.motion.skeleton import LOWER_BODY
 FPS = 30
 LEAK = 0.01  # slope of LeakyReLU below zero
 
+FASTEST = 3.0  # normalised units a second: the width of the stage in less than a second
+
 
 class ConcatSquashLinear(nn.Module):
     r"""A linear layer whose output a condition gates and shifts.
@@ -63,7 +65,8 @@ def ground_velocity(x_raw: Tensor, spec: MotionSpec = TCDIFFPP) -> Tensor:
     """
     lateral, _height, depth = x_raw[..., spec.root].unbind(-1)
     path = torch.stack([lateral, depth], dim=-1)
-    return FPS * F.pad(path.diff(dim=-2), (0, 0, 1, 0))
+    # cut off: behind a noisy guess stands no speed, and it would saturate every gate
+    return (FPS * F.pad(path.diff(dim=-2), (0, 0, 1, 0))).clamp(-FASTEST, FASTEST)
 
 
 class FootworkAdaptor(nn.Module):
@@ -83,9 +86,17 @@ class FootworkAdaptor(nn.Module):
     True
     """
 
-    def __init__(self, hidden: int = 128, *, spec: MotionSpec = TCDIFFPP, joints=LOWER_BODY):
-        """Three `ConcatSquashLinear` layers."""
+    def __init__(
+        self,
+        hidden: int = 128,
+        *,
+        spec: MotionSpec = TCDIFFPP,
+        joints=LOWER_BODY,
+        residual: bool = False,
+    ):
+        """Three `ConcatSquashLinear` layers; with ``residual`` (ours) they add a correction."""
         super().__init__()
+        self.residual = residual
         self.spec = spec
         self.register_buffer(
             "channels", torch.tensor(spec.joint_channels(joints)), persistent=False
@@ -94,8 +105,16 @@ class FootworkAdaptor(nn.Module):
         self.layers = nn.ModuleList(
             ConcatSquashLinear(d_in, d_out, 2) for d_in, d_out in pairwise(sizes)
         )
-        if hidden >= 2 * len(self.channels):
+        if residual:
+            self.start_small()
+        elif hidden >= 2 * len(self.channels):
             self.start_as_identity()
+
+    @torch.no_grad()
+    def start_small(self) -> None:
+        """Hardly any correction before training."""
+        for weights in self.layers[-1].parameters():
+            weights.mul_(0.01)
 
     @torch.no_grad()
     def start_as_identity(self) -> None:
@@ -129,7 +148,7 @@ class FootworkAdaptor(nn.Module):
         first, second, third = self.layers
         x = F.leaky_relu(first(x_raw, v), LEAK)
         x = F.leaky_relu(second(x, v), LEAK)
-        return third(x, v)
+        return x_raw + third(x, v) if self.residual else third(x, v)
 
     def forward(self, x_raw: Tensor) -> Tensor:
         """x_raw with adapted legs; in float32, because a degree at the hip is centimetres below."""

@@ -53,6 +53,8 @@ class TCDiffPPConfig:
     fp: bool = True
     fa: bool = True
     swap_mode: bool = True
+    fusion_residual: bool = True  # ours: see FusionProjection
+    footwork_residual: bool = True  # ours: see FootworkAdaptor
     precondition: bool = True  # ours: see group_dance_decoder.preconditioning
 
     @classmethod
@@ -66,6 +68,8 @@ class TCDiffPPConfig:
             "fusion_hidden": 1024,
             "ssm": "mamba",
             "dropout": 0.1,
+            "fusion_residual": False,
+            "footwork_residual": False,
             "precondition": False,
         }
         return cls(**sizes | changes)
@@ -96,7 +100,11 @@ class TCDiffPP(nn.Module):
         super().__init__()
         self.config = config = config or TCDiffPPConfig()
         self.decoder = GroupDanceDecoder(config)
-        self.footwork = FootworkAdaptor(config.footwork_hidden) if config.fa else None
+        self.footwork = (
+            FootworkAdaptor(config.footwork_hidden, residual=config.footwork_residual)
+            if config.fa
+            else None
+        )
         one = torch.ones(config.motion_dim)
         self.normalizer = Normalizer(-one, one)
         self.music_normalizer = MusicNormalizer(

@@ -110,7 +110,7 @@ def capsules(xy: np.ndarray, scale: np.ndarray, grow: float = 0.0, trim=0.0) -> 
     Shapes: xy (n, 30, 2), scale (n, 30) -> (n, k, 24, 2); ``grow`` metres are added to each radius.
 
     >>> capsules(np.zeros((3, 30, 2)), np.ones((3, 30))).shape
-    (3, 33, 24, 2)
+    (3, 31, 24, 2)
     """
     a, b = xy[:, _A], xy[:, _B]
     a = a + np.reshape(trim, (-1, 1)) * (b - a)

@@ -17,25 +17,26 @@ from dancediff.viz.palette import FLOOR, GRID, MUTED, WALL, dancer_color
 _MAX_OPEN = 6  # a page holds 8 to 16 WebGL pictures; beyond that the browser blanks the oldest
 _open: deque = deque()
 
-# (frame of joint, from, to, radius at from, radius at to, flatness); a name or an offset in metres
-_BODY = (
-    ("root", "lhip", "rhip", 0.088, 0.088, 0.85),
-    ("root", (0, 0, 0), "belly", 0.120, 0.115, 0.80),
-    ("belly", (0, 0, 0), "spine", 0.115, 0.128, 0.75),
-    ("spine", (0, 0, 0), "chest", 0.128, 0.130, 0.75),
-    ("chest", (0, 0, 0), (0, 0.14, -0.02), 0.130, 0.085, 0.75),
-    ("chest", (0, 0.12, -0.02), "neck", 0.070, 0.052, 1.0),
-    ("chest", "lcollar", "rcollar", 0.062, 0.062, 1.0),
-    ("neck", (0, 0, 0), "head", 0.050, 0.050, 1.0),
-    *[(f"{s}collar", (0, 0, 0), f"{s}shoulder", 0.060, 0.055, 1.0) for s in "lr"],
-    *[(f"{s}shoulder", (0, 0, 0), f"{s}elbow", 0.052, 0.042, 1.0) for s in "lr"],
-    *[(f"{s}elbow", (0, 0, 0), f"{s}wrist", 0.040, 0.029, 1.0) for s in "lr"],
-    *[(f"{s}wrist", (0, 0, 0), f"{s}hand", 0.031, 0.034, 1.0) for s in "lr"],
-    *[(f"{s}hip", (0, 0, 0), f"{s}knee", 0.086, 0.060, 1.0) for s in "lr"],
-    *[(f"{s}knee", (0, 0, 0), f"{s}ankle", 0.057, 0.037, 1.0) for s in "lr"],
-    *[(f"{s}ankle", (0, 0, 0), (0, -0.045, -0.04), 0.038, 0.036, 1.0) for s in "lr"],
-    *[(f"{s}ankle", (0, -0.045, -0.04), f"{s}toe", 0.036, 0.032, 1.0) for s in "lr"],
-    *[(f"{s}toe", (0, 0, 0), (0, 0, 0.06), 0.032, 0.024, 1.0) for s in "lr"],
+# (frame of joint, centre, half axes), metres: the trunk is four eggs that melt into each other
+_EGGS = (
+    ("root", (0, -0.035, -0.005), (0.155, 0.125, 0.108)),
+    ("belly", (0, 0.01, 0.005), (0.128, 0.150, 0.098)),
+    ("spine", (0, 0.06, -0.005), (0.135, 0.160, 0.105)),
+    ("chest", (0, 0.06, -0.015), (0.158, 0.130, 0.105)),
+)
+# (frame of joint, from, to, radius at from, radius at to); a joint's name or an offset in metres
+_TUBES = (
+    ("chest", (0, 0.12, -0.02), "neck", 0.070, 0.052),
+    ("neck", (0, 0, 0), "head", 0.050, 0.050),
+    *[(f"{s}collar", (0, 0, 0), f"{s}shoulder", 0.060, 0.055) for s in "lr"],
+    *[(f"{s}shoulder", (0, 0, 0), f"{s}elbow", 0.052, 0.042) for s in "lr"],
+    *[(f"{s}elbow", (0, 0, 0), f"{s}wrist", 0.040, 0.029) for s in "lr"],
+    *[(f"{s}wrist", (0, 0, 0), f"{s}hand", 0.031, 0.034) for s in "lr"],
+    *[(f"{s}hip", (0, 0, 0), f"{s}knee", 0.086, 0.060) for s in "lr"],
+    *[(f"{s}knee", (0, 0, 0), f"{s}ankle", 0.057, 0.037) for s in "lr"],
+    *[(f"{s}ankle", (0, 0, 0), (0, -0.045, -0.04), 0.038, 0.036) for s in "lr"],
+    *[(f"{s}ankle", (0, -0.045, -0.04), f"{s}toe", 0.036, 0.032) for s in "lr"],
+    *[(f"{s}toe", (0, 0, 0), (0, 0, 0.06), 0.032, 0.024) for s in "lr"],
 )
 _SKULL, _FACE = (0.0, 0.075, 0.015), (0.0, 0.060, 0.062)
 
@@ -104,6 +105,7 @@ class _Skin:
     def __init__(self, p3, motion: Motion):
         self.p3, self.motion, self.skeleton = p3, motion, motion.skeleton
         self.offsets = motion.skeleton.offsets.numpy().astype(float)
+        self.start = steady_quaternions(motion.frames(0, 1))[:, 0]
         self.ball = p3.SphereBufferGeometry(1.0, 20, 14)
         self.tubes = {r: p3.CylinderBufferGeometry(r[1], r[0], 1.0, 16, 1, True) for r in _radii()}
 
@@ -113,44 +115,48 @@ class _Skin:
         skin = p3.MeshStandardMaterial(color=color, roughness=0.75, metalness=0.0)
         face = p3.MeshStandardMaterial(color=_lighter(color), roughness=0.8, metalness=0.0)
         parts: list[list] = [[] for _ in parents]
-        for joint, a, b, radius_a, radius_b, flat in _BODY:
-            a, b = self._point(a), self._point(b)
-            limb = parts[self.skeleton.index(joint)]
-            limb += self._capsule(a, b, radius_a, radius_b, flat, skin)
+        for joint, centre, axes in _EGGS:
+            parts[self.skeleton.index(joint)].append(self._egg(centre, axes, skin))
+        for joint, *tube in _TUBES:
+            parts[self.skeleton.index(joint)] += self._capsule(*tube, skin)
         head = parts[self.skeleton.index("head")]
-        head += [self._ball(_SKULL, 0.105, skin), self._ball(_FACE, 0.072, face)]
+        head += [self._egg(_SKULL, [0.105] * 3, skin), self._egg(_FACE, [0.072] * 3, face)]
         groups: list = [None] * len(parents)
         for j in reversed(range(len(parents))):  # children come after their parents
             kids = [groups[c] for c, parent in enumerate(parents) if parent == j]
             place = self.motion.root[k, 0].tolist() if j == 0 else self.offsets[j].tolist()
-            groups[j] = p3.Group(name=_name(k, j), position=place, children=parts[j] + kids)
+            turn = self.start[k, j].tolist()
+            groups[j] = p3.Group(
+                name=_name(k, j), position=place, quaternion=turn, children=parts[j] + kids
+            )
         return groups[0]
 
     def _point(self, at) -> np.ndarray:
         return self.offsets[self.skeleton.index(at)] if isinstance(at, str) else np.array(at, float)
 
-    def _ball(self, at, radius: float, material, flat: float = 1.0):
-        scale = (radius, radius, radius * flat)
-        return self.p3.Mesh(
-            self.ball, material, position=tuple(map(float, at)), scale=scale, castShadow=True
-        )
+    def _egg(self, centre, axes, material):
+        place = tuple(map(float, centre))
+        return self.p3.Mesh(self.ball, material, position=place, scale=tuple(axes), castShadow=True)
 
-    def _capsule(self, a, b, radius_a, radius_b, flat: float, material) -> list:
-        length = float(np.linalg.norm(b - a))
+    def _capsule(self, a, b, radius_a, radius_b, material) -> list:
+        a, b = self._point(a), self._point(b)
         tube = self.p3.Mesh(
             self.tubes[radius_a, radius_b],
             material,
             position=tuple(map(float, (a + b) / 2)),
             quaternion=_turn_up_to(b - a),
-            scale=(1.0, length, flat),
+            scale=(1.0, float(np.linalg.norm(b - a)), 1.0),
             castShadow=True,
         )
-        ends = [self._ball(a, radius_a, material, flat), self._ball(b, radius_b, material, flat)]
-        return [tube, *ends]
+        return [
+            tube,
+            self._egg(a, [radius_a] * 3, material),
+            self._egg(b, [radius_b] * 3, material),
+        ]
 
 
 def _radii() -> set[tuple[float, float]]:
-    return {(part[3], part[4]) for part in _BODY}
+    return {(part[3], part[4]) for part in _TUBES}
 
 
 def _name(k: int, j: int) -> str:
@@ -162,7 +168,7 @@ def _lighter(color: str) -> str:
 
 
 def _turn_up_to(direction: np.ndarray) -> tuple[float, float, float, float]:
-    """Quaternion (x, y, z, w) that turns the y axis, along which tubes are built, to a direction."""
+    """Quaternion (x, y, z, w) that turns the y axis, on which tubes are built, to a direction."""
     x, y, z = direction / np.linalg.norm(direction)
     if y < -0.999999:
         return 1.0, 0.0, 0.0, 0.0
@@ -228,7 +234,7 @@ def _room(p3, motion: Motion) -> list:
         position=(place[0] + 2.5, 6.0, place[2] + 3.5),
         castShadow=True,
     )
-    sky = p3.HemisphereLight(skyColor="#FFFFFF", groundColor="#D9D4CC", intensity=0.62)
+    sky = p3.HemisphereLight(color="#FFFFFF", groundColor="#D9D4CC", intensity=0.62)
     return [floor, grid, sun, sky]
 
 

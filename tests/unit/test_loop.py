@@ -1,0 +1,184 @@
+import csv
+from dataclasses import dataclass
+from types import SimpleNamespace
+
+import pytest
+import torch
+from torch import nn
+
+from dancediff.diffusion.schedule import cosine_abar
+from dancediff.motion.representation import Normalizer
+from dancediff.training import loop
+from dancediff.training.loop import LossLog, TrainConfig, schedule_step, train, train_step
+
+
+@dataclass
+class ToyConfig:
+    num_steps: int = 1000
+    cond_drop: float = 0.25
+
+
+class Toy(nn.Module):
+    """A denoiser of one weight and a dropout, so that a step takes milliseconds."""
+
+    def __init__(self):
+        super().__init__()
+        self.gain, self.dropout = nn.Parameter(torch.tensor(0.5)), nn.Dropout(0.5)
+        self.config = ToyConfig()
+        one = torch.ones(151)
+        self.normalizer = Normalizer(-one, one)
+        self.music_normalizer = SimpleNamespace(normalize=lambda M: M)
+        self.register_buffer("abar", cosine_abar(1000), persistent=False)
+        self.heard = []
+
+    def forward(self, x_t, t, M, S, *, keep):
+        self.heard.append((t, keep))
+        x_raw = self.gain * self.dropout(x_t)
+        return x_raw, x_raw
+
+
+class Data:
+    def __init__(self, spoil_at=None, b=2):
+        self.spoil_at, self.b, self.asked = spoil_at, b, []
+
+    def batch(self, step):
+        self.asked.append(step)
+        g = torch.Generator().manual_seed(step)
+        x = torch.rand(self.b, 2, 5, 151, generator=g)
+        if step == self.spoil_at:
+            x[0, 0, 0, 0] = float("nan")
+        return x, torch.zeros(self.b, 5, 35), torch.arange(2).expand(self.b, 2)
+
+
+def rows(folder):
+    return list(csv.DictReader((folder / "losses.csv").read_text().splitlines()))
+
+
+def test_log_has_every_step_once_after_a_stop(tmp_path):
+    """Steps run after the last checkpoint are run again; they must not be logged twice."""
+    config = TrainConfig(steps=8, warmup=0, save_every=3)
+
+    class Stop(Data):
+        def batch(self, step):
+            if step == 5:
+                raise KeyboardInterrupt
+            return super().batch(step)
+
+    with pytest.raises(KeyboardInterrupt):
+        train(Toy(), Stop(), config, tmp_path)
+    assert [int(row["step"]) for row in rows(tmp_path)] == [0, 1, 2, 3, 4]
+    data = Data()
+    train(Toy(), data, config, tmp_path, resume=True)
+    assert data.asked == [3, 4, 5, 6, 7]
+    assert [int(row["step"]) for row in rows(tmp_path)] == list(range(8))
+    seconds = [float(row["seconds"]) for row in rows(tmp_path)]
+    assert seconds == sorted(seconds)
+
+
+def test_a_new_run_replaces_an_old_log(tmp_path):
+    for _ in range(2):
+        train(Toy(), Data(), TrainConfig(steps=3), tmp_path)
+    assert len(rows(tmp_path)) == 3
+
+
+def test_log_survives_a_half_written_line(tmp_path):
+    (tmp_path / "losses.csv").write_text("step,seconds,total\n0,1.5,9\n1,2.5,8\n2,3.5,7\n3,")
+    with LossLog(tmp_path / "losses.csv", first=2) as log:
+        assert log.seconds >= 2.5
+        log.write(2, {"total": 6.0})
+    assert [row["total"] for row in rows(tmp_path)] == ["9", "8", "6"]
+
+
+def test_finished_run_is_not_run_again(tmp_path):
+    config = TrainConfig(steps=3)
+    first = train(Toy(), Data(), config, tmp_path)
+    data = Data()
+    again = train(Toy(), data, config, tmp_path, resume=True)
+    assert data.asked == [] and torch.equal(first.gain, again.gain)
+
+
+def test_a_run_can_be_prolonged(tmp_path):
+    train(Toy(), Data(), TrainConfig(steps=3), tmp_path)
+    data = Data()
+    train(Toy(), data, TrainConfig(steps=5), tmp_path, resume=True)
+    assert data.asked == [3, 4]
+
+
+def test_time_budget_ends_the_run_and_keeps_it(tmp_path, monkeypatch):
+    clock = iter(range(0, 10_000, 6))  # every look at the clock takes six seconds
+    monkeypatch.setattr(loop.time, "monotonic", lambda: float(next(clock)))
+    data = Data()
+    train(Toy(), data, TrainConfig(steps=1000, max_minutes=1), tmp_path)
+    assert 2 <= len(data.asked) < 12
+    assert len(rows(tmp_path)) == len(data.asked)
+    more = Data()
+    train(Toy(), more, TrainConfig(steps=1000, max_minutes=1), tmp_path, resume=True)
+    assert len(more.asked) <= 1  # the time of the first run counts
+
+
+def test_clock_only_ever_hurries_the_schedule():
+    config = TrainConfig(steps=100, max_minutes=10)
+    assert schedule_step(80, 60.0, config) == 80
+    assert schedule_step(0, 600.0, config) == 100
+    assert schedule_step(80, 1e9, TrainConfig(steps=100)) == 80
+
+
+def test_step_is_repeatable_and_leaves_global_randomness_alone():
+    config, results = TrainConfig(warmup=0), []
+    for seed in (1, 2):
+        torch.manual_seed(seed)
+        state = torch.get_rng_state()
+        model = Toy()
+        optimizer = torch.optim.AdamW(model.parameters(), lr=1e-3)
+        terms = train_step(model, model, optimizer, Data().batch(0), 4, config)
+        assert torch.equal(torch.get_rng_state(), state)
+        results.append((terms["total"].item(), model.gain.item()))
+    assert results[0] == results[1]
+
+
+def test_noise_strength_and_dropped_music_are_drawn_per_group():
+    model, config = Toy(), TrainConfig(warmup=0)
+    optimizer = torch.optim.AdamW(model.parameters(), lr=1e-3)
+    for step in range(8):
+        train_step(model, model, optimizer, Data(b=64).batch(step), step, config)
+    t, keep = (torch.cat(part) for part in zip(*model.heard, strict=True))
+    assert t.shape == (512,) and 0 <= t.min() < 20 and 980 < t.max() <= 999
+    assert abs(t.float().mean() - 499.5) < 3 * 289 / 512**0.5  # uniform: mean 499.5, std 289
+    assert abs((~keep).float().mean() - 0.25) < 3 * 0.433 / 512**0.5
+
+
+def test_gradient_is_clipped():
+    model, config = Toy(), TrainConfig(warmup=0, clip=1e-3)
+    optimizer = torch.optim.SGD(model.parameters(), lr=1.0)
+    before = model.gain.item()
+    train_step(model, model, optimizer, Data().batch(0), 0, config, lr=1.0)
+    assert abs(model.gain.item() - before) == pytest.approx(1e-3, rel=1e-2)
+
+
+def test_broken_numbers_stop_the_run_before_they_spread(tmp_path):
+    model = Toy()
+    with pytest.raises(RuntimeError, match="gradient of step 4 is not finite"):
+        train(model, Data(spoil_at=4), TrainConfig(steps=9, save_every=2), tmp_path)
+    assert model.gain.isfinite()
+    data = Data()
+    train(Toy(), data, TrainConfig(steps=6, save_every=2), tmp_path, resume=True)
+    assert data.asked == [4, 5]
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"precision": "bf61"},
+        {"steps": 0},
+        {"lr": -1.0},
+        {"decay": 1.5},
+        {"ema": 1.0},
+        {"clip": 0.0},
+        {"save_every": 0},
+        {"max_minutes": 0.0},
+    ],
+)
+def test_wrong_settings_are_named(wrong):
+    ((name, value),) = wrong.items()
+    with pytest.raises(ValueError, match=f"{name}={value!r}".replace("'", ".")):
+        TrainConfig(**wrong)
