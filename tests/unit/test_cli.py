@@ -41,7 +41,16 @@ def songs(tmp_path):
         (["noise.wav", "--dancers", "9"], ["dancers=9", "1 ... 5"]),
         (["noise.wav", "--seconds", "-3"], ["seconds=-3"]),
         (["noise.wav", "--seconds", "99"], ["seconds=99", "3.00"]),
-        (["noise.wav", "--seed", "1.5"], ["1.5", "--help"]),
+        (["noise.wav", "--seed", "1.5"], ["--seed '1.5'", "whole number"]),
+        (["noise.wav", "--seed=1e3"], ["--seed '1e3'", "whole number"]),
+        (["noise.wav", "--seed", "-1"], ["seed=-1"]),
+        (["noise.wav", "--dancers", "three"], ["--dancers 'three'", "whole number"]),
+        (["noise.wav", "--seconds", "long"], ["--seconds 'long'", "a number"]),
+        (["noise.wav", "--seconds", "nan"], ["seconds=nan"]),
+        (["noise.wav", "--swap", "a", "b"], ["--swap 'a b'", "whole numbers"]),
+        (["noise.wav", "--sede", "1"], ["--sede", "do you mean --seed?"]),
+        (["noise.wav", "more.wav"], ["more.wav", "generate --help"]),
+        (["."], ["folder", "wav, flac"]),
         (["noise.wav", "--steps", "0"], ["steps=0"]),
         (["noise.wav", "--model", "nobody"], ["'nobody'", "tcdiffpp"]),
         (["noise.wav", "--formats", "npz,exe"], ["'exe'", "npz,mp4,png"]),
@@ -53,16 +62,51 @@ def test_bad_input(songs, capsys, monkeypatch, args, words):
     assert main(["generate", *args, "--out", "out"]) == 2
     last = capsys.readouterr().err.strip().splitlines()[-1]
     assert all(word in last for word in words), last
-    assert not (songs / "out").exists()
+    assert last.startswith("dancediff: ") and not (songs / "out").exists()
 
 
-@pytest.mark.parametrize("out", ["file", "file/below", "/proc/out"])
+@pytest.mark.parametrize(
+    ("args", "words"),
+    [
+        ([], ["choose a command", "generate", "train"]),
+        (["dance", "song.wav"], ["'dance' is no command", "generate"]),
+        (["generate"], ["generate", "wav, flac"]),
+        (["train", "missing.toml"], ["missing.toml", "does not exist", "configs/"]),
+        (["train", "text.wav"], ["text.wav", "no TOML"]),
+    ],
+)
+def test_bad_commands(songs, capsys, monkeypatch, args, words):
+    monkeypatch.chdir(songs)
+    assert main(args) == 2
+    lines = capsys.readouterr().err.strip().splitlines()
+    assert len(lines) == 1 and all(word in lines[0] for word in words), lines
+    assert not (songs / "runs").exists()
+
+
+def test_mp4_without_its_extra_is_noticed_before_dancing(songs, capsys, monkeypatch):
+    monkeypatch.chdir(songs)
+    monkeypatch.setitem(sys.modules, "av", None)
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    assert main(["generate", "missing.wav"]) == 1
+    last = capsys.readouterr().err.strip().splitlines()[-1]
+    assert "dancediff[video]" in last and "npz,png" in last
+
+
+@pytest.mark.parametrize("out", ["file", "file/below", "/proc/out", "x" * 300])
 def test_bad_output_folder(songs, capsys, monkeypatch, out):
     monkeypatch.chdir(songs)
     assert main(["generate", "noise.wav", "--out", out]) == 2
     last = capsys.readouterr().err.strip().splitlines()[-1]
-    assert out.split("/")[0] in last and "folder" in last
+    assert out.split("/")[0] in last and ("folder" in last or "check the path" in last)
     assert (songs / "file").read_text() == "in the way"
+
+
+def test_a_folder_where_a_file_should_go_is_noticed_before_dancing(songs, capsys, monkeypatch):
+    monkeypatch.chdir(songs)
+    (songs / "out" / "dance.png").mkdir(parents=True)
+    assert main(["generate", "noise.wav", "--out", "out"]) == 2
+    assert "dance.png" in capsys.readouterr().err
+    assert [p.name for p in (songs / "out").iterdir()] == ["dance.png"]
 
 
 def test_generate_writes_what_it_says(songs, capsys, monkeypatch):
@@ -74,18 +118,39 @@ def test_generate_writes_what_it_says(songs, capsys, monkeypatch):
     assert sorted(p.name for p in (songs / "out").iterdir()) == ["dance.npz", "dance.png"]
 
 
-def test_a_failed_write_leaves_nothing(songs, capsys, monkeypatch):
+def test_the_song_in_the_package_has_two_names(tmp_path, capsys):
+    args = ["--dancers", "1", "--seconds", "1", "--steps", "1", "--formats", "npz", "--json"]
+    for name in ("packaged", "studio_floor"):
+        assert main(["generate", name, *args, "--out", str(tmp_path)]) == 0
+        assert json.loads(capsys.readouterr().out)["song"] == "studio_floor"
+
+
+@pytest.mark.parametrize("before", [[], ["dance.npz", "mine.txt"]])
+def test_a_failed_write_leaves_everything_as_it_was(songs, capsys, monkeypatch, before):
     from dancediff.motion.motion import Motion
 
-    def fail(self, path, song=None):
+    def save_then_fail(self, path, song=None):
         path.write_bytes(b"half")
-        raise OSError("disk full")
+        if path.suffix == ".png":
+            raise OSError("disk full")
 
     monkeypatch.chdir(songs)
-    monkeypatch.setattr(Motion, "save", fail)
-    args = ["generate", "noise.wav", "--seconds", "2", "--steps", "2", "--formats", "npz"]
+    for name in before:
+        (songs / "a/b").mkdir(parents=True, exist_ok=True)
+        (songs / "a/b" / name).write_text("old")
+    monkeypatch.setattr(Motion, "save", save_then_fail)
+    args = ["generate", "noise.wav", "--seconds", "2", "--steps", "2", "--formats", "npz,png"]
     assert main([*args, "--out", "a/b"]) == 2
-    assert "disk full" in capsys.readouterr().err and not (songs / "a").exists()
+    assert "disk full" in capsys.readouterr().err
+    assert (songs / "a").exists() == bool(before)
+    for path in (songs / "a/b").glob("*"):
+        assert path.name in before and path.read_text() == "old"
+
+
+def test_doctor_and_warm_speak_json(capsys):
+    for command, key in (("doctor", "torch"), ("warm", "tempo")):
+        assert main([command, "--json"]) == 0
+        assert json.loads(capsys.readouterr().out)[key]
 
 
 def test_help_is_quick_and_has_no_traceback():

@@ -3,6 +3,7 @@ import json
 import pytest
 import torch
 from safetensors import safe_open
+from safetensors.torch import load_file, save_file
 
 from dancediff import hub
 from dancediff.motion.representation import Normalizer
@@ -41,11 +42,15 @@ def test_unknown_name_lists_what_there_is():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"class": "Evil"}, "cannot be read"),
+        ({"class": "Evil"}, "'Evil' is not one of TCDiffPP"),
         ({"config": {"d_model": 10**9}}, "d_model=1000000000"),
         ({"config": {"d_model": "16"}}, "should be int"),
         ({"config": {"colour": 1}}, "colour"),
-        ({"config": {"d_model": 32}}, "cannot be read"),
+        ({"config": {"d_model": 32}}, r"has shape \(32,\) in the weights, \(64,\)"),
+        ({"config": {"num_layers": 2}}, "has shape None in the weights"),
+        ({"config": {"num_layers": 10**4}}, r"not in 1\.\.64"),
+        # would take 100 GB, if it were made before it is compared with the file
+        ({"config": {"d_model": 4096, "num_layers": 64}}, "has shape"),
     ],
 )
 def test_bad_folders_are_refused(model, tmp_path, change, message):
@@ -65,6 +70,53 @@ def test_damaged_weights_are_refused(model, tmp_path):
     weights.write_bytes(weights.read_bytes()[:1000])
     with pytest.raises(ValueError, match="cannot be read"):
         hub.load(tmp_path)
+
+
+def test_a_file_that_is_no_json_is_refused(model, tmp_path):
+    hub.save_model(model, tmp_path)
+    for text in ("", "[1]", "{", '{"class": "TCDiffPP"}', "\x00"):
+        (tmp_path / "config.json").write_text(text)
+        with pytest.raises(ValueError, match="cannot be read"):
+            hub.load(tmp_path)
+
+
+def test_weights_that_are_not_finite_are_refused(model, tmp_path):
+    hub.save_model(model, tmp_path, dtype=torch.float32)
+    weights = load_file(tmp_path / "model.safetensors")
+    weights["normalizer.low"][3] = float("nan")
+    save_file(weights, tmp_path / "model.safetensors")
+    with pytest.raises(ValueError, match=r"normalizer\.low holds values"):
+        hub.load(tmp_path)
+
+
+def test_weights_too_large_for_half_precision_are_not_written(model, tmp_path):
+    with torch.no_grad():
+        next(model.decoder.parameters()).fill_(1e6)
+    with pytest.raises(ValueError, match=r"not finite in torch\.float16"):
+        hub.save_model(model, tmp_path / "new")
+    assert not (tmp_path / "new").exists()
+    hub.save_model(model, tmp_path / "new", dtype=torch.float32)
+    assert hub.load(tmp_path / "new").config == model.config
+
+
+def test_a_failed_save_leaves_the_old_model(model, tmp_path, monkeypatch):
+    hub.save_model(model, tmp_path, card="old")
+    before = {p.name: p.read_bytes() for p in tmp_path.iterdir()}
+
+    def fail(tensors, path):
+        path.write_bytes(b"half")
+        raise OSError("disk full")
+
+    monkeypatch.setattr(hub, "save_file", fail)
+    with pytest.raises(OSError, match="disk full"):
+        hub.save_model(model, tmp_path, card="new")
+    assert {p.name: p.read_bytes() for p in tmp_path.iterdir()} == before
+
+
+def test_unknown_device_is_refused(model, tmp_path):
+    hub.save_model(model, tmp_path)
+    with pytest.raises(ValueError, match="device='nowhere' cannot be used"):
+        hub.load(tmp_path, device="nowhere")
 
 
 def test_packaged_song_can_be_danced_to():

@@ -12,54 +12,101 @@ ORDER = [
     *["axes", "music", "motion", "data", "diffusion", "metrics", "nn", "tcdiffpp", "lodge"],
     *["baselines", "training", "viz", "export", "hub", "nb", "cli"],
 ]
+PICTURES = {"viz", "export"}  # methods may reach for these when they are called
 HEAVY = ["torch", "librosa", "matplotlib", "ipywidgets", "pythreejs", "av"]
+FILES = sorted(SOURCE.rglob("*.py"))
 
 
 def part_of(path: Path) -> str:
     return path.relative_to(SOURCE).parts[0].removesuffix(".py")
 
 
-def imports(tree: ast.AST):
-    """Modules of this package imported at the top level of a file."""
+def imports(tree: ast.AST, lazy: bool = False):
+    """Every imported module of a file, and whether it is imported inside a function only."""
     for node in ast.iter_child_nodes(tree):
-        if isinstance(node, ast.ImportFrom) and node.module:
-            yield node.module
+        if isinstance(node, ast.ImportFrom):
+            assert node.level == 0, "imports are written in full"
+            whole = node.module == "dancediff"  # `from dancediff import hub`
+            for name in node.names if whole else [None]:
+                yield f"dancediff.{name.name}" if whole else node.module, lazy
         elif isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
+            yield from ((name.name, lazy) for name in node.names)
+        else:
+            inside = isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda))
+            yield from imports(node, lazy or inside)
 
 
-@pytest.mark.parametrize(
-    "path", sorted(SOURCE.rglob("*.py")), ids=lambda p: str(p.relative_to(SOURCE))
-)
+def wrong_imports(own: str, text: str) -> list[str]:
+    """What a module of the part ``own`` imports although it must not."""
+    wrong = []
+    for module, lazy in imports(ast.parse(text)):
+        package, part = [*module.split("."), ""][:2]
+        if package != "dancediff" or part in ("", "__version__", own):
+            continue
+        if part in PICTURES:
+            allowed = lazy or own in ("nb", "cli", *PICTURES)
+        else:
+            allowed = ORDER.index(part) < ORDER.index(own)
+        if not allowed:
+            wrong.append(module)
+    return wrong
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(SOURCE)))
 def test_imports_point_one_way(path):
     own = part_of(path)
     if own == "__init__":
         pytest.skip("the package itself only names homes")
     assert own in ORDER
-    for module in imports(ast.parse(path.read_text(encoding="utf-8"))):
-        parts = module.split(".")
-        if parts[0] == "dancediff" and len(parts) > 1 and parts[1] != own:
-            assert ORDER.index(parts[1]) < ORDER.index(own), f"{path.name} imports {module}"
+    assert wrong_imports(own, path.read_text(encoding="utf-8")) == []
+
+
+@pytest.mark.parametrize(
+    ("own", "text", "wrong"),
+    [
+        ("nn", "from dancediff.motion import Motion\nimport dancediff.axes\nimport torch", 0),
+        ("motion", "from dancediff.tcdiffpp.model import TCDiffPP", 1),
+        ("motion", "from dancediff import hub", 1),
+        ("motion", "try:\n    import dancediff.nn\nexcept ImportError:\n    pass", 1),
+        ("motion", "def save():\n    from dancediff.hub import load", 1),
+        ("motion", "def save():\n    from dancediff.viz.plots import save_filmstrip", 0),
+        ("training", "from dancediff.viz.plots import plot_losses", 1),
+        ("hub", "from dancediff import __version__", 0),
+    ],
+)
+def test_the_rule_notices(own, text, wrong):
+    assert len(wrong_imports(own, text)) == wrong
 
 
 @pytest.mark.parametrize("module", ["librosa", "matplotlib", "ipywidgets", "pythreejs", "av"])
 def test_slow_libraries_are_imported_lazily(module):
-    for path in SOURCE.rglob("*.py"):
-        tops = {m.split(".")[0] for m in imports(ast.parse(path.read_text(encoding="utf-8")))}
+    for path in FILES:
+        found = imports(ast.parse(path.read_text(encoding="utf-8")))
+        tops = {name.split(".")[0] for name, lazy in found if not lazy}
         assert module not in tops, f"{path} imports {module} at the top"
 
 
-def test_import_dancediff_is_light():
-    code = f"import sys, dancediff; print([m for m in {HEAVY} if m in sys.modules])"
+def loaded_after(statement: str) -> str:
+    code = f"import sys\n{statement}\nprint([m for m in {HEAVY} if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"
+    return done.stdout.strip()
+
+
+def test_import_dancediff_is_light():
+    assert loaded_after("import dancediff; dir(dancediff)") == "[]"
+    assert loaded_after("import dancediff.cli") == "[]"
+
+
+def test_names_bring_only_what_they_need():
+    assert loaded_after("from dancediff import Music, Motion, load") == "['torch']"
 
 
 def test_public_names_resolve():
     import dancediff
 
     for name in dancediff.__all__:
-        if name != "play":  # needs the notebooks extra
-            assert getattr(dancediff, name) is not None
+        if name == "play":
+            pytest.importorskip("pythreejs")
+        assert getattr(dancediff, name) is not None
     with pytest.raises(AttributeError, match="nothing"):
         dancediff.nothing  # noqa: B018

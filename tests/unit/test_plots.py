@@ -93,10 +93,11 @@ def test_floor_paths_left_is_left_and_the_audience_is_below(ax):
 def test_contact_strip_colours_what_stands(ax):
     contact = torch.zeros(1, 30, 4)
     contact[0, :10, 0] = 1  # left ankle
-    contact[0, 20:, 3] = 1  # right toe
+    contact[0, 10:15, 2] = 1  # left toe: the same foot stands on
+    contact[0, 20:, 1] = 1  # right ankle
     assert plots.plot_contact_strip(line_up(1, contact=contact), ax=ax) is ax
     left, right = (np.asarray(image.get_array())[0].min(-1) < 0.99 for image in ax.images)
-    assert left.nonzero()[0].tolist() == list(range(10))
+    assert left.nonzero()[0].tolist() == list(range(15))
     assert right.nonzero()[0].tolist() == list(range(20, 30))
     upper, lower = (image.get_extent()[2] for image in ax.images)
     assert upper > lower  # the left foot lies above the right one
