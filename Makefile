@@ -1,20 +1,23 @@
 # Every target sets up .venv first if it is missing or out of date.
-PYTHON ?= $(shell command -v python3.11 || command -v python3.12 || command -v python3)
+NEW    := -c "import sys; sys.exit(sys.version_info < (3, 11))"
+PYTHON ?= $(shell for p in python3.11 python3.12 python3.13 python3; do \
+                    $$p $(NEW) 2>/dev/null && echo $$p && break; done)
 VENV   := .venv
 BIN    := $(VENV)/bin
 READY  := $(VENV)/.ready
 export MPLBACKEND ?= Agg
 export OMP_WAIT_POLICY ?= passive
 
-.PHONY: setup dance test lint lab song clean
+.PHONY: setup dance test lint lab clean
 setup: $(READY)
 
 # The stamp is written last, so an interrupted set-up is done again.
 $(READY): pyproject.toml requirements.txt
-	@$(PYTHON) -c "import sys; sys.exit(sys.version_info < (3, 11))" || \
+	@"$(PYTHON)" $(NEW) 2>/dev/null || \
 	  { echo "Python 3.11 or newer is needed: make PYTHON=/path/to/python3.11"; exit 1; }
-	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV) || \
-	  { rm -rf $(VENV); echo "venv failed; on Debian: apt-get install python3-venv"; exit 1; }
+	@echo "Setting up $(VENV) with $(PYTHON): a few minutes, this once"
+	@$(BIN)/python -m pip --version >/dev/null 2>&1 || $(PYTHON) -m venv --clear $(VENV) || \
+	  { rm -rf $(VENV); echo "no virtual environment; on Debian: apt-get install python3-venv"; exit 1; }
 	$(BIN)/python -m pip install --disable-pip-version-check -q -r requirements.txt
 	$(BIN)/dancediff warm
 	@touch $@
@@ -26,10 +29,12 @@ dance: $(READY)
 	@echo "Next: your own song     $(BIN)/dancediff generate SONG.mp3 --dancers 5 --out out"
 	@echo "      the lessons       make lab"
 
+# Two workers of one thread each; a notebook stays with one worker, and a dead kernel does not hang.
+test: export OMP_NUM_THREADS = 1
 test: $(READY)
-	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile
+	$(BIN)/python -m pytest -n 2 --dist loadfile
 	$(BIN)/python -m pytest --nbval-lax --nbval-current-env --nbval-cell-timeout=120 \
-	  -n 2 --dist loadfile -p no:doctest -o addopts= notebooks/
+	  -n 2 --dist loadfile -o addopts= notebooks/
 
 lint: $(READY)
 	$(BIN)/ruff check .

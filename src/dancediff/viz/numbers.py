@@ -82,7 +82,7 @@ def plot_beats(M, beats=None, *, truth=None, ax=None, title: str | None = None):
     if truth is not None:
         ax.plot(truth, np.full(len(truth), 1.18 * top), "o", ms=4, color=INK, label="true beat")
     ax.set(xlim=(0, len(M) / FPS), ylim=(0, 1.28 * top), xlabel="time (s)", ylabel="onset strength")
-    ax.legend(loc="upper right", fontsize=8, frameon=True, framealpha=0.9, ncols=2)
+    ax.legend(loc="lower right", bbox_to_anchor=(1, 1), fontsize=8, frameon=False, ncols=2)
     return set_title(bare(ax), title)
 
 
@@ -126,12 +126,8 @@ def plot_schedule(abar, *, t=None, ax=None, title: str | None = None):
     ax.plot(steps, np.sqrt(abar), color=dancer_color(0), lw=2.2)
     ax.plot(steps, np.sqrt(1 - abar), color=dancer_color(4), lw=2.2, ls="--")
     end = len(abar) - 1
-    for height, name, k in ((0.86, "signal  √ᾱ", 0), (0.86, "noise  √(1−ᾱ)", 4)):
-        x = 0.02 * end if k == 0 else 0.98 * end
-        ax.text(
-            x, height - 0.12 * (k == 0), name, color=dancer_color(k), fontsize=9,
-            fontweight="bold", ha="left" if k == 0 else "right",
-        )  # fmt: skip
+    for height, name, k in ((0.93, "signal  √ᾱ", 0), (0.36, "noise  √(1−ᾱ)", 4)):
+        ax.text(0.34 * end, height, name, color=dancer_color(k), fontsize=9, fontweight="bold")
     if t is not None:
         ax.axvline(t, color=INK, lw=1)
         ax.plot([t, t], [abar[t] ** 0.5, (1 - abar[t]) ** 0.5], "o", color=INK, ms=5)
@@ -145,7 +141,7 @@ def plot_skeleton(joints=None, *, ax=None, title: str | None = None, numbers: bo
     Shapes: joints (24, 3) metres, default the T-pose -> Axes. The dancer faces you, so the left
     side of the body (blue) is on the right of the picture.
     """
-    ax = new_axes(ax, (6.0, 5.4))
+    ax = new_axes(ax, (5.2, 4.4))
     if joints is None:
         joints = forward_kinematics(torch.eye(3).expand(24, 3, 3), torch.zeros(3))
     xy = np.asarray(joints)[:, :2]

@@ -259,11 +259,13 @@ def plot_contact_strip(motion: Motion, *, ax=None, beats=(), title: str | None =
     return set_title(ax, title)
 
 
-def plot_noise_filmstrip(dances, labels, *, frame: int = 0, title: str | None = None):
+def plot_noise_filmstrip(
+    dances, labels, *, frame: int = 0, title: str | None = None, fit_all: bool = False
+):
     """The same moment of several versions of a dance side by side, e.g. noisier and noisier ones.
 
-    ``dances`` are Motions of one size, ``labels`` stand above them. Returns a Figure. All share
-    the first one's camera, so what flies away has flown away.
+    ``dances`` are Motions, ``labels`` stand above them. Returns a Figure. All share one camera: it
+    shows the first dance, so that who flies away is gone, or all of them if ``fit_all``.
 
     Raises: ValueError when the numbers of dances and labels differ.
     """
@@ -272,7 +274,8 @@ def plot_noise_filmstrip(dances, labels, *, frame: int = 0, title: str | None = 
     if len(dances) != len(labels) or not dances:
         raise ValueError(f"{len(dances)} dances need as many labels, at least 1; got {len(labels)}")
     points = [body_points(dance)[:, frame : frame + 1] for dance in dances]
-    camera = _cameras(points[0], dances[0].fps)[0]
+    seen = np.concatenate(points) if fit_all else points[0]
+    camera = _cameras(seen, dances[0].fps)[0]
     shape = camera.size[1] / camera.size[0]
     size = (_PAGE, _PAGE / len(dances) * shape + 0.7)
     figure = Figure(figsize=size, dpi=110, layout="constrained")
