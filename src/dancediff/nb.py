@@ -261,7 +261,9 @@ def show(exercise: str, answer=None):
     case = task.cases()[-1]
     try:
         yours = answer(*_copies(case))
-        bars = [torch.as_tensor(v).double().flatten()[:24] for v in (yours, task.spec(*case))]
+        bars = [
+            torch.as_tensor(v).double().flatten()[:24].numpy() for v in (yours, task.spec(*case))
+        ]
     except Exception as err:
         _say(f"{WRONG} {exercise} raised {type(err).__name__}: {err}")
         return None

@@ -1,7 +1,12 @@
+import shutil
+import subprocess
 import tomllib
 from pathlib import Path
 
+import pytest
 import yaml
+
+import dancediff
 
 ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
@@ -34,6 +39,40 @@ def test_nothing_wants_torchvision():
     """torchvision and torchaudio pull a CUDA build of torch of several GB."""
     text = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
     assert "torchvision" not in text and "torchaudio" not in text
+
+
+def test_version_is_said_once():
+    assert PROJECT["version"] == dancediff.__version__
+    cite = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    assert cite["version"] == dancediff.__version__ and len(cite["references"]) == 2
+    assert f"## {dancediff.__version__}" in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+
+
+def test_assets_are_packaged():
+    """Every asset is matched by the patterns of package-data, so that a wheel has it too."""
+    tool = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]
+    package = ROOT / "src" / "dancediff"
+    patterns = tool["setuptools"]["package-data"]["dancediff"]
+    matched = {path for pattern in patterns for path in package.glob(pattern)}
+    assets = {path for path in (package / "assets").rglob("*") if path.is_file()}
+    assert len(assets) >= 5 and assets <= matched
+
+
+@pytest.mark.skipif(not shutil.which("make"), reason="make is not installed")
+@pytest.mark.parametrize("target", ["setup", "dance", "test", "lint", "lab"])
+def test_each_target_sets_up_first(target, tmp_path):
+    for name in ("Makefile", "pyproject.toml", "requirements.txt"):
+        shutil.copy(ROOT / name, tmp_path)
+    done = subprocess.run(
+        ["make", "-n", target], cwd=tmp_path, capture_output=True, text=True, check=True
+    )
+    assert "-m venv" in done.stdout and "pip install" in done.stdout
+    words = {
+        "dance": "dancediff generate packaged",
+        "test": "--nbval-cell-timeout",
+        "lab": "jupyter",
+    }
+    assert done.stdout.find(words.get(target, "touch")) > done.stdout.find("pip install")
 
 
 def test_ci_calls_the_readme_test_command():

@@ -1,138 +1,243 @@
-import sys
+import itertools
 
-import matplotlib
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
+from dancediff.data.choreographer import choreograph
+from dancediff.diffusion.schedule import cosine_abar
 from dancediff.motion.motion import Motion
-from dancediff.music.features import BEATS, NUM_FEATURES
-from dancediff.viz import plots
+from dancediff.music.song import Music
+from dancediff.viz import body, plots
+from dancediff.viz.palette import DANCER_COLORS, dancer_color, rgb
+from dancediff.viz.projection import Camera, follow
 
 
-def line_up(n=3, f=30, contact=None):
-    """Dancers a metre apart, dancer 1 farthest right, each walking half a metre to the front."""
-    root = torch.zeros(n, f, 3)
-    root[..., 0] = 1.0 - torch.arange(n, dtype=torch.float32)[:, None]
-    root[..., 1] = 0.95
-    root[..., 2] = torch.linspace(0, 0.5, f)
-    return Motion(torch.eye(3).expand(n, f, 24, 3, 3), root, contact=contact)
+@pytest.fixture(scope="module")
+def dance():
+    return choreograph(np.arange(0.2, 6, 0.5), dancers=3, seed=1)[0]
 
 
-@pytest.fixture
-def ax():
-    return Figure().subplots()
+@pytest.fixture(autouse=True)
+def _close():
+    yield
+    plt.close("all")
 
 
-def test_filmstrip_leaves_no_window_and_no_setting_behind():
-    import matplotlib.pyplot as plt
-
-    before, windows = dict(matplotlib.rcParams), plt.get_fignums()
-    figure = plots.plot_filmstrip(line_up(), count=4)
-    assert len(figure.axes) == 4 + 2  # moments, floor paths, contacts
-    assert plt.get_fignums() == windows
-    assert dict(matplotlib.rcParams) == before
+def still(n=1, f=3, x=0.0):
+    root = torch.tensor([x, 0.965, 0.0]).repeat(n, f, 1)
+    return Motion(torch.eye(3).expand(n, f, 24, 3, 3), root)
 
 
-@pytest.mark.parametrize("n", [1, 2, 5])
-def test_filmstrip_of_any_group(n):
-    figure = plots.plot_filmstrip(line_up(n, f=5), count=2, title="A title")
-    assert figure.get_suptitle() == "A title"
+def click_song(seconds=6):
+    audio = np.zeros(44100 * seconds, dtype=np.float32)
+    for beat in np.arange(0.25, seconds, 0.5):
+        start = int(beat * 44100)
+        audio[start : start + 400] = np.hanning(400)
+    return Music(audio, 44100, "clicks")
 
 
-def test_filmstrip_captions_are_the_times():
-    figure = plots.plot_filmstrip(line_up(1, f=60), count=2)
-    assert [a.get_title(loc="left") for a in figure.axes[:2]] == ["0.5 s", "1.5 s"]
+# ------------------------------------------------------------------------------------ palette
+def test_dancers_stay_apart_in_greyscale():
+    grey = [np.dot(rgb(c), (0.2126, 0.7152, 0.0722)) for c in DANCER_COLORS]
+    neighbours = np.abs(np.diff(grey[:5]))
+    assert neighbours.min() > 0.07
+    assert len(set(DANCER_COLORS)) == len(DANCER_COLORS) >= 5
+
+
+# --------------------------------------------------------------------------------- projection
+def test_camera_sees_its_target_in_the_middle_and_right_to_the_right():
+    camera = Camera(eye=(1, 3, 8), target=(1, 1, 0), size=(400, 300), focal=300)
+    xy, scale = camera.project([[1, 1, 0], [2, 1, 0], [1, 2, 0], [1, 1, 2]])
+    np.testing.assert_allclose(xy[0], [200, 150])
+    assert xy[1, 0] > xy[0, 0] and xy[1, 1] == pytest.approx(150)
+    assert xy[2, 1] > xy[0, 1] and xy[2, 0] == pytest.approx(200)
+    assert scale[3] > scale[0]  # nearer is larger
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 1000), st.sampled_from([(160, 90), (90, 160), (100, 100)]))
+def test_follow_never_loses_a_dancer(seed, size):
+    rng = np.random.default_rng(seed)
+    walk = rng.normal(0, 0.1, (2, 40, 1, 3)).cumsum(1)
+    joints = walk * (1, 0, 1) + rng.uniform(0, 1.8, (2, 40, 24, 3))
+    for f, camera in enumerate(follow(joints, size)):
+        xy, _ = camera.project(joints[:, f])
+        assert (xy >= 0).all() and (xy <= np.array(size)).all()
+
+
+def test_follow_glides():
+    dance = choreograph(np.arange(0.2, 12, 0.5), dancers=2, seed=3)[0]
+    eyes = np.array([c.eye for c in follow(dance.joints().numpy(), (160, 90))])
+    assert np.linalg.norm(np.diff(eyes, axis=0), axis=1).max() < 0.06  # metres a frame
+
+
+# --------------------------------------------------------------------------------------- body
+def test_body_points_start_with_the_joints(dance):
+    points = body.body_points(dance)
+    np.testing.assert_allclose(points[:, :, :24], dance.joints().numpy(), atol=1e-6)
+    rest = body.body_points(still())[0, 0]
+    assert rest[body.FACE, 2] > rest[body.SKULL, 2]  # the face looks forward
+    assert 0 < rest[body.LHEEL, 1] < rest[7, 1]  # the heel is below the ankle, on the floor
+
+
+def test_near_dancer_is_drawn_over_the_far_one():
+    pair = still(2)
+    pair.root[1, :, 2] = 2.0  # nearer to the audience
+    points = body.body_points(pair)[:, 0]
+    camera = follow(points[:, None], (160, 90))[0]
+    colors = [c for _, c in body.dancer_shapes(points, camera)]
+    last = [max(i for i, c in enumerate(colors) if _is_tone(c, dancer_color(k))) for k in (0, 1)]
+    assert last[0] < last[1]
+
+
+def _is_tone(color, of) -> bool:
+    """The colour itself or a darker tone of it."""
+    a, b = np.array(color[:3]), np.array(to_rgb(of))
+    return np.linalg.norm(a - b) < 0.05
+
+
+def test_lifted_foot_has_a_fainter_shadow():
+    points = body.body_points(still())[:, 0]
+    camera = follow(points[:, None], (160, 90))[0]
+
+    def darkest(p):
+        return sum(color[3] for _, color in body.shadow_shapes(p, camera))
+
+    lifted = points.copy()
+    lifted[:, 10, 1] += 0.3
+    assert darkest(lifted) < darkest(points)
+
+
+# ----------------------------------------------------------------------------------- filmstrip
+def test_filmstrip_has_moments_floor_and_feet(dance):
+    figure = plots.plot_filmstrip(dance, count=6, title="Hello")
+    assert isinstance(figure, Figure)
+    assert len(figure.axes) == 8
+    assert figure.get_suptitle() == "Hello"
+    names = [ax.get_title("left") for ax in figure.axes]
+    assert names[-2:] == ["Seen from above", "Feet on the floor"]
+    assert all(name.endswith(" s") for name in names[:6])
+
+
+def test_filmstrip_names_the_beats_of_the_song(dance):
+    figure = plots.plot_filmstrip(dance, count=4, song=click_song())
+    assert any("beat" in ax.get_title("left") for ax in figure.axes)
+    assert "clicks" in figure.get_suptitle()
 
 
 @pytest.mark.parametrize("count", [0, 25])
-def test_filmstrip_names_a_bad_count(count):
+def test_filmstrip_refuses_a_silly_count(dance, count):
     with pytest.raises(ValueError, match=f"count={count}"):
-        plots.plot_filmstrip(line_up(), count=count)
+        plots.plot_filmstrip(dance, count=count)
 
 
-def test_moments_move_to_beats_only_where_they_stay_apart():
-    assert plots.moments(90, 3, [44]) == [15, 44, 75]
-    assert plots.moments(90, 3, [500]) == [15, 45, 75]  # beats after the end do not count
+@pytest.mark.parametrize("frames", [1, 2, 5])
+def test_filmstrip_of_a_dance_shorter_than_the_strip(frames):
+    assert plots.plot_filmstrip(still(2, frames)).axes
 
 
-def test_save_filmstrip(tmp_path):
-    line_up(f=4).save(tmp_path / "dance.png")
-    assert (tmp_path / "dance.png").read_bytes()[:4] == b"\x89PNG"
-    assert [p.name for p in tmp_path.iterdir()] == ["dance.png"]
+def test_moments_stay_in_order_and_apart():
+    beats = np.arange(0, 600, 15)
+    chosen = plots.moments(600, 8, beats)
+    assert all(b > a for a, b in itertools.pairwise(chosen))
+    assert set(chosen) <= set(beats.tolist())
 
 
-def test_a_failed_save_keeps_the_old_file_and_leaves_nothing(tmp_path, monkeypatch):
-    def break_off(self, file, **_):
-        file.write_bytes(b"half a picture")
-        raise OSError("disk full")
-
-    old = tmp_path / "dance.png"
-    old.write_bytes(b"old")
-    monkeypatch.setattr(Figure, "savefig", break_off)
-    with pytest.raises(OSError, match="disk full"):
-        plots.save_filmstrip(line_up(f=4), old)
-    assert old.read_bytes() == b"old"
-    assert [p.name for p in tmp_path.iterdir()] == ["dance.png"]
+def test_save_filmstrip_writes_a_png_and_nothing_else(dance, tmp_path):
+    path = dance.save(tmp_path / "strip.png")
+    assert path.read_bytes().startswith(b"\x89PNG")
+    assert [p.name for p in tmp_path.iterdir()] == ["strip.png"]
 
 
-def test_floor_paths_left_is_left_and_the_audience_is_below(ax):
-    motion = line_up()
-    assert plots.plot_floor_paths(motion, ax=ax) is ax
-    ends = motion.root[:, -1][:, [0, 2]].numpy()
-    ends_seen = {text.get_text(): text.xy for text in ax.texts}
-    assert sorted(ends_seen) == ["1", "2", "3"]
-    assert all(np.allclose(ends_seen[str(k + 1)], ends[k]) for k in range(3))
-    x = ax.transData.transform(ends)[:, 0]
-    assert x[2] < x[1] < x[0]
-    back, front = ax.transData.transform([(0, 0), (0, 0.5)])[:, 1]
-    assert front < back
+def test_a_failed_filmstrip_leaves_the_old_file(dance, tmp_path, monkeypatch):
+    path = tmp_path / "strip.png"
+    path.write_text("old")
+
+    def fail(*_, **__):
+        raise RuntimeError("no ink")
+
+    monkeypatch.setattr(Figure, "savefig", fail)
+    with pytest.raises(RuntimeError, match="no ink"):
+        dance.save(path)
+    assert path.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [path]
 
 
-def test_contact_strip_colours_what_stands(ax):
-    contact = torch.zeros(1, 30, 4)
-    contact[0, :10, 0] = 1  # left ankle
-    contact[0, 10:15, 2] = 1  # left toe: the same foot stands on
-    contact[0, 20:, 1] = 1  # right ankle
-    assert plots.plot_contact_strip(line_up(1, contact=contact), ax=ax) is ax
-    left, right = (np.asarray(image.get_array())[0].min(-1) < 0.99 for image in ax.images)
-    assert left.nonzero()[0].tolist() == list(range(15))
-    assert right.nonzero()[0].tolist() == list(range(20, 30))
-    upper, lower = (image.get_extent()[2] for image in ax.images)
-    assert upper > lower  # the left foot lies above the right one
+# ------------------------------------------------------------------------------- single plots
+def test_floor_paths_have_the_dancers_colours_and_numbers(dance):
+    ax = plots.plot_floor_paths(dance)
+    lines = [line for line in ax.lines if len(line.get_xdata()) == dance.num_frames]
+    assert [line.get_color() for line in lines] == list(DANCER_COLORS[:3])
+    np.testing.assert_allclose(lines[1].get_xdata(), dance.root[1, :, 0])
+    np.testing.assert_allclose(lines[1].get_ydata(), dance.root[1, :, 2])
+    assert {"1", "2", "3"} <= {text.get_text() for text in ax.texts}
+    low, high = ax.get_ylim()
+    assert low > high  # the audience sits below: z grows downwards
 
 
-def test_features_mark_the_beats():
-    M = np.zeros((90, NUM_FEATURES), dtype=np.float32)
-    M[[15, 60], BEATS] = 1
-    import matplotlib.pyplot as plt
+def test_contact_strip_is_dark_where_the_foot_stands():
+    motion = still(1, 4)
+    motion.contact = torch.tensor([[[1.0, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 0]]])
+    left, right = (
+        image.get_array()[0].mean(-1) for image in plots.plot_contact_strip(motion).images
+    )
+    assert (left[[0, 2]] < 0.6).all() and (left[[1, 3]] == 1).all()
+    assert right[1] < 0.6 and (right[[0, 2, 3]] == 1).all()
 
-    top = plots.plot_features(M)
-    beats = sorted(line.get_xdata()[0] for line in top.lines if len(line.get_xdata()) == 2)
-    plt.close(top.figure)
-    assert beats == pytest.approx([0.5, 2.0])
+
+def test_contact_strip_labels_a_motion_without_contacts():
+    motion = still(1, 4)
+    motion.root[..., 1] = 3.0  # in the air
+    assert all((image.get_array() == 1).all() for image in plots.plot_contact_strip(motion).images)
 
 
-def test_skeleton_numbers_every_joint(ax):
-    joints = line_up(1, f=1).joints()[0, 0]
-    assert plots.plot_skeleton(joints, ax=ax) is ax
+def test_features_have_four_groups_and_the_sound():
+    song = click_song()
+    top = plots.plot_features(song.features(), song=song, title="Clicks")
+    assert top.get_title("left") == "Clicks"
+    assert len(top.figure.axes) == 4
+    assert top.figure.axes[2].images[0].get_array().shape == (20, song.num_frames)
+    assert top.figure.axes[3].images[0].get_array().shape == (12, song.num_frames)
+
+
+def test_beats_are_lines_and_truth_is_dots():
+    M = torch.zeros(60, 35)
+    M[[10, 40], 34] = 1
+    ax = plots.plot_beats(M, truth=[0.5])
+    lines = ax.collections[1].get_segments()
+    assert [round(segment[0, 0] * 30) for segment in lines] == [10, 40]
+    assert ax.lines[0].get_xdata().tolist() == [0.5]
+
+
+def test_skeleton_numbers_every_joint():
+    ax = plots.plot_skeleton()
     assert [text.get_text() for text in ax.texts] == [str(j) for j in range(24)]
-    assert np.allclose([text.xy for text in ax.texts], joints[:, :2])
 
 
-def test_noise_filmstrip_wants_a_label_for_each():
-    dances = [line_up(f=2)] * 3
-    figure = plots.plot_noise_filmstrip(dances, ["a", "b", "c"])
-    assert [a.get_title(loc="left") for a in figure.axes] == ["a", "b", "c"]
-    with pytest.raises(ValueError, match="3 dances"):
-        plots.plot_noise_filmstrip(dances, ["a"])
+def test_barcode_shows_every_feature(dance):
+    ax = plots.plot_barcode(dance.features()[0])
+    assert ax.images[0].get_array().shape == (151, dance.num_frames)
 
 
-def test_importing_plots_does_not_import_matplotlib():
-    import subprocess
+def test_schedule_curves_add_up():
+    ax = plots.plot_schedule(cosine_abar(100), t=50)
+    signal, noise = (line.get_ydata() for line in ax.lines[:2])
+    np.testing.assert_allclose(signal**2 + noise**2, 1)
 
-    code = "import sys, dancediff.viz.plots, dancediff.viz.video; print(sorted(sys.modules))"
-    names = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert "'dancediff.viz.plots'" in names.stdout
-    assert not any(f"'{name}'" in names.stdout for name in ("matplotlib", "av", "librosa"))
+
+def test_noise_filmstrip_wants_a_label_each(dance):
+    figure = plots.plot_noise_filmstrip([dance, dance], ["a", "b"])
+    assert [ax.get_title("left") for ax in figure.axes] == ["a", "b"]
+    with pytest.raises(ValueError, match="labels"):
+        plots.plot_noise_filmstrip([dance], ["a", "b"])
+
+
+def test_plots_draw_on_the_axes_they_are_given(dance):
+    ax = plt.subplots()[1]
+    assert plots.plot_floor_paths(dance, ax=ax) is ax

@@ -22,7 +22,7 @@ def takes():
 def test_windows_are_ranked_at_their_own_first_frame(takes):
     windows = GroupDanceWindows(takes, dancers_per_batch=8)
     for step in range(12):
-        x_0, _, S = windows.batch(step)
+        x_0, M, S = windows.batch(step)
         assert x_0.shape[2:] == (150, 151) and M.shape[1:] == (150, 35)
         assert x_0.shape[0] == max(1, 8 // x_0.shape[1])
         assert (x_0[:, :, 0, 4].diff(dim=1) > 0).all()

@@ -55,7 +55,8 @@ def stage(motion: Motion, song=None, *, size=(760, 430)):
     skin = _Skin(p3, motion)
     dancers = [skin.dancer(k) for k in range(motion.num_dancers)]
     scene = p3.Scene(children=[*dancers, *_room(p3, motion)], background=WALL)
-    action = _action(p3, scene, motion)
+    action = p3.AnimationAction(p3.AnimationMixer(scene), make_clip(p3, motion), scene)
+    action.timeScale = 0.0  # only the slider moves its time
     renderer = _renderer(p3, scene, motion, size)
     last = motion.num_frames - 1
     play = widgets.Play(min=0, max=last, interval=round(1000 / motion.fps), repeat=True)
@@ -176,8 +177,8 @@ def _turn_up_to(direction: np.ndarray) -> tuple[float, float, float, float]:
     return tuple((q / np.linalg.norm(q)).tolist())
 
 
-def _action(p3, scene, motion: Motion):
-    """All dancers in one clip whose clock counts frames, standing still until its time is set."""
+def make_clip(p3, motion: Motion):
+    """All dancers in one clip whose clock counts frames: 24 quaternion tracks and a path each."""
     times = np.arange(motion.num_frames, dtype=np.float32)
     quaternions = steady_quaternions(motion)
     tracks = []
@@ -192,11 +193,7 @@ def _action(p3, scene, motion: Motion):
             )
             for j in range(motion.skeleton.num_joints)
         ]
-    clip = p3.AnimationClip(tracks=tracks, duration=float(max(motion.num_frames - 1, 1)))
-    action = p3.AnimationAction(p3.AnimationMixer(scene), clip, scene)
-    action.timeScale = 0.0
-    action.clampWhenFinished = True
-    return action
+    return p3.AnimationClip(tracks=tracks, duration=float(max(motion.num_frames - 1, 1)))
 
 
 def steady_quaternions(motion: Motion) -> np.ndarray:
