@@ -16,6 +16,7 @@ features)
 import torch
 from torch import Tensor, nn
 
+from dancediff.diffusion.precondition import Preconditioning
 from dancediff.diffusion.schedule import cosine_abar
 from dancediff.nn.decoder import MusicEncoder
 from dancediff.nn.timestep import TimestepEncoder
@@ -23,28 +24,6 @@ from dancediff.tcdiffpp.fusion import FusionProjection
 from dancediff.tcdiffpp.positioning import DancerPositioning
 from dancediff.tcdiffpp.sequence_decoder import SequenceDecoder
 from dancediff.tcdiffpp.swap_mode import SwapModeEmbedding
-
-
-def preconditioning(abar: Tensor, spread: float = 0.5) -> tuple[Tensor, Tensor]:
-    r"""How much of the noisy motion to keep, and how large the network's own part can be.
-
-    $$\hat x_0 = \frac{\sqrt{\bar\alpha}\,\sigma^2}{v}\, x_t
-      + \frac{\sigma\sqrt{1-\bar\alpha}}{\sqrt v}\, F(x_t),
-      \quad v = \bar\alpha\sigma^2 + 1 - \bar\alpha$$
-
-    The best linear guess of a signal of spread $\sigma$, and what is left for the network.
-    Source: Karras et al. 2022 (EDM), eq. 7, for the x_0 form.  Differs: the papers let the network
-    output x_0 itself; a small one then spends its first thousands of steps learning to copy.
-
-    Shapes: abar (b,) -> (b,), (b,).
-
-    >>> [round(v.item(), 3) for v in preconditioning(torch.tensor([1.0])) ]       # no noise: copy
-    [1.0, 0.0]
-    >>> [round(v.item(), 3) for v in preconditioning(torch.tensor([0.0])) ]       # only noise
-    [0.0, 0.5]
-    """
-    v = abar * spread**2 + 1 - abar
-    return abar.sqrt() * spread**2 / v, spread * ((1 - abar) / v).sqrt()
 
 
 class GroupDanceDecoder(nn.Module):
@@ -98,7 +77,10 @@ class GroupDanceDecoder(nn.Module):
             bidirectional=c.bidirectional,
         )
         self.out = nn.Linear(d, c.motion_dim)
-        self.precondition = c.precondition
+        self.precondition = self.embed_guess = None
+        if c.precondition:
+            self.precondition = Preconditioning(c.num_frames, c.motion_dim)
+            self.embed_guess = nn.Linear(c.motion_dim, d, bias=False)
         self.register_buffer("abar", cosine_abar(c.num_steps).float(), persistent=False)
 
     def forward(
@@ -116,9 +98,12 @@ class GroupDanceDecoder(nn.Module):
         Raises: ValueError naming the argument whose shape does not fit.
         """
         self._check(x_t, t, M, S, present)
+        abar, guess = self.abar[t], None
+        if self.precondition is not None:
+            guess = self.precondition.linear_guess(x_t, abar)
         memory, cond = self.conditions(t, M, S, keep=keep, present=present)
         h = self.decoder(
-            self.tokens(x_t, present),
+            self.tokens(x_t, present, guess),
             memory,
             cond,
             music_start=0 if self.swap_mode is None else 1,
@@ -126,15 +111,21 @@ class GroupDanceDecoder(nn.Module):
         )
         with torch.autocast(h.device.type, enabled=False):  # millimetres need float32
             x_raw = self.out(h.float())
-            if self.precondition:
-                skip, scale = preconditioning(self.abar[t])
-                x_raw = skip[:, None, None, None] * x_t + scale[:, None, None, None] * x_raw
+            if self.precondition is not None:
+                x_raw = self.precondition(x_raw, guess, abar)
         return x_raw if present is None else x_raw * present[:, :, None, None]
 
-    def tokens(self, x_t: Tensor, present: Tensor | None = None) -> Tensor:
-        """Embed the noisy motion, mark the ranks (DPE), mix the dancers (FP)."""
+    def tokens(
+        self, x_t: Tensor, present: Tensor | None = None, guess: Tensor | None = None
+    ) -> Tensor:
+        """Embed the noisy motion, mark the ranks (DPE), mix the dancers (FP).
+
+        ``guess``: the linear guess, embedded beside it when the decoder is preconditioned.
+        """
         here = 1.0 if present is None else present[:, :, None, None]
         h = self.embed(x_t)
+        if guess is not None:
+            h = h + self.embed_guess(guess)
         h = h if self.dpe is None else self.dpe(h)
         h = h * here  # absent dancers are zeros to the fusion ...
         h = h if self.fp is None else self.fp(h) * here  # ... and stay zeros after it

@@ -55,7 +55,7 @@ class TCDiffPPConfig:
     swap_mode: bool = True
     fusion_residual: bool = True  # ours: see FusionProjection
     footwork_residual: bool = True  # ours: see FootworkAdaptor
-    precondition: bool = True  # ours: see group_dance_decoder.preconditioning
+    precondition: bool = True  # ours: see diffusion.precondition
 
     @classmethod
     def paper(cls, **changes) -> "TCDiffPPConfig":

@@ -43,12 +43,18 @@ def read_config(path) -> dict:
     return {table: dict(config.get(table, {})) for table in known}
 
 
-def fit_normalizers(model: TCDiffPP, takes: list[Take]) -> None:
-    """Set the scales of motion and music from the training takes, once."""
+def fit_statistics(model: TCDiffPP, takes: list[Take]) -> None:
+    """Set the scales of motion and music and the spectrum of dance from the takes, once."""
     stack = torch.cat([take.x.flatten(0, 1) for take in takes])
     model.normalizer = Normalizer.fit(stack, min_span=MIN_SPAN)
     songs = {take.M.data_ptr(): take.M for take in takes}
     model.music_normalizer = MusicNormalizer.fit(list(songs.values()))
+    if model.decoder.precondition is not None:
+        f = model.config.num_frames
+        model.decoder.precondition.fit(
+            model.normalizer.normalize(take.x.unfold(1, f, f // 2).flatten(0, 1).transpose(1, 2))
+            for take in takes
+        )
 
 
 def train_from_config(path, out, *, resume: bool = False, takes: list[Take] | None = None):
@@ -64,7 +70,7 @@ def train_from_config(path, out, *, resume: bool = False, takes: list[Take] | No
     settings = TrainConfig(**config["train"], weights=LossWeights(**config["weights"]))
     torch.manual_seed(settings.seed)
     model = TCDiffPP(TCDiffPPConfig(**config["model"]))
-    fit_normalizers(model, takes)
+    fit_statistics(model, takes)
     windows = GroupDanceWindows(
         takes,
         num_frames=model.config.num_frames,

@@ -1,3 +1,5 @@
+"""`dancediff.training.run`, and the loop on real windows."""
+
 import csv
 
 import pytest
@@ -5,10 +7,8 @@ import torch
 
 from dancediff.data.windows import GroupDanceWindows, choreographed_takes
 from dancediff.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
-from dancediff.training.checkpoint import load_checkpoint
-from dancediff.training.ema import EMA
-from dancediff.training.loop import TrainConfig, learning_rate, train
-from dancediff.training.run import fit_normalizers, read_config, train_from_config
+from dancediff.training.loop import TrainConfig, train
+from dancediff.training.run import fit_statistics, read_config, train_from_config
 
 TINY = {
     "d_model": 32,
@@ -32,7 +32,7 @@ def logged(folder):
 def fresh(takes):
     torch.manual_seed(3)
     model = TCDiffPP(TCDiffPPConfig(**TINY, head_dim=32, d_state=4))
-    fit_normalizers(model, takes)
+    fit_statistics(model, takes)
     return model, GroupDanceWindows(takes, num_frames=30, dancers_per_batch=4)
 
 
@@ -66,52 +66,10 @@ def test_losses_are_logged_by_name(takes, tmp_path):
     assert not list(tmp_path.glob(".*"))  # no temporary file stays
 
 
-def test_overfit_one_batch(takes, tmp_path):
-    """The loop learns: at fixed data the loss falls several times."""
-    model, data = fresh(takes)
-
-    class One:
-        def batch(self, step):
-            return data.batch(0)
-
-    train(model, One(), TrainConfig(steps=150, lr=3e-3, warmup=10, save_every=150), tmp_path)
-    loss = [float(row["total"]) for row in logged(tmp_path)]
-    assert sum(loss[-10:]) < 0.25 * sum(loss[:10])
-
-
 def test_bf16_runs(takes, tmp_path):
     model, data = fresh(takes)
     ema = train(model, data, TrainConfig(steps=2, precision="bf16"), tmp_path)
     assert all(p.isfinite().all() and p.dtype == torch.float32 for p in ema.parameters())
-
-
-def test_damaged_checkpoint_is_named(takes, tmp_path):
-    model, _ = fresh(takes)
-    (tmp_path / "c.safetensors").write_bytes(b"nonsense")
-    optimizer = torch.optim.AdamW(model.parameters())
-    with pytest.raises(ValueError, match=r"c\.safetensors"):
-        load_checkpoint(
-            tmp_path / "c.safetensors", model=model, ema=EMA(model), optimizer=optimizer
-        )
-
-
-def test_ema_is_a_slow_average():
-    net = torch.nn.Linear(1, 1, bias=False)
-    torch.nn.init.zeros_(net.weight)
-    ema = EMA(net, decay=0.5)
-    with torch.no_grad():
-        net.weight.fill_(1.0)
-    for _ in range(20):
-        ema.update(net)
-    m = [min(0.5, (1 + k) / (10 + k)) for k in range(1, 21)]
-    expected = 1 - torch.tensor(m).prod()
-    assert torch.isclose(ema.model.weight[0, 0], expected)
-
-
-def test_learning_rate_is_flat_in_the_middle():
-    config = TrainConfig(steps=1000, warmup=100, lr=1.0, decay=0.2)
-    assert learning_rate(50, config) < 1 == learning_rate(400, config) == learning_rate(799, config)
-    assert learning_rate(999, config) < 0.01
 
 
 def test_config_mistakes_are_named(tmp_path):

@@ -1,0 +1,122 @@
+r"""Preconditioning: start from the best linear guess and let the network add what it lacks.
+
+Read first: notebook 04 · Karras et al. 2022 (EDM) section 5 and eq. 7.
+
+Symbols (axes: b batch · n dancers · f frames · k frequencies, as many as frames · d features)
+    x_t      noisy motion, normalised                     (b, n, f, d)
+    F        what the network puts out                    (b, n, f, d)
+    abar     signal power left                            (b,)
+    mean     of each feature over the training set        (d,)
+    spread   standard deviation of each frequency         (k, d)
+    skip     share of x_t that is kept                    (b, k, d)
+    scale    size of the network's part                   (b, k, d)
+
+Dance is smooth: its slow parts are large and its fast parts tiny, while noise is as large at one
+frequency as at another. So the best linear guess (Wiener's filter) keeps the slow parts of x_t and
+drops the fast ones, and what is left to add is smooth, too. The frequencies are those of a
+discrete cosine transform over the frames, which needs no periodic motion.
+"""
+
+import math
+from collections.abc import Iterable
+
+import torch
+from torch import Tensor, nn
+
+LARGEST = 0.5  # of `scale`: the slow parts of F stay in the units of the motion
+SMALLEST = 2e-4  # of `spread`: a feature that never moved can still be corrected
+
+
+def dct_matrix(f: int) -> Tensor:
+    r"""Orthonormal DCT-II over f frames, one frequency a row.
+
+    $$C_{kj} = \sqrt{\tfrac{2 - \delta_{k0}}{f}}\, \cos\frac{\pi k (2j + 1)}{2f}$$
+
+    Shapes: -> (f, f); row k turns k half-waves in f frames.
+
+    >>> C = dct_matrix(8)
+    >>> torch.allclose(C @ C.T, torch.eye(8), atol=1e-6)
+    True
+    """
+    k, j = torch.arange(f, dtype=torch.float64)[:, None], torch.arange(f, dtype=torch.float64)
+    C = torch.cos(math.pi * k * (2 * j + 1) / (2 * f)) * math.sqrt(2 / f)
+    C[0] /= math.sqrt(2)
+    return C.float()
+
+
+def linear_coefficients(abar: Tensor, spread: Tensor) -> tuple[Tensor, Tensor]:
+    r"""How much of the noisy motion to keep, and how far off that guess is.
+
+    $$c_\text{skip} = \frac{\sqrt{\bar\alpha}\,\sigma^2}{v}, \quad
+      c_\text{out} = \sigma \sqrt{\frac{1 - \bar\alpha}{v}},
+      \quad v = \bar\alpha\sigma^2 + 1 - \bar\alpha$$
+
+    Source: EDM eq. 7, for an x_0 of spread $\sigma$ under $\sqrt{\bar\alpha} x_0 +
+    \sqrt{1 - \bar\alpha}\,\epsilon$.
+
+    Shapes: abar and spread broadcast -> both like them.
+
+    >>> [c.item() for c in linear_coefficients(torch.tensor(1.0), torch.tensor(0.5))]  # no noise
+    [1.0, 0.0]
+    >>> [c.item() for c in linear_coefficients(torch.tensor(0.0), torch.tensor(0.5))]  # only noise
+    [0.0, 0.5]
+    """
+    v = abar * spread**2 + (1 - abar)  # in this order: 1 would swallow a small spread
+    return abar.sqrt() * spread**2 / v, spread * ((1 - abar) / v).sqrt()
+
+
+class Preconditioning(nn.Module):
+    r"""From the network's output to a guess of x_0, one frequency at a time.
+
+    $$\hat x_0 = \mu + C^\top\big(c_\text{skip}\, C (x_t - \sqrt{\bar\alpha}\,\mu)
+      + \min(c_\text{out}, \tfrac12)\, C F\big)$$
+
+    Source: ours, after EDM.  Differs: EDM has one spread for all data, the papers let the network
+    output x_0 itself. With one spread the network must cancel the noise of every feature in every
+    frame, which is more numbers than a narrow network can carry; the dances tremble.
+
+    Shapes: see the module's symbols.
+
+    >>> precondition = Preconditioning(num_frames=150, dim=151)  # not fitted: all frequencies alike
+    >>> x_t, abar = torch.randn(2, 3, 150, 151), torch.tensor([0.9, 0.1])
+    >>> guess = precondition.linear_guess(x_t, abar)
+    >>> torch.equal(guess, precondition(torch.zeros_like(x_t), guess, abar))
+    True
+    """
+
+    def __init__(self, num_frames: int, dim: int):
+        super().__init__()
+        self.register_buffer("mean", torch.zeros(dim))
+        self.register_buffer("spread", torch.full((num_frames, dim), LARGEST))
+
+    @torch.no_grad()
+    def fit(self, windows: Iterable[Tensor]) -> None:
+        """Take mean and spread from clean normalised windows, in pieces (w, f, d)."""
+        mean, power, count = 0.0, 0.0, 0
+        for x in windows:
+            C = dct_matrix(x.shape[1]).to(x)
+            mean = mean + x.double().mean(1).sum(0)
+            power = power + (C @ x).double().square().sum(0)
+            count += len(x)
+        mean, power = mean / count, power / count
+        power[0] -= x.shape[1] * mean**2  # the mean pose is all in frequency 0
+        self.mean.copy_(mean)
+        self.spread.copy_(power.clamp_min(SMALLEST**2).sqrt())
+
+    def linear_guess(self, x_t: Tensor, abar: Tensor) -> Tensor:
+        """What can be said without a network (b, n, f, d)."""
+        skip, _ = self._coefficients(abar, x_t.shape[2])
+        C = dct_matrix(x_t.shape[2]).to(x_t)
+        noisy = x_t - abar.sqrt()[:, None, None, None] * self.mean
+        return self.mean + C.T @ (skip[:, None] * (C @ noisy))
+
+    def forward(self, F: Tensor, guess: Tensor, abar: Tensor) -> Tensor:
+        """Add the network's part F to the linear guess."""
+        _, scale = self._coefficients(abar, F.shape[2])
+        C = dct_matrix(F.shape[2]).to(F)
+        return guess + C.T @ (scale[:, None].clamp_max(LARGEST) * (C @ F))
+
+    def _coefficients(self, abar: Tensor, f: int) -> tuple[Tensor, Tensor]:
+        # A shorter window knows fewer frequencies: take those it has from the fitted ones.
+        rows = (torch.arange(f, device=abar.device) * len(self.spread)) // f
+        return linear_coefficients(abar[:, None, None], self.spread[rows])

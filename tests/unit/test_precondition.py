@@ -1,0 +1,76 @@
+"""`dancediff.diffusion.precondition`."""
+
+import torch
+
+from dancediff.diffusion.precondition import Preconditioning, dct_matrix, linear_coefficients
+from dancediff.diffusion.schedule import cosine_abar, q_sample
+
+
+def smooth(w=256, f=60, d=3):
+    """Slow random motion: a few low frequencies."""
+    g = torch.Generator().manual_seed(0)
+    coefficients = torch.zeros(w, f, d)
+    coefficients[:, :5] = (
+        torch.randn(w, 5, d, generator=g) * torch.tensor([3.0, 2, 1, 0.5, 0.2])[:, None]
+    )
+    return dct_matrix(f).T @ coefficients + 0.3
+
+
+def test_dct_of_a_constant_is_one_coefficient():
+    coefficients = dct_matrix(9) @ torch.ones(9)
+    assert torch.allclose(coefficients, torch.eye(9)[0] * 3, atol=1e-6)
+
+
+def test_fit_finds_mean_and_spread():
+    x = smooth(w=4000)
+    p = Preconditioning(60, 3)
+    p.fit([x[:1000], x[1000:]])
+    pieces = p.spread[:5, 0]
+    assert torch.allclose(p.mean, torch.full((3,), 0.3), atol=0.03)
+    assert torch.allclose(pieces, torch.tensor([3.0, 2, 1, 0.5, 0.2]), rtol=0.06)
+    assert p.spread[5:].max() < 1e-3
+
+
+def test_unfitted_it_is_the_scalar_form_of_edm():
+    x_t, F = torch.randn(2, 1, 20, 4), torch.randn(2, 1, 20, 4)
+    abar = torch.tensor([0.9, 0.2])
+    p = Preconditioning(20, 4)
+    skip, scale = (c[:, None, None, None] for c in linear_coefficients(abar, torch.tensor(0.5)))
+    guess = p.linear_guess(x_t, abar)
+    assert torch.allclose(guess, skip * x_t, atol=1e-5)
+    assert torch.allclose(p(F, guess, abar), skip * x_t + scale * F, atol=1e-5)
+
+
+def test_the_linear_guess_is_as_good_as_it_says():
+    """Its error at every noise level is the sum of c_out squared, and far below that of one spread."""
+    x = smooth()
+    fitted, plain = Preconditioning(60, 3), Preconditioning(60, 3)
+    fitted.fit([x])
+    g = torch.Generator().manual_seed(1)
+    for t in (50, 300, 700):
+        abar = cosine_abar().float()[t].expand(len(x))
+        x_t = q_sample(x, t, cosine_abar(), torch.randn(x.shape, generator=g))[:, None]
+        mse, worse = (
+            (p.linear_guess(x_t, abar)[:, 0] - x).square().mean().item() for p in (fitted, plain)
+        )
+        _, rest = linear_coefficients(abar[0], fitted.spread)
+        assert abs(mse / rest.square().mean().item() - 1) < 0.1
+        assert mse < worse / 3
+
+
+def test_a_shorter_window_uses_the_frequencies_it_has():
+    x = smooth()
+    p = Preconditioning(60, 3)
+    p.fit([x])
+    short, abar = x[:, None, :30], torch.ones(len(x))
+    assert torch.allclose(p.linear_guess(short, abar), short, atol=1e-4)
+
+
+def test_an_early_guess_trembles_less_than_its_noise():
+    """The network's part cannot shake either: its fast frequencies are scaled down."""
+    x = smooth()
+    p = Preconditioning(60, 3)
+    p.fit([x])
+    abar = torch.full((len(x),), 0.5)
+    added = p(torch.randn(x.shape)[:, None], torch.zeros(len(x), 1, 60, 3), abar)
+    assert added.diff(dim=2).std() < added.std() / 3
