@@ -42,7 +42,7 @@ def test_unfitted_it_is_the_scalar_form_of_edm():
 
 
 def test_the_linear_guess_is_as_good_as_it_says():
-    """Its error at every noise level is the sum of c_out squared, and far below that of one spread."""
+    """Its error is c_out squared at every noise level, and far below that of one spread."""
     x = smooth()
     fitted, plain = Preconditioning(60, 3), Preconditioning(60, 3)
     fitted.fit([x])
