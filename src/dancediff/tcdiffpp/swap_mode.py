@@ -9,6 +9,8 @@ Symbols (axes: b batch · n dancers · k places from left to right)
              k-th from the left at the last frame; 0..n-1 = nobody swaps  (b, n)
 """
 
+import operator
+
 import torch
 from torch import Tensor, nn
 
@@ -58,12 +60,16 @@ def check_order(order, n: int, *, name: str = "swap") -> Tensor:
 k-th from the left in the end
     """
     values = order.tolist() if isinstance(order, Tensor) else list(order)
-    if sorted(map(repr, values)) != sorted(map(repr, range(n))):
+    try:
+        whole = sorted(map(operator.index, values))
+    except TypeError:  # 1.0 is no dancer
+        whole = None
+    if whole != list(range(n)):
         raise ValueError(
             f"{name}={values} must hold each of 0..{n - 1} exactly once: {name}[k] is the dancer "
             "who stands k-th from the left in the end"
         )
-    return torch.tensor(values, dtype=torch.long)
+    return torch.tensor([operator.index(value) for value in values])
 
 
 class SwapModeEmbedding(nn.Module):
