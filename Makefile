@@ -6,7 +6,6 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 READY  := $(VENV)/.ready
 export MPLBACKEND ?= Agg
-export OMP_WAIT_POLICY ?= passive
 
 .PHONY: setup dance test lint lab clean
 setup: $(READY)

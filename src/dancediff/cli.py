@@ -216,8 +216,9 @@ KINDS = {
 def main(args: list[str] | None = None) -> int:
     """Run a command; returns the exit status."""
     args = sys.argv[1:] if args is None else args
-    # before torch is imported: waiting threads that spin slow each other down many times over
-    os.environ.setdefault("OMP_WAIT_POLICY", "passive")
+    # Before torch is imported: threads wait for each other actively, but not for long. Measured on
+    # two cores, 5 s of dance: 3.2 s (2.8 by default), and 9 s (51) beside another busy program.
+    os.environ.setdefault("GOMP_SPINCOUNT", "5000")
     try:
         _parse(args).run()
     except ValueError as err:
