@@ -65,7 +65,8 @@ class Music:
             audio, rate = soundfile.read(path, dtype="float32", always_2d=True)
         except (OSError, RuntimeError, ValueError, TypeError, MemoryError) as err:
             raise ValueError(
-                f"song {str(path)!r} cannot be read as sound ({err}); "
+                # libsndfile's own words stay with the cause: they call damaged files missing
+                f"song {str(path)!r} cannot be read as sound; "
                 "give a wav, flac, ogg or mp3 file, or convert it to one"
             ) from err
         if len(audio) == 0:
