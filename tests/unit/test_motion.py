@@ -1,8 +1,10 @@
+import json
+
 import numpy as np
 import pytest
 import torch
 
-from dancediff.motion.motion import Motion
+from dancediff.motion.motion import Motion, read_arrays
 from dancediff.motion.rotation import axis_angle_to_matrix
 
 
@@ -66,3 +68,31 @@ def test_bad_files(tmp_path):
         Motion.load(tmp_path / "pickle.npz")
     with pytest.raises(ValueError, match=r"suffix '\.xyz'"):
         random_motion().save(tmp_path / "dance.xyz")
+
+
+@pytest.mark.parametrize(
+    ("part", "value", "reason"),
+    [
+        ("rot6d", np.ones((2, 12, 24, 12), dtype=np.float32), "rot6d has shape"),
+        ("rot6d", np.array([{}]), "fill|object"),
+        ("offsets", np.ones((23, 3), dtype=np.float32), "no tree"),
+        ("fps", np.ones(2), "size-1|scalar|length-1|one"),
+        ("header", np.array("[" * 100_000), "recursion"),
+        ("header", np.array("{}"), "format"),
+    ],
+)
+def test_a_file_with_a_wrong_part_is_refused(tmp_path, part, value, reason):
+    path = random_motion().save(tmp_path / "dance.npz")
+    np.savez(path, **{**read_arrays(path), part: value})
+    with pytest.raises(ValueError, match=rf"dance\.npz.*({reason})"):
+        Motion.load(path)
+
+
+@pytest.mark.parametrize("parents", [[-1, 0, 3, 2], [0] * 24, [-1, "a"], [-1, 30]])
+def test_joints_that_are_no_tree_are_refused(tmp_path, parents):
+    path = random_motion().save(tmp_path / "dance.npz")
+    arrays = read_arrays(path)
+    header = {**json.loads(str(arrays["header"])), "parents": parents}
+    np.savez(path, **{**arrays, "header": np.array(json.dumps(header))})
+    with pytest.raises(ValueError, match="no tree"):
+        Motion.load(path)

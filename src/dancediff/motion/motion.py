@@ -7,8 +7,11 @@ Symbols (axes: n dancers · f frames · j joints)
 """
 
 import contextlib
+import io
 import json
+import math
 import os
+import struct
 import zipfile
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -23,6 +26,7 @@ from dancediff.motion.rotation import matrix_to_rot6d, rot6d_to_matrix
 from dancediff.motion.skeleton import SMPL24, Skeleton, forward_kinematics
 
 FORMAT = "dancediff-motion-1"
+_PARTS = ("rot6d", "root", "fps", "offsets", "header", "contact")
 
 
 @dataclass(eq=False)
@@ -190,25 +194,66 @@ def _write_npz(path: Path, motion: Motion) -> None:
 
 def _read_npz(path: Path) -> Motion:
     try:
-        with np.load(path, allow_pickle=False) as data:
-            header = json.loads(str(data["header"]))
-            if header.get("format") != FORMAT:
-                raise ValueError(f"format is {header.get('format')!r}, not {FORMAT!r}")
-            skeleton = Skeleton(
-                tuple(header["names"]), tuple(header["parents"]), torch.from_numpy(data["offsets"])
-            )
-            contact = torch.from_numpy(data["contact"]) if "contact" in data else None
-            return Motion(
-                pose=rot6d_to_matrix(torch.from_numpy(data["rot6d"])),
-                root=torch.from_numpy(data["root"]),
-                fps=float(data["fps"]),
-                skeleton=SMPL24 if skeleton.names == SMPL24.names else skeleton,
-                contact=contact,
-                meta=header["meta"],
-            )
+        data = read_arrays(path, _PARTS)
+        header = json.loads(str(data["header"]))
+        if header.get("format") != FORMAT:
+            raise ValueError(f"format is {header.get('format')!r}, not {FORMAT!r}")
+        if data["rot6d"].shape[3:] != (6,):
+            raise ValueError(f"rot6d has shape {data['rot6d'].shape}; expected (n, f, j, 6)")
+        skeleton = _skeleton(header["names"], header["parents"], data["offsets"])
+        return Motion(
+            pose=rot6d_to_matrix(torch.from_numpy(data["rot6d"])),
+            root=torch.from_numpy(data["root"]),
+            fps=float(data["fps"]),
+            skeleton=SMPL24 if skeleton.names == SMPL24.names else skeleton,
+            contact=torch.from_numpy(data["contact"]) if "contact" in data else None,
+            meta=dict(header["meta"]),
+        )
     except FileNotFoundError:
         raise
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, zipfile.BadZipFile) as err:
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RuntimeError) as err:
         raise ValueError(
             f"{path} is no dancediff motion (.npz written by Motion.save): {err}"
         ) from err
+
+
+def _skeleton(names: list, parents: list, offsets: np.ndarray) -> Skeleton:
+    tree = all(type(p) is int and -1 <= p < j for j, p in enumerate(parents))
+    if not tree or len(names) != len(parents) or offsets.shape != (len(parents), 3):
+        raise ValueError(f"{len(names)} joints with parents {parents} are no tree")
+    return Skeleton(tuple(map(str, names)), tuple(parents), torch.from_numpy(offsets))
+
+
+def read_arrays(path, names: tuple[str, ...] = ()) -> dict[str, np.ndarray]:
+    """The arrays of an uncompressed .npz, all or those with the ``names`` that are there.
+
+    No memory is taken for more than the file holds, whatever its headers promise.
+
+    Raises: FileNotFoundError, or ValueError telling what is broken.
+    """
+    path = Path(path)
+    size = path.stat().st_size
+    try:
+        with zipfile.ZipFile(path) as archive:
+            members = archive.infolist()
+            if sum(max(m.file_size, m.compress_size) for m in members) > size or any(
+                m.compress_type != zipfile.ZIP_STORED for m in members
+            ):
+                raise ValueError("its arrays are compressed, or larger than the file itself")
+            named = {m.filename.removesuffix(".npy"): m for m in members}
+            keys = [name for name in named if name in names] if names else named
+            return {name: _array(archive.read(named[name])) for name in keys}
+    except (zipfile.BadZipFile, EOFError, SyntaxError, NotImplementedError, struct.error) as err:
+        raise ValueError(f"{type(err).__name__}: {err}") from err
+
+
+def _array(content: bytes) -> np.ndarray:
+    """An array from the bytes of an .npy file."""
+    file = io.BytesIO(content)
+    if np.lib.format.read_magic(file) != (1, 0):
+        raise ValueError("it has an array of another version than 1.0")
+    shape, fortran, dtype = np.lib.format.read_array_header_1_0(file)
+    if dtype.hasobject or math.prod(shape) * dtype.itemsize != len(content) - file.tell():
+        raise ValueError(f"it has an array {shape} of {dtype} that does not fill its place")
+    flat = np.frombuffer(bytearray(content), dtype, offset=file.tell())
+    return flat.reshape(shape, order="F" if fortran else "C")

@@ -1,0 +1,136 @@
+r"""AIST++: short solos in ten street dance genres, 60 frames a second.
+
+    motions/<take>.pkl      smpl_poses (f, 72) axis-angle, smpl_trans (f, 3), smpl_scaling (1,)
+    splits/crossmodal_train.txt, ..._val.txt, ..._test.txt      one take a line
+    ignore_list.txt         takes whose reconstruction failed
+    wavs/<take>.wav         or musics/<music>.wav: the music is not part of AIST++ itself
+
+A take is called gBR_sBM_cAll_d04_mBR0_ch01: genre, situation, camera, dancer, music, choreography.
+y is up, and the root's path in metres is smpl_trans / smpl_scaling. The name of the music tells its
+tempo.
+
+Symbols (axes: f frames)
+"""
+
+import re
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from dancediff.data.formats import (
+    find_song,
+    group_takes,
+    make_take,
+    on_the_floor,
+    plain_array,
+    read_names,
+    read_splits,
+    smpl_motion,
+)
+from dancediff.data.safe_pickle import load_pickle
+from dancediff.data.take import SPLITS, DanceTake, Job
+
+FPS = 60
+SOURCE = "AIST++ (Li et al., ICCV 2021), google.github.io/aistplusplus_dataset"
+LICENCE = "AIST++ annotations: CC BY 4.0; music: AIST Dance Video Database, research only"
+GENRES = {  # in the order of the genre ids 0 to 9
+    "BR": "Break", "PO": "Pop", "LO": "Lock", "MH": "Middle Hip-hop", "LH": "LA style Hip-hop",
+    "HO": "House", "WA": "Waack", "KR": "Krump", "JS": "Street Jazz", "JB": "Ballet Jazz",
+}  # fmt: skip
+_TAKE = re.compile(rf"g({'|'.join(GENRES)})_s\w\w_c\w+_d\d\d_m({'|'.join(GENRES)})(\d)_ch\d\d")
+
+
+def aistpp_jobs(src) -> list[Job]:
+    """One job for each take of the three cross-modal lists that is not in the ignore list.
+
+    Takes to the same music share a group within their split. Motions that no list names are not
+    part of the protocol and are left out.
+
+    Source: the lists of AIST++; EDGE uses train and test, Lodge tests on val and test together.
+
+    Raises: ValueError when ``src`` has no lists, a take in two of them, or a name of another form.
+    """
+    src = Path(src)
+    if not (src / "motions").is_dir():
+        raise ValueError(f"{src / 'motions'} does not exist; unpack AIST++ there")
+    folder = src / "splits" if (src / "splits").is_dir() else src
+    splits = read_splits({split: folder / f"crossmodal_{split}.txt" for split in SPLITS})
+    wrong = [name for name in splits if not _TAKE.fullmatch(name)]
+    if wrong:
+        raise ValueError(f"{folder}: {wrong[0]!r} is no name of a take, such as {_EXAMPLE}")
+    groups = group_takes(splits, music_id)
+    ignored = {
+        name
+        for path in {src / "ignore_list.txt", folder / "ignore_list.txt"}
+        if path.is_file()
+        for name in read_names(path)
+    }
+    songs = [src / "wavs", src / "musics", src / "music"]
+    jobs = []
+    for name in [name for name in splits if name not in ignored]:
+        path, song = src / "motions" / f"{name}.pkl", find_song(songs, [name, music_id(name)])
+        make = partial(make_aistpp, path, song, splits[name], groups[name])
+        jobs.append(Job(f"aistpp_{name}", make))
+    return jobs
+
+
+_EXAMPLE = "gBR_sBM_cAll_d04_mBR0_ch01"
+
+
+def music_id(name: str) -> str:
+    """The music of a take.
+
+    >>> music_id("gBR_sBM_cAll_d04_mBR0_ch01")
+    'mBR0'
+    """
+    return name.split("_")[4]
+
+
+def music_tempo(music: str) -> int:
+    """Beats per minute of a music, from its name: house starts at 110, all others at 80.
+
+    >>> music_tempo("mBR0"), music_tempo("mHO5")
+    (80, 135)
+    """
+    digit = int(music[-1])
+    return 110 + 5 * digit if music[1:3] == "HO" else 80 + 10 * digit
+
+
+def make_aistpp(path: Path, song: Path | None, split: str, group: str) -> DanceTake:
+    """Read one take: poses and path at 30 frames a second, and its music, the floor at 0.
+
+    Raises: ValueError naming the file and what is wrong with it.
+    """
+    name, music = path.stem, music_id(path.stem)
+    data = load_pickle(path)
+    try:
+        motion, floors = on_the_floor(smpl_motion(*read_poses(data), FPS))
+        return make_take(
+            f"aistpp_{name}",
+            motion,
+            song,
+            source=SOURCE,
+            licence=LICENCE,
+            split=split,
+            group=f"aistpp {group}",
+            genre=GENRES[name[1:3]],
+            notes={"floors": floors, "music_id": music, "tempo": music_tempo(music)},
+        )
+    except ValueError as err:
+        raise ValueError(f"{path}: {err}") from err
+
+
+def read_poses(data) -> tuple[np.ndarray, np.ndarray]:
+    """Axis-angle vectors (1, f, 72) and root path (1, f', 3) in metres of a file's content.
+
+    Raises: ValueError naming the field that is missing or has another shape.
+    """
+    if not isinstance(data, dict):
+        raise ValueError(f"it holds a {type(data).__name__}, not a dict")
+    poses = plain_array(data.get("smpl_poses"), "smpl_poses", (None, 72))
+    trans = plain_array(data.get("smpl_trans"), "smpl_trans", (None, 3))
+    scaling = np.asarray(data.get("smpl_scaling", np.nan))
+    if scaling.dtype.kind not in "fiu" or scaling.size != 1 or not 1e-3 < scaling.item() < 1e6:
+        raise ValueError("smpl_scaling is missing, or no single positive number")
+    return poses[None], trans[None] / scaling.item()

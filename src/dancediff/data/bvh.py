@@ -1,0 +1,331 @@
+r"""Motion capture as BVH files: a reader for any of them, a writer for the SMPL-24 tree.
+
+A BVH file is a joint tree with rest offsets (HIERARCHY) and one line of numbers per frame (MOTION).
+
+Symbols (axes: f frames · j joints, End Sites included)
+    offsets       where a joint sits on its parent at rest, metres   (j, 3)
+    rotations     of each joint relative to its parent               (f, j, 3, 3)
+    translations  offset of each joint in each frame, metres         (f, j, 3)
+"""
+
+import contextlib
+import math
+import os
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from dancediff.motion.motion import Motion
+
+CENTIMETRE = 0.01
+END = "_end"  # an End Site has no name of its own: it is called after its joint
+MAX_FPS = 1000.0
+_CHANNELS = {f"{axis}{kind}": (kind, i) for i, axis in enumerate("xyz")
+             for kind in ("position", "rotation")}  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class BVH:
+    """A recorded motion of any joint tree. Float64; parents stand before their children."""
+
+    names: tuple[str, ...]
+    parents: tuple[int, ...]
+    offsets: Tensor = field(repr=False)
+    rotations: Tensor = field(repr=False)
+    translations: Tensor = field(repr=False)
+    fps: float
+
+    @property
+    def num_frames(self) -> int:
+        """Length in frames."""
+        return self.rotations.shape[0]
+
+    @property
+    def root(self) -> Tensor:
+        """Path of the first joint, (f, 3) metres."""
+        return self.translations[:, 0]
+
+    def index(self, name: str) -> int:
+        """Index of a joint by name.
+
+        Raises: ValueError naming the joint and those that exist.
+        """
+        if name not in self.names:
+            raise ValueError(f"joint {name!r} is unknown; the file has {', '.join(self.names)}")
+        return self.names.index(name)
+
+    def frames(self, start: int, stop: int | None = None) -> "BVH":
+        """The frames start..stop-1, as with a slice of a list.
+
+        Raises: ValueError when no frame is left.
+        """
+        rotations = self.rotations[start:stop]
+        if len(rotations) == 0:
+            raise ValueError(f"frames({start}, {stop}) is empty; there are {self.num_frames}")
+        return replace(self, rotations=rotations, translations=self.translations[start:stop])
+
+    def world(self) -> tuple[Tensor, Tensor]:
+        r"""Positions and rotations of all joints in the world.
+
+        $$p_j = p_{p(j)} + Q_{p(j)}\, o_j,\quad Q_j = Q_{p(j)} R_j$$
+
+        Shapes: -> (f, j, 3) metres, (f, j, 3, 3).
+        """
+        points: list = []
+        Q: list = []
+        local, move = self.rotations.unbind(1), self.translations.unbind(1)
+        for j, p in enumerate(self.parents):
+            if p < 0:
+                points.append(move[j])
+                Q.append(local[j])
+            else:
+                points.append(points[p] + (Q[p] @ move[j][..., None])[..., 0])
+                Q.append(Q[p] @ local[j])
+        return torch.stack(points, 1), torch.stack(Q, 1)
+
+    def rest(self) -> Tensor:
+        """Positions when no joint is turned, the first joint at the origin, (j, 3) metres."""
+        points: list = []
+        for offset, p in zip(self.offsets, self.parents, strict=True):
+            points.append(points[p] + offset if p >= 0 else torch.zeros_like(offset))
+        return torch.stack(points)
+
+
+def read_bvh(path_or_text, *, fps: float | None = None, scale: float = CENTIMETRE) -> BVH:
+    r"""Read a BVH file, or its text (a string of more than one line).
+
+    Joints turn in the order in which their channels stand, $R = R_1 R_2 R_3$, in degrees; any order
+    and any number of channels is read, position channels at every joint too (they then replace the
+    offset). ``fps`` overrides a wrong header, ``scale`` is the length of the file's unit in metres.
+    Nothing is allocated for frames that the file does not hold.
+
+    Raises: ValueError naming the line, what stands there and what should; OSError for no such file.
+
+    >>> text = '''HIERARCHY
+    ... ROOT hip
+    ... {
+    ... OFFSET 0 0 0
+    ... CHANNELS 4 Xposition Yposition Zposition Yrotation
+    ... End Site
+    ... {
+    ... OFFSET 0 0 10
+    ... }
+    ... }
+    ... MOTION
+    ... Frames: 1
+    ... Frame Time: 0.04
+    ... 0 100 0 90'''
+    >>> bvh = read_bvh(text)
+    >>> bvh.names, bvh.fps, (bvh.world()[0][0] + 0.0).round(decimals=6).tolist()
+    (('hip', 'hip_end'), 25.0, [[0.0, 1.0, 0.0], [0.1, 1.0, 0.0]])
+    """
+    if not (math.isfinite(scale) and scale > 0):
+        raise ValueError(f"scale={scale} must be a positive number of metres per unit of the file")
+    lines = _Lines(_text_of(path_or_text))
+    tree = _read_tree(lines)
+    rows, rate = _read_motion(lines, sum(len(channels) for _, _, _, channels in tree))
+    rate = rate if fps is None else fps
+    if not 1 <= rate <= MAX_FPS:  # nan too
+        raise ValueError(f"frame rate {rate} is not in 1..{MAX_FPS:g}; pass the true one as fps=")
+    offsets = torch.tensor([offset for _, _, offset, _ in tree], dtype=torch.float64) * scale
+    rotations, translations = _split_channels(rows, [row[3] for row in tree], offsets, scale)
+    names, parents = tuple(row[0] for row in tree), tuple(row[1] for row in tree)
+    return BVH(names, parents, offsets, rotations, translations, float(rate))
+
+
+class _Lines:
+    """The lines of a file that hold something, one after another, with their numbers for errors."""
+
+    def __init__(self, text: str):
+        text = text.replace("{", "\n{\n").replace("}", "\n}\n")  # some writers put them in line
+        self.rows = [row for line in text.splitlines() if (row := line.split())]
+        self.at = -1
+
+    def next(self, expected: str) -> list[str]:
+        self.at += 1
+        if self.at >= len(self.rows):
+            raise ValueError(f"BVH ends where {expected} should stand; the file is cut off")
+        return self.rows[self.at]
+
+    def wrong(self, expected: str) -> ValueError:
+        found = " ".join(self.rows[self.at])[:60]
+        return ValueError(f"BVH has {found!r} (entry {self.at + 1}) where {expected} should stand")
+
+    def numbers(self, words: list[str], expected: str) -> list[float]:
+        try:
+            values = [float(word) for word in words]
+        except ValueError:
+            raise self.wrong(expected) from None
+        if not all(map(math.isfinite, values)):
+            raise self.wrong(expected)
+        return values
+
+
+def _text_of(source) -> str:
+    if isinstance(source, str) and ("\n" in source or not source.strip()):
+        return source
+    return Path(source).read_bytes().decode("utf-8", errors="replace")
+
+
+def _read_tree(lines: _Lines) -> list[tuple[str, int, list[float], list[str]]]:
+    """Name, parent, offset and channels of each joint, in the order of the file."""
+    if [word.upper() for word in lines.next("HIERARCHY")] != ["HIERARCHY"]:
+        raise lines.wrong("HIERARCHY")
+    tree: list = []
+    open_joints: list[int] = []  # a stack instead of recursion: depth is the file's choice
+    while not tree or open_joints:
+        row = lines.next("a joint or }")
+        word = row[0].upper()
+        if word == "}" and open_joints:
+            _close(lines, tree, open_joints.pop())
+        elif word in ("ROOT", "JOINT", "END") and (word == "ROOT") == (not tree) and len(row) > 1:
+            parent = open_joints[-1] if open_joints else -1
+            name = tree[parent][0] + END if word == "END" else " ".join(row[1:])
+            if lines.next("{") != ["{"]:
+                raise lines.wrong("{")
+            open_joints.append(len(tree))
+            tree.append((name, parent, [], []))
+        elif word == "OFFSET" and open_joints and len(row) == 4 and not tree[open_joints[-1]][2]:
+            tree[open_joints[-1]][2].extend(lines.numbers(row[1:], "three numbers of an OFFSET"))
+        elif word == "CHANNELS" and open_joints and not tree[open_joints[-1]][3]:
+            tree[open_joints[-1]][3].extend(_channels(lines, row))
+        else:
+            raise lines.wrong("ROOT, JOINT, End Site, OFFSET x y z, CHANNELS or }")
+    names = [row[0] for row in tree]
+    if len(set(names)) < len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise ValueError(f"BVH has two joints called {twice!r}; rename one")
+    return tree
+
+
+def _close(lines: _Lines, tree: list, j: int) -> None:
+    if not tree[j][2]:
+        raise lines.wrong(f"the OFFSET of {tree[j][0]!r}")
+
+
+def _channels(lines: _Lines, row: list[str]) -> list[str]:
+    channels = [word.lower() for word in row[2:]]
+    known = set(channels) <= set(_CHANNELS) and len(set(channels)) == len(channels)
+    if not known or row[1:2] != [str(len(channels))]:
+        raise lines.wrong("CHANNELS, their number and as many different names")
+    return channels
+
+
+def _read_motion(lines: _Lines, width: int) -> tuple[np.ndarray, float]:
+    """The numbers of all frames (f, width) and the header's frame rate."""
+    if [word.upper() for word in lines.next("MOTION")] != ["MOTION"]:
+        raise lines.wrong("MOTION")
+    frames = _header(lines, "Frames:")
+    seconds = _header(lines, "Frame Time:")
+    words = [word for row in lines.rows[lines.at + 1 :] for word in row]
+    # compared as numbers, before anything is made: a header may ask for 1e300 frames
+    if frames < 1 or frames % 1 or width == 0 or frames * width != len(words):
+        raise ValueError(
+            f"BVH names {frames:g} frames of {width} channels but holds {len(words)} numbers; "
+            "correct 'Frames:' or restore the missing lines"
+        )
+    try:
+        rows = np.array(list(map(float, words))).reshape(-1, width)
+    except ValueError as err:
+        raise ValueError(f"BVH has something else than numbers in its frames: {err}") from None
+    if not np.isfinite(rows).all() or np.abs(rows).max() > 1e9:
+        raise ValueError("BVH has numbers in its frames that are not finite or beyond 1e9")
+    return rows, 1 / seconds if seconds > 1e-9 else 0.0
+
+
+def _header(lines: _Lines, name: str) -> float:
+    row = lines.next(name)
+    if " ".join(row[:-1]).lower() != name.lower():
+        raise lines.wrong(f"{name!r} and a number")
+    return lines.numbers(row[-1:], f"{name!r} and a number")[0]
+
+
+def _split_channels(rows: np.ndarray, channels: list[list[str]], offsets: Tensor, scale: float):
+    """Rotations and translations of every joint from the columns of the file."""
+    columns = torch.from_numpy(rows)
+    f, j = len(rows), len(channels)
+    rotations = torch.eye(3, dtype=torch.float64).repeat(f, j, 1, 1)
+    translations = offsets.repeat(f, 1, 1)
+    at = 0
+    for k, names in enumerate(channels):
+        for name in names:
+            kind, axis = _CHANNELS[name]
+            if kind == "position":
+                translations[:, k, axis] = columns[:, at] * scale
+            else:
+                rotations[:, k] = rotations[:, k] @ _about(axis, torch.deg2rad(columns[:, at]))
+            at += 1
+    return rotations, translations
+
+
+def _about(axis: int, angle: Tensor) -> Tensor:
+    """Rotation about a coordinate axis, (f,) radians -> (f, 3, 3)."""
+    i, k = (axis + 1) % 3, (axis + 2) % 3
+    R = torch.zeros(len(angle), 3, 3, dtype=angle.dtype)
+    R[:, axis, axis] = 1
+    R[:, i, i] = R[:, k, k] = angle.cos()
+    R[:, k, i] = angle.sin()
+    R[:, i, k] = -angle.sin()
+    return R
+
+
+def _euler_zxy(R: Tensor) -> Tensor:
+    r"""Angles with $R = R_z(a) R_x(b) R_y(c)$, degrees, (..., 3, 3) -> (..., 3).
+
+    b and c are read after a is taken off, so that the product is right at b = 90 degrees too.
+    """
+    a = torch.atan2(-R[..., 0, 1], R[..., 1, 1])
+    rest = _about(2, -a.flatten()).unflatten(0, a.shape) @ R
+    b = torch.atan2(rest[..., 2, 1], rest[..., 1, 1])
+    c = torch.atan2(rest[..., 0, 2], rest[..., 0, 0])
+    return torch.rad2deg(torch.stack([a, b, c], -1))
+
+
+def write_bvh(motion: Motion, path, *, scale: float = CENTIMETRE) -> Path:
+    r"""Write one dancer as BVH: the SMPL-24 tree, channels Z X Y, in units of ``scale`` metres.
+
+    The file appears whole or not at all. `read_bvh` gives the joints back within 1 mm.
+
+    Raises: ValueError for more than one dancer; pick one with ``motion.dancer(k)``.
+    """
+    if motion.num_dancers != 1:
+        raise ValueError(
+            f"motion has {motion.num_dancers} dancers and a BVH file holds one; "
+            "write motion.dancer(k) for each k"
+        )
+    header, order = _tree_text(motion.skeleton, scale)
+    angles = _euler_zxy(motion.pose[0].double())[:, order].flatten(1)
+    rows = torch.cat([motion.root[0].double() / scale, angles], 1).numpy()
+    times = [f"Frames: {motion.num_frames}", f"Frame Time: {1 / motion.fps:.9f}"]
+    frames = (" ".join(f"{value:.5f}" for value in row) for row in rows)
+    path = Path(path)
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        part.write_text("\n".join([*header, "MOTION", *times, *frames, ""]))
+        part.replace(path)
+    finally:
+        with contextlib.suppress(FileNotFoundError):
+            part.unlink()
+    return path
+
+
+def _tree_text(skeleton, scale: float) -> tuple[list[str], list[int]]:
+    """The HIERARCHY part, and the joints in the order in which it names them: depth first."""
+    place = [" ".join(f"{x:.6f}" for x in offset / scale) for offset in skeleton.offsets.double()]
+    order: list[int] = []
+
+    def lines(j: int) -> list[str]:
+        order.append(j)
+        children = [k for k, p in enumerate(skeleton.parents) if p == j]
+        where = "3" if j else "6 Xposition Yposition Zposition"
+        inside = [f"OFFSET {place[j]}", f"CHANNELS {where} Zrotation Xrotation Yrotation"]
+        inside += [row for k in children for row in lines(k)]
+        if not children:
+            inside += ["End Site", "{", "\tOFFSET 0.000000 0.000000 0.000000", "}"]
+        head = f"{'JOINT' if j else 'ROOT'} {skeleton.names[j]}"
+        return [head, "{", *(f"\t{row}" for row in inside), "}"]
+
+    return ["HIERARCHY", *lines(0)], order

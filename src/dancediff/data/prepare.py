@@ -1,0 +1,250 @@
+r"""`prepare`: run many jobs, write one take each, skip what is bad, and say so.
+
+Each take is one file that tells how it was made (``made_by``: function, arguments and our code), so
+a run that was stopped goes on where it was, and a take is made anew when its recipe has changed.
+The index is written last, from the files, sorted by name: the folder's bytes do not depend on the
+number of workers, nor on how often the run was stopped.
+"""
+
+import contextlib
+import json
+import operator
+import os
+import shutil
+from collections import Counter
+from collections.abc import Iterator
+from functools import partial
+from hashlib import sha256
+from pathlib import Path
+
+from tqdm.auto import tqdm
+
+from dancediff.data.cache import code_digest, use_cache
+from dancediff.data.prepared import FOLDERS, FORMAT, FPS, NAME, read_index
+from dancediff.data.summary import Summary
+from dancediff.data.take import Job
+from dancediff.data.take_file import SCRATCH, describe, read_row, write_take
+
+BACKENDS = {"loky": None, "dask": "dask[distributed]", "ray": "ray"}
+MADE, KEPT = "made", "kept"
+_MODULES = {"dask": "distributed", "ray": "ray"}
+
+
+def prepare(
+    jobs: list[Job], out, *, workers: int = 1, backend: str = "loky", progress: bool = True
+) -> Summary:
+    """Make the takes of ``jobs`` that the folder ``out`` lacks, and write its index.
+
+    What the folder already holds from other jobs stays in it. One run at a time may write to a
+    folder. With ``backend`` "dask" or "ray" all machines must see the folder under the same path; a
+    Dask client or Ray cluster that is already connected is used, else a local one is started.
+
+    A job that raises is skipped, and reported in the summary and the index; the next run tries it
+    again. Takes are written by the workers, so memory does not grow with their number.
+
+    Raises: ValueError naming the argument; OSError when ``out`` cannot be written.
+    """
+    jobs, out = list(jobs), Path(out).absolute()
+    workers = _check(jobs, workers, backend)
+    for folder in FOLDERS:
+        (out / folder).mkdir(parents=True, exist_ok=True)
+    for left in out.glob(f"{SCRATCH}*"):  # of a run that was killed
+        shutil.rmtree(left)
+    for left in (out / "cache").rglob(".*.part"):
+        left.unlink()
+    summary = Summary(out)
+    bar = partial(tqdm, total=len(jobs), desc="preparing", unit="take", disable=not progress)
+    for name, outcome in bar(_outcomes(jobs, out, workers, backend)):
+        if outcome == MADE:
+            summary.made += 1
+        elif outcome == KEPT:
+            summary.kept += 1
+        else:
+            summary.skipped[name] = outcome.removeprefix("skipped: ")
+    _write_index(out, [job.name for job in jobs], summary)
+    return summary
+
+
+def _check(jobs: list[Job], workers: int, backend: str) -> int:
+    workers = operator.index(workers)
+    if workers < 1:
+        raise ValueError(f"workers={workers} must be at least 1")
+    if backend not in BACKENDS:
+        raise ValueError(f"backend={backend!r} is not one of {', '.join(BACKENDS)}")
+    if backend != "loky":
+        try:
+            __import__(_MODULES[backend])
+        except ImportError as err:
+            raise ValueError(
+                f'backend={backend!r} is not installed; pip install "{BACKENDS[backend]}", or '
+                "leave it out"
+            ) from err
+    if not jobs:
+        raise ValueError("there are no takes to prepare: the list of jobs is empty")
+    for name, count in Counter(job.name for job in jobs).items():
+        if count > 1:
+            raise ValueError(f"{count} takes are called {name!r}; give each its own name")
+        if not NAME.fullmatch(name):
+            raise ValueError(f"take {name!r}: use letters, digits and _ . + - in names")
+    return workers
+
+
+# ------------------------------------------------------------------------------------ running
+
+
+def _outcomes(jobs: list[Job], out: Path, workers: int, backend: str) -> Iterator[tuple[str, str]]:
+    """(name, "made" or "kept" or the reason why not) for every job, in any order."""
+    if workers == 1 and backend == "loky":
+        with _one_thread():
+            yield from (run_job(job, out) for job in jobs)
+        return
+    import joblib
+
+    # the pool of Ray cannot hand results out one by one
+    how = "list" if backend == "ray" else "generator_unordered"
+    with _connected(workers, backend) as options, joblib.parallel_config(backend, **options):
+        parallel = joblib.Parallel(n_jobs=workers, return_as=how)
+        yield from parallel(joblib.delayed(_run_in_worker)(job, out) for job in jobs)
+
+
+@contextlib.contextmanager
+def _connected(workers: int, backend: str) -> Iterator[dict]:
+    """Options of joblib's backend, with a local Dask or Ray cluster if none is connected."""
+    if backend == "loky":
+        yield {"inner_max_num_threads": 1}
+    elif backend == "dask":
+        import distributed
+
+        try:
+            distributed.get_client()
+        except ValueError:
+            size = {"n_workers": workers, "threads_per_worker": 1}
+            with distributed.Client(**size, dashboard_address=None):
+                yield {}
+        else:
+            yield {}
+    else:
+        import ray
+        from ray.util.joblib import register_ray
+
+        started = not ray.is_initialized()
+        if started:
+            ray.init(num_cpus=workers, include_dashboard=False, log_to_driver=False)
+        register_ray()
+        try:
+            yield {}
+        finally:
+            if started:
+                ray.shutdown()
+
+
+@contextlib.contextmanager
+def _one_thread() -> Iterator[None]:
+    """Sums over several threads round differently: one thread gives the same bytes everywhere."""
+    import torch
+    from threadpoolctl import threadpool_limits
+
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        with threadpool_limits(1):
+            yield
+    finally:
+        torch.set_num_threads(threads)
+
+
+def _run_in_worker(job: Job, out: Path) -> tuple[str, str]:
+    import torch
+
+    torch.set_num_threads(1)
+    return run_job(job, out)
+
+
+def run_job(job: Job, out: Path) -> tuple[str, str]:
+    """Make one take and write it, unless it is there: (name, "made" or "kept" or the reason)."""
+    made_by = recipe(job)
+    path = _find(out, job.name)
+    if path is not None:
+        with contextlib.suppress(ValueError):
+            if read_row(path)["made_by"] == made_by:
+                return job.name, KEPT
+        path.unlink()
+    try:
+        with use_cache(out / "cache" / "features"):
+            take = job.make()
+        if take.name != job.name:
+            raise ValueError(f"it calls itself {take.name!r}")
+        if take.motion.fps != FPS:
+            raise ValueError(f"it has {take.motion.fps} frames a second, not {FPS}")
+        describe(take)
+    except ValueError as err:
+        return job.name, f"skipped: {_one_line(err)}"
+    except Exception as err:  # one odd file must not end a run over thousands
+        return job.name, f"skipped: {type(err).__name__}: {_one_line(err)}"
+    folder = FOLDERS[take.kind == "composed"]
+    write_take(out / folder / f"{job.name}.npz", take, made_by)
+    return job.name, MADE
+
+
+def _one_line(err: Exception) -> str:
+    return " ".join(str(err).split())
+
+
+def recipe(job: Job) -> str:
+    """A hash of what a take follows from: function, arguments and our own code.
+
+    Of files that are arguments only name and size count, so a data set may be moved; files that a
+    job finds in a folder do not count. To make a take anew, delete it.
+    """
+    text = f"{code_digest()} {_words(job.make)}"
+    return sha256(text.encode()).hexdigest()[:16]
+
+
+def _words(x) -> str:
+    if isinstance(x, partial):
+        return f"{_words(x.func)}{_words(x.args)}{_words(x.keywords)}"
+    if isinstance(x, Path):
+        return f"{x.name}:{x.stat().st_size if x.is_file() else ''}"
+    if isinstance(x, dict):
+        return _words([(key, x[key]) for key in sorted(x)])
+    if isinstance(x, list | tuple):
+        return f"({','.join(map(_words, x))})"
+    if callable(x):
+        return f"{x.__module__}.{getattr(x, '__qualname__', x)}"
+    return repr(x)
+
+
+def _find(out: Path, name: str) -> Path | None:
+    paths = (out / folder / f"{name}.npz" for folder in FOLDERS)
+    return next((path for path in paths if path.exists()), None)
+
+
+# -------------------------------------------------------------------------------------- index
+
+
+def _write_index(out: Path, names: list[str], summary: Summary) -> None:
+    """Write index.json line by line from the files: of these jobs, and of the index before."""
+    old = {}
+    with contextlib.suppress(ValueError):  # there is none, or it is damaged
+        old = read_index(out)
+    wanted = {*names, *(row["name"] for row in old.get("takes", []))} - set(summary.skipped)
+    skipped = {row["name"]: row["reason"] for row in old.get("skipped", [])}
+    skipped = {name: why for name, why in skipped.items() if name not in wanted} | summary.skipped
+    part = out / f".index.json.{os.getpid()}.part"
+    try:
+        with part.open("w", encoding="utf-8") as file:
+            file.write(f'{{\n"format": "{FORMAT}",\n"fps": {FPS},\n"takes": [')
+            comma = "\n"
+            for name in sorted(wanted):
+                if (path := _find(out, name)) is None:
+                    continue  # somebody deleted it
+                row = read_row(path)
+                summary.add(row)
+                row["file"] = path.relative_to(out).as_posix()
+                file.write(comma + json.dumps(row, sort_keys=True))
+                comma = ",\n"
+            rows = [{"name": name, "reason": skipped[name]} for name in sorted(skipped)]
+            file.write(f'\n],\n"skipped": {json.dumps(rows, indent=0)}\n}}\n')
+        part.replace(out / "index.json")
+    finally:
+        part.unlink(missing_ok=True)

@@ -1,0 +1,77 @@
+"""What a run of `prepare` did, and what the folder holds now, as one table."""
+
+from collections import Counter
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from dancediff.data.prepared import FPS
+from dancediff.data.take import SPLITS
+
+_MEASURED = ("direction_error", "skating_source", "skating", "penetration_p95", "lowest_median")
+
+
+@dataclass
+class Summary:
+    """What a folder holds after a run, and what the run did; ``str`` is one table."""
+
+    folder: Path
+    made: int = 0
+    kept: int = 0  # were there already
+    skipped: dict[str, str] = field(default_factory=dict)  # name: reason
+    counts: dict[tuple, Counter] = field(default_factory=dict)  # by (kind, music, dancers)
+    measured: dict[str, list[float]] = field(default_factory=dict)  # of retargeted takes
+
+    @property
+    def prepared(self) -> int:
+        """Takes of this run that are in the folder now."""
+        return self.made + self.kept
+
+    def add(self, row: dict) -> None:
+        """Count a take of the folder."""
+        key = (row["kind"], row["music"], row["dancers"])
+        count = self.counts.setdefault(key, Counter())
+        count.update({"takes": 1, "frames": row["frames"], row["split"]: 1})
+        if set(_MEASURED) <= set(row["notes"]):
+            self.measured[row["name"]] = [row["notes"][key] for key in _MEASURED]
+
+    def then(self, later: "Summary") -> "Summary":
+        """Both runs as one, which leave the folder as the later one does."""
+        return replace(
+            later,
+            made=self.made + later.made,
+            kept=self.kept + later.kept,
+            skipped=self.skipped | later.skipped,
+        )
+
+    def facts(self) -> dict:
+        """The same as plain JSON."""
+        rows = [
+            dict(zip(("kind", "music", "dancers"), key, strict=True)) | dict(count)
+            for key, count in sorted(self.counts.items())
+        ]
+        facts = {"folder": str(self.folder), "made": self.made, "kept": self.kept}
+        return facts | {"skipped": self.skipped, "takes": rows, "measured": self.measured}
+
+    def __str__(self) -> str:
+        """The table, then the takes that were skipped, each with the reason."""
+        lines = [f"{'motion':10} {'music':23} dancers  takes  minutes  train  val  test"]
+        total: Counter = Counter()
+        for (kind, music, dancers), count in sorted(self.counts.items()):
+            lines.append(f"{kind:10} {music:23} {dancers:7} {_cells(count)}")
+            total.update(count)
+        lines.append(f"{'all':42} {_cells(total)}")
+        if self.measured:
+            lines += ["", f"{'take':20} degrees off  skating: source  ours  floor: p95  lowest"]
+        for name, (off, source, ours, below, low) in sorted(self.measured.items()):
+            lines.append(
+                f"{name:20} {off:11.2f} {source:16.1%} {ours:5.1%} {below:8.3f} m {low:5.3f} m"
+            )
+        lines += ["", f"made {self.made}, kept {self.kept}, skipped {len(self.skipped)}"]
+        lines += [f"    {name}: {reason}" for name, reason in sorted(self.skipped.items())]
+        return "\n".join(lines)
+
+
+def _cells(count: Counter) -> str:
+    minutes = count["frames"] / FPS / 60
+    train, val, test = (count[split] for split in SPLITS)
+    return f"{count['takes']:6} {minutes:8.1f} {train:6} {val:4} {test:5}"

@@ -1,0 +1,283 @@
+"""Preparing: the same bytes however often it is stopped, nothing skipped silently, flat memory."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+import tracemalloc
+import weakref
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from dancediff.data import prepare as module
+from dancediff.data.prepare import prepare, recipe
+from dancediff.data.prepared import PreparedData
+from dancediff.data.take import DanceTake, Job
+from dancediff.data.take_file import read_row, read_take, write_take
+from dancediff.motion.motion import Motion
+
+
+def tiny(name, seed, frames=40, n=1, split="train", kind="synthetic", group=None, wait=0.0):
+    """A take of random paths; a module's function, as jobs must be."""
+    time.sleep(wait)
+    g = torch.Generator().manual_seed(seed)
+    motion = Motion(
+        torch.eye(3).expand(n, frames, 24, 3, 3), torch.randn(n, frames, 3, generator=g)
+    )
+    return DanceTake(
+        name=name, motion=motion, kind=kind, music="synthetic", source="a test", licence="none",
+        split=split, group=group or name, M=torch.randn(frames, 35, generator=g),
+        beats=np.array([0.5, 1.0]), genre="waltz", notes={"seed": seed},
+    )  # fmt: skip
+
+
+alive: weakref.WeakSet = weakref.WeakSet()
+most = [0]
+
+
+def counted(name, seed):
+    """`tiny`, and how many takes are in memory at once."""
+    take = tiny(name, seed, frames=900)  # 0.6 MB
+    alive.add(take.motion)
+    most[0] = max(most[0], len(alive))
+    return take
+
+
+def bad(name):
+    raise ValueError(f"{name} is\nno dance")
+
+
+def jobs_of(count, **options):
+    return [Job(f"t{k:03}", partial(tiny, f"t{k:03}", k, **options)) for k in range(count)]
+
+
+def content(folder):
+    return {
+        path.relative_to(folder).as_posix(): path.read_bytes()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+    }
+
+
+def test_takes_are_written_and_listed(tmp_path):
+    jobs = [*jobs_of(3), Job("c", partial(tiny, "c", 9, n=3, kind="composed", split="val"))]
+    summary = prepare(jobs, tmp_path, progress=False)
+    assert (summary.made, summary.kept, summary.skipped) == (4, 0, {})
+    assert set(content(tmp_path)) == {
+        "index.json", "takes/t000.npz", "takes/t001.npz", "takes/t002.npz", "composed/c.npz"
+    }  # fmt: skip
+    index = json.loads((tmp_path / "index.json").read_text())
+    assert [row["name"] for row in index["takes"]] == ["c", "t000", "t001", "t002"]
+    row = index["takes"][0]
+    assert (row["kind"], row["split"], row["dancers"], row["frames"]) == ("composed", "val", 3, 40)
+    assert (row["licence"], row["source"], row["genre"]) == ("none", "a test", "waltz")
+    table = str(summary)
+    assert "composed" in table and "made 4, kept 0, skipped 0" in table
+    assert json.loads(json.dumps(summary.facts()))["made"] == 4
+
+
+def test_a_take_survives_its_file(tmp_path):
+    (tmp_path / "takes").mkdir()
+    take = tiny("a", 3, n=2)
+    path = write_take(tmp_path / "takes" / "a.npz", take, "recipe")
+    again, row = read_take(path), read_row(path)
+    assert torch.equal(again.motion.root, take.motion.root) and torch.equal(again.M, take.M)
+    assert again.beats.tolist() == [0.5, 1.0] and again.notes == take.notes
+    assert torch.equal(Motion.load(path).root, take.motion.root)  # it is a Motion file too
+    assert (row["made_by"], row["songs"], row["dancers"]) == ("recipe", 1, 2)
+    path.write_bytes(path.read_bytes()[:-50])
+    for read in (read_take, read_row):
+        with pytest.raises(ValueError, match="no prepared take"):
+            read(path)
+
+
+def test_bytes_do_not_depend_on_time_or_workers(tmp_path):
+    prepare(jobs_of(5), tmp_path / "a", progress=False)
+    time.sleep(2.1)  # zip files count time in steps of two seconds
+    prepare(jobs_of(5)[::-1], tmp_path / "b", workers=2, progress=False)
+    assert content(tmp_path / "a") == content(tmp_path / "b")
+
+
+def test_a_bad_take_is_reported_and_the_others_are_made(tmp_path):
+    def other():  # not even a ValueError
+        raise KeyError("smpl_poses")
+
+    jobs = [Job("bad", partial(bad, "bad")), *jobs_of(2), Job("odd", other)]
+    jobs.append(Job("liar", partial(tiny, "truth", 1)))
+    summary = prepare(jobs, tmp_path, progress=False)
+    assert summary.made == 2 and summary.prepared == 2
+    assert summary.skipped["bad"] == "bad is no dance"
+    assert summary.skipped["odd"] == "KeyError: 'smpl_poses'"
+    assert "'truth'" in summary.skipped["liar"]
+    assert "    bad: bad is no dance" in str(summary) and "skipped 3" in str(summary)
+    data = PreparedData(tmp_path)
+    assert [row["name"] for row in data.skipped] == ["bad", "liar", "odd"] and len(data) == 2
+
+
+def test_nothing_good_is_a_summary_too(tmp_path):
+    summary = prepare([Job("bad", partial(bad, "bad"))], tmp_path, progress=False)
+    assert summary.prepared == 0 and len(PreparedData(tmp_path)) == 0
+
+
+def test_a_stopped_run_goes_on(tmp_path, monkeypatch):
+    prepare(jobs_of(6), tmp_path / "whole", progress=False)
+    write, left = write_take, [3]
+
+    def then_stop(*args):
+        left[0] -= 1
+        if left[0] < 0:
+            raise KeyboardInterrupt
+        return write(*args)
+
+    monkeypatch.setattr(module, "write_take", then_stop)
+    with pytest.raises(KeyboardInterrupt):
+        prepare(jobs_of(6), tmp_path / "parts", progress=False)
+    monkeypatch.setattr(module, "write_take", write)
+    assert len(list((tmp_path / "parts").rglob("*.npz"))) == 3
+    left_over = tmp_path / "parts" / ".part-xyz"
+    left_over.mkdir()
+    (left_over / "t004.npz").write_bytes(b"half a file")
+    summary = prepare(jobs_of(6), tmp_path / "parts", progress=False)
+    assert (summary.made, summary.kept) == (3, 3)
+    assert content(tmp_path / "whole") == content(tmp_path / "parts")
+
+
+@pytest.mark.skipif(os.name == "nt", reason="SIGKILL is of Unix")
+def test_a_killed_process_goes_on(tmp_path):
+    """As a user does it: kill -9 in the middle, then the same command again."""
+    code = (
+        f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r})\n"
+        "from test_prepare import jobs_of, prepare\n"
+        "prepare(jobs_of(8, wait=0.15), sys.argv[1], progress=False)"
+    )
+    # jobs of another process are of the module test_prepare, so both folders are made by one
+    command = [sys.executable, "-c", code]
+    running = subprocess.Popen([*command, tmp_path / "parts"])
+    for _ in range(600):
+        time.sleep(0.05)
+        if len(list((tmp_path / "parts").rglob("*.npz"))) >= 2:
+            break
+    running.send_signal(signal.SIGKILL)
+    running.wait()
+    assert not (tmp_path / "parts" / "index.json").exists()
+    for folder in ("parts", "whole"):
+        subprocess.run([*command, tmp_path / folder], check=True)
+    assert content(tmp_path / "whole") == content(tmp_path / "parts")
+
+
+def test_a_changed_recipe_is_made_anew_and_other_takes_stay(tmp_path):
+    prepare(jobs_of(3), tmp_path, progress=False)
+    before = content(tmp_path)
+    changed = [Job("t001", partial(tiny, "t001", 77))]
+    summary = prepare(changed, tmp_path, progress=False)
+    assert (summary.made, summary.kept) == (1, 0)
+    after = content(tmp_path)
+    assert [name for name in before if before[name] != after[name]] == [
+        "index.json", "takes/t001.npz"
+    ]  # fmt: skip
+    assert [entry.name for entry in PreparedData(tmp_path)] == ["t000", "t001", "t002"]
+    # a take that has become bad is no longer there, so no old version passes for it
+    summary = prepare([Job("t001", partial(bad, "t001"))], tmp_path, progress=False)
+    assert list(summary.skipped) == ["t001"]
+    assert [entry.name for entry in PreparedData(tmp_path)] == ["t000", "t002"]
+    assert not (tmp_path / "takes" / "t001.npz").exists()
+
+
+def test_recipe_follows_arguments_not_places(tmp_path):
+    for folder in ("a", "b"):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "dance.bvh").write_text("same")
+
+    def of(*args, **options):
+        return recipe(Job("x", partial(tiny, *args, **options)))
+
+    assert of(tmp_path / "a" / "dance.bvh") == of(tmp_path / "b" / "dance.bvh")
+    assert of("x", 1) != of("x", 2) and of("x", n=1) != of("x", n=2)
+    assert recipe(Job("x", partial(partial(tiny, "x"), 1))) != of("x", 2)
+    (tmp_path / "b" / "dance.bvh").write_text("other")
+    assert of(tmp_path / "a" / "dance.bvh") != of(tmp_path / "b" / "dance.bvh")
+
+
+def test_damaged_take_is_made_anew(tmp_path):
+    prepare(jobs_of(2), tmp_path, progress=False)
+    before = content(tmp_path)
+    (tmp_path / "takes" / "t000.npz").write_bytes(b"PK nonsense")
+    (tmp_path / "index.json").write_text("{")
+    assert prepare(jobs_of(2), tmp_path, progress=False).made == 1
+    assert content(tmp_path) == before
+
+
+def test_full_disk_ends_the_run_and_leaves_no_half_file(tmp_path, monkeypatch):
+    def full(self, path, song=None):
+        Path(path).write_bytes(b"half")
+        raise OSError("no space left on device")
+
+    monkeypatch.setattr(Motion, "save", full)
+    with pytest.raises(OSError, match="no space"):
+        prepare(jobs_of(2), tmp_path, progress=False)
+    assert content(tmp_path) == {}
+
+
+def test_memory_does_not_grow_with_the_number_of_takes(tmp_path):
+    prepare(jobs_of(2), tmp_path / "warm", progress=False)
+
+    def peak(count):
+        jobs = [Job(f"t{k:03}", partial(counted, f"t{k:03}", k)) for k in range(count)]
+        tracemalloc.start()
+        prepare(jobs, tmp_path / str(count), progress=False)
+        highest = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        return highest
+
+    few, many = peak(20), peak(200)
+    assert few > 500_000  # takes are seen at all
+    assert many < few + 300_000, (few, many)  # 200 takes are 110 MB
+    assert 1 <= most[0] <= 2  # the one being made, and the one before
+
+
+@pytest.mark.parametrize(
+    ("jobs", "options", "words"),
+    [
+        ([], {}, "list of jobs is empty"),
+        ([Job("a", bad), Job("a", bad)], {}, "2 takes are called 'a'"),
+        ([Job("../a", bad)], {}, r"'\.\./a'"),
+        ([Job("a", bad)], {"workers": 0}, "workers=0"),
+        ([Job("a", bad)], {"backend": "spark"}, "backend='spark'.*loky, dask, ray"),
+    ],
+)
+def test_bad_arguments_are_named(tmp_path, jobs, options, words):
+    with pytest.raises(ValueError, match=words):
+        prepare(jobs, tmp_path / "out", progress=False, **options)
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(("backend", "package"), [("dask", "dask"), ("ray", "ray")])
+def test_missing_backend_says_what_to_install(tmp_path, monkeypatch, backend, package):
+    monkeypatch.setitem(sys.modules, module._MODULES[backend], None)
+    with pytest.raises(ValueError, match=f'pip install "{package}'):
+        prepare(jobs_of(1), tmp_path, backend=backend, progress=False)
+
+
+@pytest.mark.parametrize("backend", ["dask", "ray"])
+def test_other_backends_give_the_same_bytes(tmp_path, backend):
+    pytest.importorskip(module._MODULES[backend])
+    code = (
+        f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r})\n"
+        "from test_prepare import jobs_of, prepare\n"
+        "if __name__ == '__main__':\n"
+        "    prepare(jobs_of(3), sys.argv[1], workers=int(sys.argv[2]), backend=sys.argv[3])"
+    )
+    (tmp_path / "run.py").write_text(code)
+    environment = os.environ | {
+        "PYTHONPATH": os.pathsep.join([str(Path(__file__).parent), *sys.path])
+    }
+    for folder, workers, name in (("a", "1", "loky"), ("b", "2", backend)):
+        command = [sys.executable, tmp_path / "run.py", tmp_path / folder, workers, name]
+        subprocess.run(command, check=True, env=environment, capture_output=True)
+    assert content(tmp_path / "a") == content(tmp_path / "b")
