@@ -1,151 +1,195 @@
-r"""From footsteps and key poses to a moving body.
+r"""From landings and torso channels to pelvis, legs, spine and head.
 
-Pelvis over the feet, bouncing with the beat; legs by two-bone IK, so a planted foot stays put;
-torso and arms ease from key pose to key pose and arrive on the beat.
+The pelvis goes over the foot that carries the weight before the other one lifts, bounces with the
+beat and flies in jumps; legs follow by two-bone IK, so a planted foot stays put; the chest counters
+the hips; the head looks to the audience, or where the dancer goes.
 
-Symbols (axes: f frames · k keys)
-    beat   position of each frame on the beat grid            (f,)
-    pose   joint rotations relative to the parent             (f, 24, 3, 3)
-    root   pelvis position, metres                            (f, 3)
+Symbols (axes: n dancers · f frames · c channels)
+    beat    position of each frame on the beat grid         (f,)
+    facing  where the body faces, radians                   (f,)
+    lean    difference of weight, left minus right, -1..1   (f,)
+    root    pelvis position, metres                         (f, 3)
 """
 
 from dataclasses import dataclass
 
 import numpy as np
-import roma
-import torch
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d
-from torch import Tensor
 
-from dancediff.data.choreographer.footsteps import FootPath, smoothstep
-from dancediff.data.choreographer.vocabulary import ARM_POSES
-from dancediff.motion.ik import two_bone_ik
-from dancediff.motion.rotation import rotation_about, rotation_between
+from dancediff.data.choreographer.footsteps import FootPath, Jump
+from dancediff.data.choreographer.moves import CHANNEL, Groove
+from dancediff.data.choreographer.quaternion import euler
+from dancediff.data.choreographer.tracks import warp
 from dancediff.motion.skeleton import SMPL24
 
-_OFFSETS = SMPL24.offsets
-_LEGS = ((1, 4, 7, 10), (2, 5, 8, 11))  # hip, knee, ankle, toe of the left and the right leg
-_TORSO = {"belly": 0.35, "spine": 0.30, "chest": 0.35}  # share of a torso bend in each joint
-_REACH = 0.995  # of the leg's length; a straighter leg pops at the knee
+GRAVITY = 9.81
+_OFFSETS = SMPL24.offsets.numpy().astype(np.float64)
+LEGS = ((1, 4, 7), (2, 5, 8))  # hip, knee, ankle of the left and the right leg
+_REACH = 0.992  # of the leg's length; a straighter leg pops at the knee
+_LEG = [np.linalg.norm(_OFFSETS[k]) + np.linalg.norm(_OFFSETS[a]) for _, k, a in LEGS]
+_EARLY = 0.14  # beats by which the weight shifts before a foot lifts
+_SHARES = (0.35, 0.30, 0.35)  # of a torso bend in belly, spine and chest
+_NECK_LIMIT = np.radians(62)
 
 
 @dataclass(frozen=True)
-class Groove:
-    """How one dancer carries the dance: small personal differences within a group."""
+class Personal:
+    """Small differences between the dancers of a group."""
 
-    height: float = 0.915  # metres, pelvis when standing in the groove
-    bounce: float = 0.045  # metres down on every beat
-    sway: float = 0.35  # share of the weight that goes over the standing foot
-    size: float = 1.0  # of torso bends
-    arms: float = 0.0  # metres-free spread of arm directions
+    height: float = 0.0  # metres
+    bounce: float = 1.0
+    size: float = 1.0
+    late: float = 0.0  # beats
 
     @classmethod
-    def draw(cls, rng: np.random.Generator) -> "Groove":
-        """A dancer's own groove."""
+    def draw(cls, rng: np.random.Generator) -> "Personal":
+        """A dancer's own way."""
         return cls(
-            height=0.915 + rng.uniform(-0.008, 0.008),
-            bounce=0.045 * rng.uniform(0.8, 1.2),
-            size=rng.uniform(0.85, 1.15),
-            arms=rng.uniform(-0.06, 0.06),
+            height=rng.uniform(-0.008, 0.008),
+            bounce=rng.uniform(0.85, 1.15),
+            size=rng.uniform(0.9, 1.1),
+            late=rng.uniform(-0.02, 0.02),
         )
 
 
-def tensor(x) -> Tensor:
-    """Float32 tensor of anything."""
-    return torch.as_tensor(np.asarray(x), dtype=torch.float32)
+@dataclass(frozen=True)
+class Pelvis:
+    """Path of the pelvis; see the module's symbols."""
+
+    root: np.ndarray
+    rotation: np.ndarray  # (f, 3, 3)
+    turn: np.ndarray  # degrees relative to the facing: pitch, bend, twist  (f, 3)
+    lean: np.ndarray
 
 
-def pelvis_path(beat, feet: tuple[FootPath, FootPath], groove: Groove, frames_per_beat: float):
-    """Pelvis position in every frame: over the planted feet, as high as the legs allow, (f, 3)."""
-    weight = np.stack([foot.planted for foot in feet], -1).astype(float)
-    weight = 1 - groove.sway + groove.sway * weight
-    weight /= weight.sum(-1, keepdims=True)
-    floor = sum(w[:, None] * foot.ankle[:, (0, 2)] for w, foot in zip(weight.T, feet, strict=True))
-    floor = gaussian_filter1d(floor, 0.32 * frames_per_beat, axis=0, mode="nearest")
-    wanted = groove.height - groove.bounce * 0.5 * (1 + np.cos(2 * np.pi * beat))
-    # hips sit about 9 cm below and 6 cm beside the pelvis; legs must reach every foot
-    room = np.full(len(beat), np.inf)
-    for side, (hip, knee, ankle, _), foot in zip((1, -1), _LEGS, feet, strict=True):
-        leg = _REACH * (_OFFSETS[knee].norm() + _OFFSETS[ankle].norm()).item()
-        away = floor + np.array([0.06 * side, -0.015]) - foot.ankle[:, (0, 2)]
-        drop = np.sqrt(np.maximum(leg**2 - (away**2).sum(-1), 0.05))
-        room = np.minimum(room, foot.ankle[:, 1] + drop - _OFFSETS[hip, 1].item() - 0.012)
+def floor_path(beat, feet: tuple[FootPath, FootPath], groove: Groove, frames_per_beat: float):
+    """Where the weight is on the floor, (f, 2), and the difference of weight, (f,)."""
+    weight = np.stack([np.interp(beat + _EARLY, beat, foot.weight) for foot in feet])
+    lean = gaussian_filter1d(weight[0] - weight[1], 0.2 * frames_per_beat, mode="nearest")
+    weight = 1 - groove.shift + groove.shift * weight
+    weight = weight / weight.sum(0)
+    support = [
+        foot.ankle[:, (0, 2)] + 0.03 * np.stack([np.sin(foot.yaw), np.cos(foot.yaw)], -1)
+        for foot in feet
+    ]
+    floor = weight[0, :, None] * support[0] + weight[1, :, None] * support[1]
+    floor = gaussian_filter1d(floor, 0.27 * frames_per_beat, axis=0, mode="nearest")
+    calm = warp(beat, 0.6)  # the weight, too, comes to rest on the beats
+    floor = np.stack([np.interp(calm, beat, x) for x in floor.T], -1)
+    return floor, np.interp(calm, beat, lean)
+
+
+def rise_of(beat: np.ndarray, jumps: list[Jump], spb: float) -> np.ndarray:
+    r"""How high the body flies above its take-off: $\tfrac g2 (\tau-\tau_0)(\tau_1-\tau)$, (f,)."""
+    rise = np.zeros(len(beat))
+    for jump in jumps:
+        inside = np.maximum((beat - jump.start) * (jump.stop - beat), 0) * spb**2
+        rise += 0.5 * GRAVITY * inside
+    return rise
+
+
+def pelvis_path(beat, floor, lean, feet, track, groove: Groove, me: Personal, energy, fpb, jumps):
+    """Height and rotation of the pelvis; ``track`` are the torso channels (f, c)."""
+    facing = np.radians(track[:, CHANNEL["face"]])
+    down = track[:, CHANNEL["level"]] / 100
+    fold = 60 * np.clip(down - 0.04, 0, None)  # who sinks low folds at the hips
+    # hips answer the shoulders: they turn a third of the way against them
+    turn = np.stack(
+        [
+            fold - track[:, CHANNEL["tuck"]],
+            -(track[:, CHANNEL["roll"]] + groove.hip * lean),
+            groove.hip_twist * lean - 0.33 * track[:, CHANNEL["twist"]],
+        ],
+        -1,
+    )
+    pitch, bend, twist = np.radians(turn).T
+    rotation = euler(pitch, bend, facing + twist)
+    side = track[:, CHANNEL["hip"]] / 100
+    floor = floor + side[:, None] * np.stack([np.cos(facing), -np.sin(facing)], -1)
+    wave = 0.5 * (1 + np.cos(2 * np.pi * (beat - me.late)))
+    bounce = me.bounce * energy * (groove.bounce * wave + groove.offbeat * (1 - wave))
+    wanted = groove.height + me.height - bounce - down
+    room = _room(floor, rotation, feet)
+    # soften only what lies below the wish, so that a straightening leg does not snap
     excess = np.maximum(wanted - room, 0)
-    width = max(3, round(0.6 * frames_per_beat))
+    width = max(3, round(0.6 * fpb))
     lower = gaussian_filter1d(maximum_filter1d(excess, width), width / 4, mode="nearest")
     height = wanted - np.maximum(lower, excess)
-    return np.stack([floor[:, 0], height, floor[:, 1]], -1)
+    height = _with_jumps(beat, height, room, jumps, groove.height + 0.025, fpb / 30)
+    root = np.stack([floor[:, 0], height, floor[:, 1]], -1)
+    return Pelvis(root, rotation, turn, lean)
 
 
-def ease_keys(keys: Tensor, beat: np.ndarray) -> Tensor:
-    """Rotations (k, j, 3, 3), key k reached on beat k, -> (f, j, 3, 3), eased in between."""
-    last = len(keys) - 1
-    index = np.clip(np.floor(beat).astype(int), 0, last - 1)
-    # wait a little on the pose, then go and arrive on the beat: that is what makes a beat visible
-    u = smoothstep((beat - index - 0.12) / 0.88)
-    q = roma.rotmat_to_unitquat(keys)
-    steps = tensor(u)[:, None].expand(-1, keys.shape[1])
-    a, b = q[index], q[index + 1]
-    b = torch.where((a * b).sum(-1, keepdim=True) < 0, -b, b)  # the shorter way round
-    mixed = torch.nn.functional.normalize(
-        torch.lerp(a, b, steps[..., None]), dim=-1
-    )  # nlerp: keys are at most a right angle or so apart
-    return roma.unitquat_to_rotmat(mixed)
+def _room(floor, rotation, feet) -> np.ndarray:
+    """How high the pelvis can be so that both legs reach their feet, (f,)."""
+    room = np.full(len(floor), np.inf)
+    for (hip, _, _), leg, foot in zip(LEGS, _LEG, feet, strict=True):
+        out = rotation @ _OFFSETS[hip]
+        away = floor + out[:, (0, 2)] - foot.ankle[:, (0, 2)]
+        drop = np.sqrt(np.maximum((_REACH * leg) ** 2 - (away**2).sum(-1), 0.04))
+        room = np.minimum(room, foot.ankle[:, 1] + drop - out[:, 1])
+    return room
 
 
-def arm_rotations(poses: list[str], side: int, spread: float) -> Tensor:
-    """Shoulder and elbow rotations for arm poses, (k, 2, 3, 3); side +1 left, -1 right."""
-    flip = torch.tensor([float(side), 1.0, 1.0])
-    upper = torch.stack([tensor(ARM_POSES[p][0]) for p in poses]) + spread
-    fore = torch.stack([tensor(ARM_POSES[p][1]) for p in poses]) + spread
-    elbow, wrist = (18, 20) if side > 0 else (19, 21)
-    shoulder = rotation_between(_OFFSETS[elbow].expand_as(upper), upper * flip)
-    in_arm = (shoulder.mT @ (fore * flip)[..., None])[..., 0]
-    return torch.stack([shoulder, rotation_between(_OFFSETS[wrist].expand_as(fore), in_arm)], dim=1)
+def _with_jumps(beat, height, room, jumps: list[Jump], top: float, spb: float) -> np.ndarray:
+    """Crouch, take off, fly under gravity, land and give way."""
+    from scipy.interpolate import CubicHermiteSpline
+
+    height = height.copy()
+    slope = np.gradient(height, beat) if len(beat) > 1 else np.zeros(1)
+    for jump in jumps:
+        flight = (jump.stop - jump.start) * spb
+        speed = 0.5 * GRAVITY * flight * spb  # metres a beat
+        top_here = min(top, *np.interp([jump.start, jump.stop], beat, room)) - 0.005
+        dip = min(0.11, 0.05 + 0.2 * flight)
+        push = min(0.27, 0.26 / spb)
+        time = jump.start + np.array([-push - 0.55, -push, 0.0])
+        time = np.concatenate([time, jump.stop + np.array([0.0, push, push + 0.55])])
+        ends = np.interp(time[[0, -1]], beat, height)
+        slopes = np.interp(time[[0, -1]], beat, slope)
+        values = [ends[0], top_here - dip, top_here, top_here, top_here - dip, ends[1]]
+        speeds = [slopes[0], 0, speed, -speed, 0, slopes[1]]
+        near = (beat > time[0]) & (beat < time[-1])
+        stand = CubicHermiteSpline(time, values, speeds)(beat[near])
+        height[near] = np.minimum(stand, room[near])
+        fly = (beat >= jump.start) & (beat <= jump.stop)
+        height[fly] = top_here + rise_of(beat[fly], [jump], spb)
+    return height
 
 
-def torso_rotations(torso: np.ndarray, size: float) -> Tensor:
-    """Belly, spine, chest, neck and head rotations for torso keys in degrees, (k, 5, 3, 3)."""
-    pitch, bend, twist = (tensor(np.radians(torso[:, i]) * size) for i in range(3))
+def spine(track, early, late, pelvis: Pelvis, beat, groove: Groove, me: Personal, energy: float):
+    """Belly, spine, chest, neck and head rotations, (f, 5, 3, 3), and the chest's yaw (f,).
 
-    def turn(share: float) -> Tensor:
-        return (
-            rotation_about("y", twist * share)
-            @ rotation_about("z", -bend * share)
-            @ rotation_about("x", pitch * share)
-        )
-
-    # the head half undoes what the torso does: dancers look at the audience
-    return torch.stack([turn(s) for s in (*_TORSO.values(), -0.35, -0.35)], dim=1)
-
-
-def assemble(beat, yaw, feet, keys: Tensor, groove: Groove, frames_per_beat: float):
-    """Whole-body rotations and root path of one dancer.
-
-    Shapes: beat, yaw (f,); keys (k, 9, 3, 3): torso 5, left shoulder and elbow, right shoulder and
-    elbow, one row per beat -> pose (f, 24, 3, 3), root (f, 3).
+    ``track`` holds the channels (f, c); ``early`` and ``late`` the same, shifted in time for a
+    movement that runs up the back.
     """
-    f = len(beat)
-    root = tensor(pelvis_path(beat, feet, groove, frames_per_beat))
-    pose = torch.eye(3).repeat(f, 24, 1, 1)
-    eased = ease_keys(keys, beat)
-    for place, name in enumerate(("belly", "spine", "chest", "neck", "head")):
-        pose[:, SMPL24.index(name)] = eased[:, place]
-    for place, name in enumerate(("lshoulder", "lelbow", "rshoulder", "relbow"), start=5):
-        pose[:, SMPL24.index(name)] = eased[:, place]
-    # hips answer the shoulders: a third of the torso's twist, the other way round
-    twist = roma.rotmat_to_rotvec(eased[:, 0])[:, 1]
-    facing = rotation_about("y", tensor(yaw) - 0.6 * twist)
-    pose[:, 0] = facing
-    for foot, (hip, knee, ankle, _) in zip(feet, _LEGS, strict=True):
-        hip_at = root + facing @ _OFFSETS[hip]
-        out = rotation_about("y", tensor(foot.yaw))
-        pole = out @ torch.tensor([0.0, 0.0, 1.0])
-        thigh, shin, _ = two_bone_ik(
-            hip_at, tensor(foot.ankle), pole, _OFFSETS[knee], _OFFSETS[ankle]
-        )
-        sole = out @ rotation_about("x", tensor(foot.pitch))
-        pose[:, hip] = facing.mT @ thigh
-        pose[:, knee] = thigh.mT @ shin
-        pose[:, ankle] = shin.mT @ sole
-    return pose, root
+    wave = 0.5 * (1 + np.cos(2 * np.pi * (beat - me.late)))
+    lean_bend = -groove.sway * pelvis.lean
+    size = me.size * energy
+    total = []
+    for shift, x in ((0.09, early), (0.0, track), (-0.09, late)):
+        rock = groove.rock * np.interp(beat + shift, beat, wave) * energy
+        pitch = size * x[:, CHANNEL["pitch"]] + rock + 0.35 * pelvis.turn[:, 0]
+        bend = size * x[:, CHANNEL["bend"]] + lean_bend
+        total.append(np.stack([pitch, bend, size * x[:, CHANNEL["twist"]]], -1) - pelvis.turn)
+    rib, pop = (size * track[:, CHANNEL[name]] for name in ("rib", "pop"))
+    joints = [share * t for share, t in zip(_SHARES, total, strict=True)]
+    joints[0] = joints[0] + np.stack([0.8 * pop, rib, 0 * rib], -1)
+    joints[2] = joints[2] - np.stack([pop, 1.1 * rib, 0 * rib], -1)
+    chest = sum(joints) + pelvis.turn
+    head = _head(track, chest)
+    angles = np.radians(np.stack([*joints, 0.45 * head, 0.55 * head], 1))  # (f, 5, 3)
+    return euler(angles[..., 0], angles[..., 1], angles[..., 2])
+
+
+def _head(track: np.ndarray, chest: np.ndarray) -> np.ndarray:
+    """Head relative to the chest, degrees (f, 3): towards the audience, and round last in turns."""
+    facing = np.radians(track[:, CHANNEL["face"]])
+    # the eyes stay in front while the neck can follow, then whip round
+    ahead = -np.arctan2(np.sin(facing), np.cos(facing))
+    follow = 0.8 * np.clip((2.7 - np.abs(ahead)) / 0.9, 0, 1)
+    spot = np.clip(ahead, -_NECK_LIMIT, _NECK_LIMIT) * follow
+    yaw = np.degrees(spot) - 0.85 * chest[:, 2] + track[:, CHANNEL["look"]]
+    yaw = gaussian_filter1d(62 * np.tanh(yaw / 62), 1.5, mode="nearest")
+    pitch = -0.75 * chest[:, 0] + track[:, CHANNEL["nod"]]
+    return np.stack([pitch, -0.7 * chest[:, 1] + track[:, CHANNEL["tilt"]], yaw], -1)

@@ -1,10 +1,11 @@
-r"""`choreograph`: an endless supply of labelled group dances.
+r"""`choreograph`: an endless supply of labelled group dances in ten genres.
 
-Read first: notebook 03.
+Read first: notebook 03, docs/choreographer.md.
 
-Everything is planned on the beat grid (score.py), walked by planned footsteps (footsteps.py) and
-carried by a body (body.py). The truth comes with it: contacts, beats, formations, order.
-Every number measured on these dances is a number about synthetic data.
+Everything is planned on the beat grid (structure.py, score.py), walked by planned footsteps
+(walk.py, footsteps.py) and carried by a body (body.py, arms.py). The truth comes with it: contacts,
+beats, formations, order, turns, jumps. Every number measured on these dances is a number about
+synthetic data.
 """
 
 import operator
@@ -13,15 +14,18 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from dancediff.data.choreographer.body import Groove, arm_rotations, assemble, torso_rotations
-from dancediff.data.choreographer.footsteps import foot_path
+from dancediff.data.choreographer.assemble import Part, assemble, plan_parts
 from dancediff.data.choreographer.formations import min_distance
-from dancediff.data.choreographer.score import PHRASE, Score, footsteps, write_score
+from dancediff.data.choreographer.genres import draw_genre
+from dancediff.data.choreographer.moves import CHANNEL
+from dancediff.data.choreographer.score import Score, write_score
+from dancediff.data.choreographer.structure import Section, drawn_sections, given_sections
 from dancediff.motion.motion import Motion
 
 FPS = 30
 MAX_DANCERS = 5
-MIN_ROOT_DISTANCE = 0.5  # metres; a dance that comes closer is drawn again
+MIN_ROOT_DISTANCE = 0.55  # metres; a dance that comes closer takes smaller steps, or is drawn again
+_REACHES = (1.0, 0.7, 0.4, 0.2)
 
 
 @dataclass(frozen=True)
@@ -33,6 +37,11 @@ class DanceTruth:
     formations   (frame, name, slots (n, 2) metres by dancer)
     order_start  dancers from left to right in the first frame       (n,)
     order_end    the same in the last frame                          (n,)
+    genre        name of the genre
+    sections     (start frame, stop frame, label, danced mirrored)
+    relations    (frame, name): unison, mirror, canon, call, solo
+    turns        (dancer, start frame, stop frame, degrees to the left)
+    jumps        (dancer, first, last frame with both feet off the floor)
     """
 
     beats: np.ndarray
@@ -40,19 +49,38 @@ class DanceTruth:
     formations: list[tuple[int, str, np.ndarray]]
     order_start: np.ndarray
     order_end: np.ndarray
+    genre: str = ""
+    sections: tuple = ()
+    relations: tuple = ()
+    turns: tuple = ()
+    jumps: tuple = ()
 
 
-def choreograph(beats, *, dancers: int = 3, seed: int = 0, seconds: float | None = None):
+def choreograph(
+    beats,
+    *,
+    dancers: int = 3,
+    seed: int = 0,
+    seconds: float | None = None,
+    genre: str | None = None,
+    sections=None,
+    swap: bool | None = None,
+):
     """Make a group dance on a beat grid.
+
+    ``genre`` is one of `GENRES`; by default one that suits the tempo is drawn from the seed.
+    ``sections`` is the song's structure, [(start second, stop second, label), ...] as in
+    `SongTruth.sections`; by default one is drawn. ``swap``: True lets two dancers change places
+    in the first travel and never again, False never, None now and then.
 
     Shapes: beats (k,) seconds, increasing -> Motion (n dancers, round(seconds * 30) frames),
     DanceTruth. ``seconds`` defaults to the time of the last beat.
     Raises: ValueError naming the argument when the grid has fewer than 4 beats or is not
-    increasing, or when dancers is not 1..5.
+    increasing, when dancers is not 1..5, when the genre is unknown or a section is not in order.
 
-    >>> dance, truth = choreograph(np.arange(0.2, 8, 0.5), dancers=2, seed=1)
-    >>> dance.num_dancers, dance.num_frames, truth.contacts.shape
-    (2, 231, torch.Size([2, 231, 4]))
+    >>> dance, truth = choreograph(np.arange(0.2, 8, 0.5), dancers=2, seed=1, genre="salsa")
+    >>> dance.num_dancers, dance.num_frames, truth.contacts.shape, truth.genre
+    (2, 231, torch.Size([2, 231, 4]), 'salsa')
     """
     beats = np.asarray(beats, dtype=np.float64)
     dancers = operator.index(dancers)
@@ -63,24 +91,27 @@ def choreograph(beats, *, dancers: int = 3, seed: int = 0, seconds: float | None
     seconds = float(beats[-1]) if seconds is None else float(seconds)
     if not seconds > 0:
         raise ValueError(f"seconds={seconds} must be positive")
-    num_frames = max(1, round(seconds * FPS))
-    beat = beat_position(beats, num_frames)
+    beat = beat_position(beats, max(1, round(seconds * FPS)))
     rng = np.random.default_rng(seed)
-    while True:
-        score = write_score(dancers, int(np.ceil(beat[-1])) + 2, rng)
-        parts = [_dance(score, i, beat, beats, rng) for i in range(dancers)]
-        root = torch.stack([part[1] for part in parts])
-        if min_distance(root[..., (0, 2)].numpy()) > MIN_ROOT_DISTANCE:
+    spb = float(np.median(np.diff(beats)))
+    kind = draw_genre(genre, 60 / spb, rng)
+    num_beats = int(np.ceil(beat[-1])) + 3
+    first = round(float(np.interp(beats[0] * FPS, np.arange(len(beat)), beat)))
+    for _ in range(50):
+        if sections is None:
+            parts = drawn_sections(num_beats, rng, 8 if swap else None)
+        else:
+            parts = given_sections(sections, beats, first, num_beats)
+        score = write_score(dancers, kind, parts, rng, swap)
+        dance = _spaced(score, kind, beat, spb, rng)
+        if dance is not None:
             break
-    contacts = torch.stack([part[2] for part in parts])
-    motion = Motion(
-        torch.stack([part[0] for part in parts]),
-        root,
-        FPS,
-        contact=contacts,
-        meta={"source": "choreographer", "seed": int(seed), "synthetic": True},
-    )
-    return motion, _truth(motion, score, beat, beats, contacts)
+    else:
+        raise ValueError(f"seed={seed} found no dance for {dancers} dancers; take another seed")
+    pose, root, contacts = assemble(dance, kind, beat, spb)
+    meta = {"source": "choreographer", "seed": int(seed), "genre": kind.name, "synthetic": True}
+    motion = Motion(pose, root, FPS, contact=contacts, meta=meta)
+    return motion, _truth(motion, kind.name, score, parts, dance, beat, beats)
 
 
 def beat_position(beats: np.ndarray, num_frames: int) -> np.ndarray:
@@ -100,47 +131,60 @@ def beat_position(beats: np.ndarray, num_frames: int) -> np.ndarray:
     return at + max(0, int(np.ceil(1 - at[0])))
 
 
-def _dance(score: Score, i: int, beat, beats, rng):
-    groove = Groove.draw(rng)
-    steps = footsteps(score, i)
-    feet = (foot_path(beat, steps["L"]), foot_path(beat, steps["R"]))
-    keys = _body_keys(score, i, groove)
-    frames_per_beat = float(np.median(np.diff(beats))) * FPS
-    pose, root = assemble(beat, np.zeros(len(beat)), feet, keys, groove, frames_per_beat)
-    planted = np.stack([foot.planted for foot in feet] * 2, -1)
-    return pose, root, torch.from_numpy(planted).float()
+def _spaced(score: Score, kind, beat, spb: float, rng) -> list[Part] | None:
+    """The dancers' paths, with steps small enough that nobody meets anybody."""
+    seeds = rng.integers(0, 2**31, len(score.counts))
+    for reach in _REACHES:
+        dance = plan_parts(score, kind, beat, spb, reach, seeds)
+        if min_distance(np.stack([part.floor for part in dance])) > MIN_ROOT_DISTANCE:
+            return dance
+    return None
 
 
-def _body_keys(score: Score, i: int, groove: Groove) -> torch.Tensor:
-    left, right, torso = [], [], []
-    for move, within, flip in score.moves[i]:
-        a, b = move.left[within % PHRASE], move.right[within % PHRASE]
-        pitch, bend, twist = move.torso[within % PHRASE]
-        left.append(b if flip else a)
-        right.append(a if flip else b)
-        torso.append((pitch, -bend if flip else bend, -twist if flip else twist))
-    return torch.cat(
-        [
-            torso_rotations(np.array(torso, dtype=np.float64), groove.size),
-            arm_rotations(left, 1, groove.arms),
-            arm_rotations(right, -1, groove.arms),
-        ],
-        dim=1,
-    )
-
-
-def _truth(motion: Motion, score: Score, beat, beats, contacts) -> DanceTruth:
+def _truth(motion, name, score: Score, sections: list[Section], dance, beat, beats) -> DanceTruth:
+    f = motion.num_frames
     frames = np.round(beats * FPS).astype(int)
     x = motion.root[..., 0].numpy()
-    formations = []
-    for at, name, place in score.formations:
-        frame = 0 if at == 0 else int(np.searchsorted(beat, at))
-        if frame < motion.num_frames:
-            formations.append((frame, name, place))
+
+    def frame(at: float) -> int:
+        return int(np.searchsorted(beat, at))
+
+    formations = [(0 if at == 0 else frame(at), *what) for at, *what in score.formations]
     return DanceTruth(
-        beats=frames[(frames >= 0) & (frames < motion.num_frames)],
-        contacts=contacts,
-        formations=formations,
+        beats=frames[(frames >= 0) & (frames < f)],
+        contacts=motion.contact,
+        formations=[row for row in formations if row[0] < f],
         order_start=np.argsort(x[:, 0]),
         order_end=np.argsort(x[:, -1]),
+        genre=name,
+        sections=tuple(
+            (frame(s.start), frame(s.stop), s.label, s.mirrored)
+            for s in sections
+            if frame(s.start) < f and frame(s.stop) > 0
+        ),
+        relations=tuple((frame(at), kind) for at, kind in score.relations if frame(at) < f),
+        turns=tuple(row for i, part in enumerate(dance) for row in _turns(i, part, frame, f)),
+        jumps=tuple(row for i, part in enumerate(dance) for row in _jumps(i, part, beat, f)),
     )
+
+
+def _turns(i: int, part: Part, frame, f: int):
+    """Where the planned facing goes round by a full turn within one move."""
+    face = part.walk.on[:, CHANNEL["face"]]
+    base = np.round(face / 360)
+    for k in np.flatnonzero(np.diff(base)):
+        start = k
+        while start > 0 and abs(face[start] - 360 * base[k]) > 20:
+            start -= 1
+        stop = k + 1
+        while stop < len(face) - 1 and abs(face[stop] - 360 * base[k + 1]) > 20:
+            stop += 1
+        if frame(start) > 0 and frame(stop) < f:
+            yield i, frame(start), frame(stop), float(360 * (base[k + 1] - base[k]))
+
+
+def _jumps(i: int, part: Part, beat: np.ndarray, f: int):
+    for jump in part.walk.jumps:
+        inside = np.flatnonzero((beat > jump.start) & (beat < jump.stop))
+        if len(inside) > 2 and inside[0] > 0 and inside[-1] < f - 1:
+            yield i, int(inside[0]), int(inside[-1])

@@ -5,11 +5,11 @@ Symbols (axes: n dancers · f steps along the way)
     paths   from one place to the next, metres     (n, f, 2)
 """
 
-import itertools
-
 import numpy as np
 
 MIN_DISTANCE = 0.75  # metres between two roots on their way, before steps and sway are added
+FAR = 3.4  # metres; nobody changes places over a longer way
+_EASE = 0.4  # how much slower a way begins and ends than it would at an even speed
 
 # Slots are listed left to right. No two share an x, so that "left to right" is always defined.
 _FORMATIONS = {
@@ -64,23 +64,27 @@ def min_distance(paths: np.ndarray) -> float:
     >>> min_distance(np.zeros((1, 5, 2)))
     inf
     """
-    pairs = itertools.combinations(range(len(paths)), 2)
-    gaps = [np.linalg.norm(paths[i] - paths[j], axis=-1).min() for i, j in pairs]
-    return float(min(gaps, default=np.inf))
+    i, j = np.triu_indices(len(paths), 1)
+    if len(i) == 0:
+        return float("inf")
+    gap = paths[i] - paths[j]
+    return float(np.sqrt((gap * gap).sum(-1).min()))
 
 
 def curved_paths(start: np.ndarray, stop: np.ndarray, bulge: np.ndarray, steps: int) -> np.ndarray:
     r"""Straight lines with a sideways bow, so that two who change places can pass.
 
-    $$p_i(u) = (1-u)\,a_i + u\,b_i + \beta_i \sin(\pi u)\, d_i^\perp$$
+    $$p_i(u) = (1-u)\,a_i + u\,b_i + \beta_i \sin(\pi u)\, d_i^\perp,\quad
+      u = t - 0.4\,\tfrac{\sin 2\pi t}{2\pi}$$
 
-    Shapes: start, stop (n, 2), bulge (n,) metres -> (n, steps, 2).
+    Shapes: start, stop (n, 2), bulge (..., n) metres -> (..., n, steps, 2).
     """
-    u = np.linspace(0, 1, steps)[None, :, None]
+    t = np.linspace(0, 1, steps)[None, :, None]
+    u = t - _EASE * np.sin(2 * np.pi * t) / (2 * np.pi)
     way = stop - start
     length = np.linalg.norm(way, axis=-1, keepdims=True)
     square = np.stack([-way[:, 1], way[:, 0]], -1) / np.maximum(length, 1e-9)
-    bow = bulge[:, None, None] * np.sin(np.pi * u) * square[:, None]
+    bow = bulge[..., None, None] * np.sin(np.pi * u) * square[:, None]
     return start[:, None] * (1 - u) + stop[:, None] * u + bow
 
 
@@ -90,7 +94,8 @@ def plan_transition(start: np.ndarray, target: np.ndarray, rng: np.random.Genera
     With ``swap`` two dancers exchange places in the left-to-right order if a safe way is found;
     without it (or if none is found) everybody keeps their rank.
 
-    Shapes: start (n, 2) by dancer, target (n, 2) by slot -> stop (n, 2) by dancer, bulge (n,).
+    Shapes: start (n, 2) by dancer, target (n, 2) by slot -> stop (n, 2) by dancer, bulge (n,),
+    whether two changed places. If no way is safe, everybody stays.
     """
     n = len(start)
     rank = np.argsort(np.argsort(start[:, 0]))
@@ -99,12 +104,25 @@ def plan_transition(start: np.ndarray, target: np.ndarray, rng: np.random.Genera
             new = rank.copy()
             i, j = rng.choice(n, 2, replace=False)
             new[i], new[j] = rank[j], rank[i]
-            for _ in range(20):
-                bulge = rng.choice([-0.8, -0.45, 0.0, 0.45, 0.8], n)
-                if min_distance(curved_paths(start, target[new], bulge, 24)) > MIN_DISTANCE:
-                    return target[new], bulge
-    for _ in range(60):
-        bulge = rng.choice([-0.4, 0.0, 0.0, 0.4], n)
-        if min_distance(curved_paths(start, target[rank], bulge, 24)) > MIN_DISTANCE:
-            return target[rank], bulge
-    return start.copy(), np.zeros(n)  # stay: always safe
+            if np.linalg.norm(target[new] - start, axis=-1).max() > FAR:
+                continue
+            bulge = _safe_bows(
+                start, target[new], rng.choice([-0.8, -0.45, 0.0, 0.45, 0.8], (20, n))
+            )
+            if bulge is not None:
+                return target[new], bulge, True
+    bulge = _safe_bows(start, target[rank], rng.choice([-0.4, 0.0, 0.0, 0.4], (60, n)))
+    if bulge is not None:
+        return target[rank], bulge, False
+    return start.copy(), np.zeros(n), False
+
+
+def _safe_bows(start: np.ndarray, stop: np.ndarray, bows: np.ndarray) -> np.ndarray | None:
+    """The first of several choices of bows, (k, n), with which nobody meets anybody."""
+    i, j = np.triu_indices(len(start), 1)
+    if len(i) == 0:
+        return bows[0]
+    paths = curved_paths(start, stop, bows, 24)
+    gap = paths[:, i] - paths[:, j]
+    safe = (gap * gap).sum(-1).min((1, 2)) > MIN_DISTANCE**2
+    return bows[safe.argmax()] if safe.any() else None

@@ -1,113 +1,178 @@
 r"""The score: which move each dancer does on which beat, and where the group stands.
 
-Eight beats make a phrase. A section is two phrases in one formation and one relation (unison,
-canon or mirror), then a phrase that travels to the next formation; every second travel lets two
-dancers change places.
+Eight beats make a phrase. A section dances its phrases in one formation and ends with a phrase that
+travels to the next one; some travels let two dancers change places.
 """
 
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from dancediff.data.choreographer.footsteps import Step
 from dancediff.data.choreographer.formations import (
     curved_paths,
     formation_names,
     plan_transition,
     slots,
 )
-from dancediff.data.choreographer.vocabulary import FOOTWORK, LIFT, MOVES, TRAVEL, Move
+from dancediff.data.choreographer.moves import Genre, Move
+from dancediff.data.choreographer.structure import LEVELS, PHRASE, PREFERRED, Section
 
-PHRASE = 8  # beats
-RELATIONS = ("unison", "mirror", "canon")
-_HOME = {"L": np.array([0.105, 0.0]), "R": np.array([-0.105, 0.0])}
-_TOE_OUT = {"L": 0.14, "R": -0.14}  # radians
+RELATIONS = {  # how dancers relate in a section, and how often
+    "verse": {"unison": 3, "canon": 3, "call": 2, "mirror": 1, "solo": 1},
+    "chorus": {"unison": 5, "mirror": 3, "canon": 1},
+    "bridge": {"solo": 4, "canon": 2, "call": 1},
+}
+_OTHER = {"unison": 3, "mirror": 1}
+
+
+@dataclass(frozen=True)
+class Count:
+    """What one dancer does on one beat."""
+
+    move: Move
+    within: int  # count of the move
+    flip: bool  # danced mirrored
+    size: float = 1.0
+    arms: Move | None = None  # whose arms are borrowed
 
 
 @dataclass
 class Score:
     """Plan of a whole dance on the beat grid.
 
-    moves[i][k]  what dancer i does on beat k: (move, beat within the move, mirrored)
+    counts[i][k] what dancer i does on beat k
     centre       where each dancer's place is on every beat, (n, k, 2) metres
     formations   (beat, name, slots (n, 2) by dancer)
+    relations    (beat, name)
     """
 
-    moves: list[list[tuple[Move, int, bool]]]
+    counts: list[list[Count]]
     centre: np.ndarray
     formations: list[tuple[int, str, np.ndarray]] = field(default_factory=list)
+    relations: list[tuple[int, str]] = field(default_factory=list)
 
 
-def write_score(n: int, num_beats: int, rng: np.random.Generator) -> Score:
-    """Draw a plan for n dancers that covers at least ``num_beats`` beats."""
+@dataclass
+class Material:
+    """What belongs to one label of a song: chosen once, danced every time the label comes."""
+
+    moves: list[Move]
+    travel: Move
+    relation: str
+    soloist: int
+    goes: bool  # a short section, too, ends with a way to another formation
+
+
+def write_score(
+    n: int, genre: Genre, sections: list[Section], rng: np.random.Generator, swap: bool | None
+) -> Score:
+    """Draw a plan for n dancers over the given sections (beat 0 to the last section's stop)."""
+    spread = rng.uniform(1.1, 1.3)
     name = str(rng.choice(formation_names(n)))
-    place = slots(n, name)[rng.permutation(n)]
-    # the clip need not begin with a section: a dance cut anywhere looks the same
-    lead = int(rng.integers(0, 2)) * PHRASE
-    score = Score(moves=[[] for _ in range(n)], centre=np.zeros((n, 0, 2)))
-    score.formations.append((0, name, place.copy()))
-    while score.centre.shape[1] < num_beats:
-        _hold(score, place, 2 * PHRASE - lead, rng)
-        lead = 0
-        name = str(rng.choice([x for x in formation_names(n) if x != name]))
-        stop, bulge = plan_transition(place, slots(n, name), rng, swap=bool(rng.random() < 0.5))
-        _travel(score, curved_paths(place, stop, bulge, PHRASE + 1)[:, 1:])
-        place = stop
-        score.formations.append((score.centre.shape[1], name, place.copy()))
+    place = spread * slots(n, name)[rng.permutation(n)]
+    score = Score([[] for _ in range(n)], np.zeros((n, 0, 2)), [(0, name, place.copy())])
+    known: dict[str, Material] = {}
+    free = list(genre.moves)
+    swaps_left = 1 if swap else 0
+    for section in sections:
+        if section.label not in known:
+            known[section.label] = _choose(genre, free, section.label, n, rng)
+        part = known[section.label]
+        beats = section.stop - section.start
+        long = 3 * PHRASE if not part.goes and not swaps_left else PHRASE + 4
+        travel = PHRASE if beats >= long else 0
+        hold = beats - travel - (beats % PHRASE if travel else 0)
+        if travel and hold <= 0:
+            hold = beats - travel
+        rest = beats - hold - travel
+        score.relations.append((max(section.start, 0), part.relation))
+        _hold(score, genre, part, place, hold, section, rng)
+        if travel:
+            name = str(rng.choice([x for x in formation_names(n) if x != name]))
+            change = rng.random() < 0.5 if swap is None else swaps_left > 0
+            stop, bulge, swapped = plan_transition(
+                place, spread * slots(n, name), rng, swap=bool(change)
+            )
+            if np.array_equal(stop, place):
+                name = score.formations[-1][1]  # no safe way: the group stays
+            swaps_left -= swapped
+            _travel(score, part, curved_paths(place, stop, bulge, PHRASE + 1)[:, 1:], section)
+            place = stop
+            score.formations.append((section.start + hold + travel, name, place.copy()))
+        _rest(score, genre, place, rest, section)
+    lead = -min(sections[0].start, 0)  # beats that are over before the dance begins
+    score.counts = [row[lead:] for row in score.counts]
+    score.centre = score.centre[:, lead:]
+    score.formations = [(max(at, 0), *what) for at, *what in score.formations]
     return score
 
 
-def _hold(score: Score, place: np.ndarray, beats: int, rng: np.random.Generator) -> None:
+def _choose(genre: Genre, free: list[Move], label: str, n: int, rng) -> Material:
+    """Moves for a label: of the energies it prefers, and new ones if there are."""
+    wanted = PREFERRED.get(label, (1, 2, 3))
+    pool = [m for m in free if m.energy in wanted] or free
+    rest = [m for m in genre.moves if m not in pool]
+    order = [pool[i] for i in rng.permutation(len(pool))] + [
+        rest[i] for i in rng.permutation(len(rest))
+    ]
+    for move in order[:2]:
+        if move in free and len(free) > 2:
+            free.remove(move)
+    odds = RELATIONS.get(label, _OTHER)
+    relation = str(rng.choice(list(odds), p=np.array(list(odds.values())) / sum(odds.values())))
+    return Material(
+        order, genre.travel[rng.integers(len(genre.travel))], relation if n > 1 else "unison",
+        int(rng.integers(n)), bool(rng.random() < 0.6),
+    )  # fmt: skip
+
+
+def _hold(score, genre, part: Material, place, beats: int, section: Section, rng) -> None:
     n = len(place)
-    relation = str(rng.choice(RELATIONS)) if n > 1 else "unison"
-    phrases = [MOVES[i] for i in rng.choice(len(MOVES), beats // PHRASE, replace=False)]
+    rank = np.argsort(np.argsort(place[:, 0]))
+    size = LEVELS.get(section.label, 0.95)
+    sizes = size * (1 + rng.uniform(-0.05, 0.03, 1 + beats // PHRASE))
+    lent = _lent_arms(part, section, rng)
     for i in range(n):
-        delay = 2 * (i % 3) if relation == "canon" else 0
-        flip = relation == "mirror" and place[i, 0] > place[:, 0].mean()
+        delay, waits = _entry(part, i, int(rank[i]))
+        flip = section.mirrored ^ (part.relation == "mirror" and place[i, 0] > place[:, 0].mean())
         for k in range(beats):
-            move = phrases[max(k - delay, 0) // PHRASE]
-            # before a canon voice enters it grooves on the spot
-            score.moves[i].append((MOVES[0], k, flip) if k < delay else (move, k - delay, flip))
-    hold = np.repeat(place[:, None], beats, axis=1)
-    score.centre = np.concatenate([score.centre, hold], axis=1)
+            phrase = max(k - delay, 0) // PHRASE
+            move = part.moves[phrase % len(part.moves)]
+            if waits or k < delay:
+                count = Count(genre.rest, k % PHRASE, flip, size)
+            else:
+                arms = None if move.whole else lent.get(move.name)
+                count = Count(move, (k - delay) % PHRASE, flip, float(sizes[phrase]), arms)
+            score.counts[i].append(count)
+    still = np.repeat(place[:, None], beats, axis=1)
+    score.centre = np.concatenate([score.centre, still], axis=1)
 
 
-def _travel(score: Score, way: np.ndarray) -> None:
-    for i in range(len(way)):
-        score.moves[i].extend((TRAVEL, k, False) for k in range(PHRASE))
+def _entry(part: Material, dancer: int, rank: int) -> tuple[int, bool]:
+    """Beats after which a dancer enters, and whether the dancer leaves the section to a soloist."""
+    if part.relation == "canon":
+        return 2 * (rank % 3), False
+    if part.relation == "call":
+        return 4 * (rank % 2), False
+    return 0, part.relation == "solo" and dancer != part.soloist
+
+
+def _lent_arms(part: Material, section: Section, rng) -> dict[str, Move]:
+    """A varied section keeps its feet and borrows the arms of other moves."""
+    if not section.varied:
+        return {}
+    lenders = [m for m in part.moves if not m.whole]
+    return {m.name: lenders[rng.integers(len(lenders))] for m in lenders if rng.random() < 0.6}
+
+
+def _travel(score: Score, part: Material, way: np.ndarray, section: Section) -> None:
+    for row in score.counts:
+        row.extend(Count(part.travel, k, section.mirrored) for k in range(way.shape[1]))
     score.centre = np.concatenate([score.centre, way], axis=1)
 
 
-def footsteps(score: Score, dancer: int) -> dict[str, list[Step]]:
-    """All footfalls of one dancer, by foot, each list beginning with where the foot starts."""
-    centre = score.centre[dancer]
-    steps = {s: [Step(-1.0, centre[0] + _HOME[s], _TOE_OUT[s])] for s in "LR"}
-    for k, (move, within, flip) in enumerate(score.moves[dancer]):
-        event = FOOTWORK[move.feet][within % PHRASE]
-        if event is None or k == 0:
-            continue
-        foot, dx, dz = event
-        if flip:
-            foot, dx = "LR"[foot == "L"], -dx
-        ahead = min(k + 1, len(centre) - 1)  # a walking foot lands ahead of the body
-        place = 0.5 * (centre[k] + centre[ahead]) + _HOME[foot] + [dx, dz]
-        steps[foot].append(Step(float(k), place, _TOE_OUT[foot], LIFT.get(move.feet, 0.09)))
-    _come_home(score, dancer, steps)
-    return steps
-
-
-def _come_home(score: Score, dancer: int, steps: dict[str, list[Step]]) -> None:
-    """Add a step wherever a foot was left behind by a move that ended early (canon) or a travel."""
-    moves = score.moves[dancer]
-    for k in range(1, len(moves)):
-        if moves[k][0] is moves[k - 1][0] and moves[k][1] == moves[k - 1][1] + 1:
-            continue
-        for turn, foot in enumerate("LR"):
-            beat = k + turn
-            if beat >= len(moves):
-                continue
-            taken = [i for i, s in enumerate(steps[foot]) if abs(s.beat - beat) < 0.5]
-            before = [i for i, s in enumerate(steps[foot]) if s.beat < beat]
-            home = score.centre[dancer][min(beat, len(moves) - 1)] + _HOME[foot]
-            if not taken and np.linalg.norm(steps[foot][before[-1]].place - home) > 0.05:
-                steps[foot].insert(before[-1] + 1, Step(float(beat), home, _TOE_OUT[foot]))
+def _rest(score: Score, genre: Genre, place, beats: int, section: Section) -> None:
+    for row in score.counts:
+        row.extend(Count(genre.rest, k, section.mirrored) for k in range(beats))
+    still = np.repeat(place[:, None], beats, axis=1)
+    score.centre = np.concatenate([score.centre, still], axis=1)
