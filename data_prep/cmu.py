@@ -55,10 +55,10 @@ def one_take(src: Path) -> None:
 
 
 def all_takes(src: Path, out: Path, workers: int) -> None:
-    """Every take of the manifest, as the command line does it."""
-    from dancediff.data.prepare import prepare
+    """Every take of the manifest, with music and composed groups, as the command line does it."""
+    from dancediff.data.sources import prepare_source
 
-    prepare(cmu_jobs(src), out, workers=workers)
+    print(prepare_source("cmu", src, out, workers=workers))
 
 
 # ------------------------------------------------------------------------------------- figures

@@ -12,8 +12,8 @@ from pathlib import Path
 import librosa
 import numpy as np
 
+from dancediff.music import instruments
 from dancediff.music.song import Music
-from dancediff.music.synth import _kick, _noise_hit, _snare
 
 RATE, SOUND = 32000, 22050
 BPM, START = 120.0, 0.25
@@ -50,7 +50,8 @@ def main(folder: Path, out: Path) -> None:
     """Mix the plan and write the song with its truth."""
     rng = np.random.default_rng(7)
     up = lambda y: librosa.resample(y, orig_sr=SOUND, target_sr=RATE)  # noqa: E731
-    kick, snare, hat = up(_kick(rng)), up(_snare(rng)), up(_noise_hit(rng, 0.03, 6500))
+    kick, snare = up(instruments.kick(rng)), up(instruments.snare(rng))
+    hat = up(instruments.noise_hit(rng, 0.03, 6500))
     bars = sum(n for _, n, _, _ in PLAN)
     mix = np.zeros((round((START + bars * 4 * BEAT + 0.8) * RATE), 2))
     sections, at = [], START

@@ -229,3 +229,28 @@ def test_several_processes_make_the_same_corpus(tmp_path):
         assert a.name == b.name
         torch.testing.assert_close(a.x, b.x, rtol=1e-4, atol=1e-4)
         torch.testing.assert_close(a.M, b.M, rtol=1e-4, atol=1e-3)
+
+
+def test_captured_takes_have_the_share_that_was_asked_for():
+    takes = [
+        Take(
+            f"{kind}{k}",
+            torch.full((2, 20, 151), float(kind == "real")),
+            torch.zeros(20, 35),
+            kind=kind,
+        )
+        for kind, count in (("real", 1), ("composed", 1), ("synthetic", 18))
+        for k in range(count)
+    ]
+    for share, expected in ((0.0, 0.0), (0.5, 0.25), (None, 0.05), (1.0, 0.5)):
+        windows = GroupDanceWindows(takes, num_frames=10, dancers_per_batch=40, captured=share)
+        real = torch.cat([windows.batch(step)[0] for step in range(40)]).mean()
+        assert float(real) == pytest.approx(expected, abs=0.06)
+    with pytest.raises(ValueError, match=r"captured=1\.5"):
+        GroupDanceWindows(takes, num_frames=10, captured=1.5)
+
+
+def test_a_group_size_without_captured_takes_uses_what_there_is():
+    takes = [Take("made", torch.ones(1, 20, 151), torch.zeros(20, 35))]
+    x, _, _ = GroupDanceWindows(takes, num_frames=10, captured=1.0).batch(0)
+    assert torch.equal(x, torch.ones_like(x))

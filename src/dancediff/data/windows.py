@@ -22,6 +22,7 @@ import torch
 from torch import Tensor
 from tqdm.auto import tqdm
 
+from dancediff.data.augment import rotate_features, shift_features
 from dancediff.data.choreographer import choreograph
 from dancediff.motion.mirror import mirror_features
 from dancediff.motion.representation import TCDIFFPP
@@ -41,6 +42,13 @@ class Take:
     x: Tensor
     M: Tensor
     song: str = ""  # "" when no other take has this song
+    others: Tensor | None = None  # features of other songs on the same beats (songs, f, m)
+    kind: str = "synthetic"  # or "real", "composed"
+
+    @property
+    def captured(self) -> bool:
+        """Did people dance this, together or not?"""
+        return self.kind != "synthetic"
 
     @property
     def num_dancers(self) -> int:
@@ -72,10 +80,13 @@ class GroupDanceWindows:
 
     ``dancers_per_batch`` keeps the work of a step the same for every group size. The batch of a
     step depends on (seed, step) alone, so a run that resumes sees what it would have seen.
+    ``captured`` is the share of windows from takes that people danced (real or composed), where a
+    group size has both them and synthetic ones; by default every take counts the same.
 
     Augmentation, off by default: ``mirror`` is the share of windows mirrored left to right,
-    ``shift`` the largest offset of the whole group along x and along z, in metres. Nothing is
-    turned, because left and right of the stage have a meaning here.
+    ``shift`` the largest offset of the whole group along x and along z, in metres, ``rotate`` the
+    largest turn of the stage to either side, in radians; ``music`` also plays the other songs that
+    fit a take's beats. Dancers are ranked after all that, as the audience then sees them.
 
     Raises: ValueError when a take is shorter than a window, or there is none.
     """
@@ -89,6 +100,9 @@ class GroupDanceWindows:
         seed: int = 0,
         mirror: float = 0.0,
         shift: float = 0.0,
+        rotate: float = 0.0,
+        music: bool = False,
+        captured: float | None = None,
     ):
         if not takes:
             raise ValueError("there are no takes at all to cut windows from; choreograph some")
@@ -99,8 +113,13 @@ class GroupDanceWindows:
             raise ValueError(f"mirror={mirror} is no share; choose 0 (never) to 1 (always)")
         if not 0 <= shift < float("inf"):
             raise ValueError(f"shift={shift} is no length; choose metres, 0 or more")
+        if not 0 <= rotate <= np.pi:
+            raise ValueError(f"rotate={rotate} is no angle; choose 0 to pi radians")
+        if captured is not None and not 0 <= captured <= 1:
+            raise ValueError(f"captured={captured} is no share; choose 0 (never) to 1 (always)")
+        self.captured = captured
         self.num_frames, self.dancers_per_batch, self.seed = num_frames, dancers_per_batch, seed
-        self.mirror, self.shift = mirror, shift
+        self.mirror, self.shift, self.rotate, self.music = mirror, shift, rotate, music
         self.by_size: dict[int, list[Take]] = {}
         for take in takes:
             self.by_size.setdefault(take.num_dancers, []).append(take)
@@ -111,10 +130,17 @@ class GroupDanceWindows:
         n = int(rng.choice(sorted(self.by_size)))
         takes = self.by_size[n]
         windows = [
-            self.window(takes[rng.integers(len(takes))], rng)
+            self.window(self.choose(takes, rng), rng)
             for _ in range(max(1, self.dancers_per_batch // n))
         ]
         return tuple(torch.stack(part) for part in zip(*windows, strict=True))
+
+    def choose(self, takes: list[Take], rng: np.random.Generator) -> Take:
+        """A take at random, with the share of captured ones that was asked for."""
+        if self.captured is not None:
+            want = rng.random() < self.captured
+            takes = [take for take in takes if take.captured == want] or takes
+        return takes[rng.integers(len(takes))]
 
     def window(self, take: Take, rng: np.random.Generator) -> tuple[Tensor, Tensor, Tensor]:
         """One random window of a take: x_0 (n, f, d), M (f, m), S (n,)."""
@@ -122,16 +148,19 @@ class GroupDanceWindows:
         part = slice(start, start + self.num_frames)
         # ranked last: in the mirror, who stood left stands right
         x_0, S = rank_left_to_right(self.augment(take.x[:, part], rng))
-        return x_0, take.M[part], S
+        M = take.M
+        if self.music and take.others is not None and len(take.others):
+            M = [take.M, *take.others][int(rng.integers(1 + len(take.others)))]
+        return x_0, M[part], S
 
     def augment(self, x: Tensor, rng: np.random.Generator) -> Tensor:
-        """Perhaps mirror and shift a window (n, f, d), not normalised; never changes ``x``."""
+        """Perhaps mirror, turn and shift a window (n, f, d); never changes ``x``."""
         if self.mirror and rng.random() < self.mirror:
             x = mirror_features(x)
+        if self.rotate:
+            x = rotate_features(x, rng.uniform(-self.rotate, self.rotate))
         if self.shift:
-            x = x.clone()
-            dx, dz = rng.uniform(-self.shift, self.shift, 2)
-            x[..., TCDIFFPP.root] += x.new_tensor([dx, 0.0, dz])  # the floor stays where it is
+            x = shift_features(x, *rng.uniform(-self.shift, self.shift, 2))
         return x
 
 

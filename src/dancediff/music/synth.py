@@ -1,20 +1,25 @@
 r"""Seeded songs with known beats: drums, bass, chords and a lead, in sections.
 
+`synth_song` keeps one tempo; `synth_on_beats` puts its beats wherever they are wanted.
+
 Read first: notebook 02. Everything drawn here is synthetic; real songs are only similar.
 
 Symbols
     rate   22,050 samples a second
     beat   one quarter note; a bar has four, a section four or eight bars
+    when   time of a step (a quarter of a beat) of a bar, in seconds
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.signal import butter, lfilter, sosfilt
 
+from dancediff.music import instruments
+from dancediff.music.instruments import RATE
 from dancediff.music.song import Music
 
-RATE = 22050
 _SCALES = ([0, 2, 3, 5, 7, 8, 10], [0, 2, 4, 5, 7, 9, 11], [0, 3, 5, 7, 10], [0, 2, 4, 7, 9])
 _PROGRESSIONS = ([0, 5, 3, 4], [0, 3, 4, 3], [0, 2, 3, 4], [0, 0, 3, 4], [0, 5, 1, 4])
 
@@ -56,13 +61,79 @@ def synth_song(seed: int, *, seconds: float = 30.0, tempo: float | None = None):
         part = material.setdefault(label, band.write(label, rng))
         bars = int(np.ceil((end - begin) / (4 * beat) - 1e-6))
         for bar in range(bars):
-            at = begin + bar * 4 * beat
-            band.play(mix, part, at, bar, end)
+            when = _even_steps(begin + bar * 4 * beat, beat / 4)
+            band.play(mix, part, when, bar, end)
     song = _master(mix[: round(seconds * RATE)], rng)
     return (
         Music(song, RATE, f"synth-{seed}"),
         SongTruth(tempo, beats, beats[::4], sections, int(seed)),
     )
+
+
+def synth_on_beats(beats, seed: int, *, seconds: float):
+    """Render a song whose beats fall on given times, however uneven.
+
+    Beyond the first and the last time the beats go on evenly. Everything else is drawn as for
+    `synth_song`: the same seed gives the same sound and another one another band.
+
+    Shapes: beats (k,) seconds, increasing -> Music of ``seconds``, SongTruth.
+    Raises: ValueError when seconds is not positive, or when beats are fewer than two, not
+    increasing, or closer than 0.2 or farther than 2 seconds.
+
+    >>> song, truth = synth_on_beats([0.4, 1.0, 1.5], 3, seconds=3.0)
+    >>> round(song.duration, 3), truth.beats.round(2).tolist()
+    (3.0, [0.4, 1.0, 1.5, 2.0, 2.5])
+    """
+    if not seconds > 0:
+        raise ValueError(f"seconds={seconds} must be positive")
+    grid = _carry_on(beats, seconds)
+    inside = grid[grid < seconds]
+    rng = np.random.default_rng(seed)
+    band = _Band(rng, float(np.median(np.diff(grid))))
+    mix = np.zeros(int(seconds * RATE) + RATE)
+    material: dict[str, dict] = {}
+    sections = _sections(rng, len(inside), 0, 1)  # counted in beats
+    time = _time_on(grid)
+    for begin, end, label in sections:
+        part = material.setdefault(label, band.write(label, rng))
+        for bar in range(int(np.ceil((end - begin) / 4))):
+            band.play(mix, part, _steps_on(grid, begin + 4 * bar), bar, time(end))
+    song = _master(mix[: round(seconds * RATE)], rng)
+    tempo = 60 / float(np.median(np.diff(grid)))
+    timed = [(time(begin), min(time(end), seconds), label) for begin, end, label in sections]
+    return Music(song, RATE, f"synth-{seed}"), SongTruth(
+        tempo, inside, inside[::4], timed, int(seed)
+    )
+
+
+def _carry_on(beats, seconds: float) -> np.ndarray:
+    """Given beats, and even ones before them back to 0 and after them to a bar past the end."""
+    beats = np.asarray(beats, dtype=np.float64)
+    if beats.ndim != 1 or len(beats) < 2 or not np.isfinite(beats).all() or beats[0] < 0:
+        raise ValueError("beats must be at least 2 times in seconds, from 0 on")
+    gaps = np.diff(beats)
+    if gaps.min() < 0.2 or gaps.max() > 2:
+        raise ValueError(
+            f"beats are {gaps.min():.2f} to {gaps.max():.2f} s apart; allowed are 0.2 to 2"
+        )
+    before = np.arange(beats[0] - gaps[0], 0, -gaps[0])[::-1]
+    missing = max(0, int(np.ceil((seconds - beats[-1]) / gaps[-1]))) + 5
+    return np.concatenate([before, beats, beats[-1] + gaps[-1] * np.arange(1, missing + 1)])
+
+
+def _time_on(grid: np.ndarray) -> Callable[[float], float]:
+    return lambda position: float(np.interp(position, np.arange(len(grid)), grid))
+
+
+def _steps_on(grid: np.ndarray, beat: float) -> Callable[[float], float]:
+    """Times of the steps of the bar that begins on a beat of an uneven grid."""
+    time = _time_on(grid)
+    return lambda k: time(beat + k / 4)
+
+
+def _even_steps(at: float, step: float) -> Callable[[float], float]:
+    """Times of the steps of the bar that begins at ``at``, in one tempo."""
+    return lambda k: at + k * step
 
 
 def _sections(rng, seconds, start, beat):
@@ -84,9 +155,8 @@ def _master(mix: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     mix = lfilter([1.0, tilt], [1.0], mix)
     if rng.random() < 0.6:
         delay = int(rng.uniform(0.011, 0.05) * RATE)
-        comb = np.zeros(delay + 1)
-        comb[0], comb[-1] = 1, -rng.uniform(0.1, 0.45)
-        mix = mix + rng.uniform(0.1, 0.4) * lfilter([1.0], comb, mix)
+        back = rng.uniform(0.1, 0.45)
+        mix = mix + rng.uniform(0.1, 0.4) * instruments.echo(mix, delay, back)
     if rng.random() < 0.5:
         low, high = rng.uniform(20, 90), rng.uniform(4500, 10500)
         mix = sosfilt(butter(2, [low, high], "band", fs=RATE, output="sos"), mix)
@@ -106,11 +176,11 @@ class _Band:
         self.scale = _SCALES[rng.integers(len(_SCALES))]
         self.swing = float(rng.choice([0, 0, 0.06, 0.14]))
         self.level = {k: float(10 ** (rng.uniform(lo, hi) / 20)) for k, (lo, hi) in _LEVELS.items()}
-        self.kick = _kick(rng)
-        self.snare = _snare(rng)
-        self.hat = _noise_hit(rng, rng.uniform(0.02, 0.12), rng.uniform(4500, 8500))
-        self.shaker = _noise_hit(rng, rng.uniform(0.03, 0.09), rng.uniform(2500, 6000))
-        self.voices = {k: _voice(rng) for k in ("bass", "chord", "lead")}
+        self.kick = instruments.kick(rng)
+        self.snare = instruments.snare(rng)
+        self.hat = instruments.noise_hit(rng, rng.uniform(0.02, 0.12), rng.uniform(4500, 8500))
+        self.shaker = instruments.noise_hit(rng, rng.uniform(0.03, 0.09), rng.uniform(2500, 6000))
+        self.voices = {k: instruments.voice(rng) for k in ("bass", "chord", "lead")}
         self.notes: dict[tuple, np.ndarray] = {}
 
     def write(self, label: str, rng: np.random.Generator) -> dict:
@@ -142,11 +212,11 @@ class _Band:
             },
         }
 
-    def play(self, mix: np.ndarray, part: dict, at: float, bar: int, end: float) -> None:
-        """Add one bar at time ``at``; nothing begins after ``end``."""
+    def play(self, mix: np.ndarray, part: dict, when: Callable, bar: int, end: float) -> None:
+        """Add one bar, with step k at the time ``when(k)``; nothing begins after ``end``."""
         step = self.beat / 4
         for k in range(16):
-            time = at + (k + (self.swing * 2 if k % 2 else 0)) * step
+            time = when(k + (self.swing * 2 if k % 2 else 0))
             if time >= end:
                 break
             for name, sound in (
@@ -160,13 +230,13 @@ class _Band:
         root = part["chords"][bar % 4]
         if part["use"]["chord"]:
             for third in (0, 2, 4):
-                self._note(mix, "chord", root + third, 0, at, 4 * self.beat * 0.95)
+                self._note(mix, "chord", root + third, 0, when(0), 4 * self.beat * 0.95)
         if part["use"]["bass"]:
             for k in np.flatnonzero(part["bass"] | (np.arange(16) == 0)):
-                self._note(mix, "bass", root, -2, at + k * step, step * 1.8)
+                self._note(mix, "bass", root, -2, when(k), step * 1.8)
         if part["use"]["lead"]:
             for k, degree in part["lead"]:
-                self._note(mix, "lead", root + degree, 1, at + k * step, step * 1.9)
+                self._note(mix, "lead", root + degree, 1, when(k), step * 1.9)
 
     def _note(self, mix, player, degree, octave, at, seconds) -> None:
         turn, place = divmod(degree, len(self.scale))
@@ -194,55 +264,3 @@ def _add(mix: np.ndarray, sound: np.ndarray, at: float, level: float) -> None:
     room = len(mix) - i
     if room > 0:
         mix[i : i + len(sound)] += level * sound[:room]
-
-
-def _kick(rng) -> np.ndarray:
-    t = np.arange(int(rng.uniform(0.12, 0.35) * RATE)) / RATE
-    low, drop = rng.uniform(42, 65), rng.uniform(60, 220)
-    phase = 2 * np.pi * (low * t + drop * 0.02 * (1 - np.exp(-t / 0.02)))
-    click = rng.uniform(0, 0.4) * np.exp(-t / 0.003) * rng.normal(size=len(t))
-    return np.sin(phase) * np.exp(-t / rng.uniform(0.06, 0.16)) + click
-
-
-def _snare(rng) -> np.ndarray:
-    t = np.arange(int(rng.uniform(0.1, 0.28) * RATE)) / RATE
-    tone = np.sin(2 * np.pi * rng.uniform(160, 250) * t) * np.exp(-t / 0.05)
-    noise = rng.normal(size=len(t)) * np.exp(-t / rng.uniform(0.03, 0.1))
-    sos = butter(1, rng.uniform(500, 2500), "high", fs=RATE, output="sos")
-    return rng.uniform(0.2, 0.8) * tone + 0.6 * sosfilt(sos, noise)
-
-
-def _noise_hit(rng, decay: float, cut: float) -> np.ndarray:
-    t = np.arange(int(decay * 5 * RATE)) / RATE
-    sos = butter(2, cut, "high", fs=RATE, output="sos")
-    return sosfilt(sos, rng.normal(size=len(t)) * np.exp(-t / decay))
-
-
-def _voice(rng):
-    """Draw a timbre; returns a function of pitch (Hz) and length (s)."""
-    kind = rng.choice(["additive", "fm", "pluck", "square"])
-    partials = rng.uniform(0, 1, 12) * np.arange(1, 13) ** -rng.uniform(0.3, 1.8)
-    ratio, index = float(rng.choice([0.5, 1, 2, 3, 3.5])), rng.uniform(0.5, 6)
-    attack, decay = rng.uniform(0.002, 0.06), rng.uniform(0.1, 1.5)
-    duty, detune = rng.uniform(0.2, 0.5), rng.uniform(0, 0.006)
-
-    def sound(hz: float, seconds: float) -> np.ndarray:
-        t = np.arange(int(seconds * RATE)) / RATE
-        shape = np.minimum(t / attack, 1) * np.exp(-t / decay)
-        shape *= np.minimum((seconds - t) / 0.01, 1)
-        if kind == "fm":
-            wave = np.sin(2 * np.pi * hz * t + index * shape * np.sin(2 * np.pi * hz * ratio * t))
-        elif kind == "square":
-            saw = ((hz * t) % 1 < duty) - duty + (((hz * (1 + detune) * t) % 1 < duty) - duty)
-            wave = lfilter([0.3], [1, -0.7], saw.astype(float))
-        else:
-            live = [k for k in range(1, 13) if k * hz < RATE / 2.2]
-            fade = 1.5 if kind == "pluck" else 0.0
-            wave = sum(
-                partials[k - 1] * np.sin(2 * np.pi * hz * k * t) * np.exp(-t * fade * k)
-                for k in live
-            )
-            wave = wave / max(partials[: len(live)].sum(), 1e-3)
-        return wave * shape
-
-    return sound

@@ -1,0 +1,197 @@
+"""The commands, each with its options; torch is imported when one runs."""
+
+import importlib.metadata
+import operator
+import platform
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import tyro
+
+from dancediff.cli.files import (
+    EXTRAS,
+    FORMATS,
+    check_folder,
+    check_formats,
+    check_targets,
+    tell,
+    write_all,
+)
+
+
+@dataclass
+class Generate:
+    """Make a group dance to a song."""
+
+    song: tyro.conf.Positional[str]
+    """A wav, flac, ogg or mp3 file; 'packaged' for the song that comes with dancediff."""
+    model: str = "tcdiffpp"
+    """A packaged model's name, or a model folder."""
+    dancers: int = 3
+    """How many people dance."""
+    seconds: float | None = None
+    """How much of the song, from its start; default: all of it."""
+    seed: int = 0
+    """The same seed gives the same dance."""
+    steps: int = 50
+    """Denoising steps."""
+    guidance: float = 2.0
+    """How much the music matters: 0 not at all, 1 as learned, 2 exaggerated."""
+    swap: tuple[int, ...] | None = None
+    """Order at the end: the dancers (counted 0.. from the left at the start), left to right."""
+    out: Path = Path("out")
+    """Folder for the results."""
+    formats: str = ",".join(FORMATS)
+    """Which files to write, of npz, mp4, png."""
+    json: bool = False
+    """Print one line of JSON instead of text."""
+
+    def run(self) -> None:
+        """Check what is cheap to check, dance, then write all files or none."""
+        from dancediff import hub
+
+        formats = check_formats(self.formats)
+        check_folder(self.out)
+        check_targets(self.out, formats)
+        packaged = self.song in ("packaged", hub.SONG)
+        song = hub.packaged_song() if packaged else hub.Music.load(self.song)
+        model = hub.load(self.model)
+        dance = model.generate(
+            song,
+            dancers=operator.index(self.dancers),
+            seconds=self.seconds,
+            seed=self.seed,
+            steps=self.steps,
+            guidance=self.guidance,
+            swap=None if self.swap is None else list(self.swap),
+            progress=not self.json,
+        )
+        files = write_all(self.out, formats, dance, song)
+        facts = {"files": files, "dancers": dance.num_dancers, "frames": dance.num_frames}
+        who = "1 dancer" if dance.num_dancers == 1 else f"{dance.num_dancers} dancers"
+        lines = [f"{who}, {dance.duration:.1f} s, to {song.name!r}:", *(f"  {f}" for f in files)]
+        tell(self.json, facts | dance.meta, lines)
+
+
+@dataclass
+class Prepare:
+    """Turn a data set into one folder of takes that training reads; a stopped run goes on."""
+
+    source: tyro.conf.Positional[Literal["aioz", "finedance", "aistpp", "cmu", "choreograph"]]
+    """Which data set; choreograph makes synthetic dances to synthetic songs."""
+    src: tyro.conf.Positional[str]
+    """The folder that holds the data set; for choreograph: how many dances."""
+    dst: tyro.conf.Positional[Path]
+    """Folder for the prepared data. What it already holds stays."""
+    workers: int = 1
+    """How many takes are prepared at once."""
+    backend: Literal["loky", "dask", "ray"] = "loky"
+    """Processes of this machine, or a Dask or Ray cluster."""
+    seconds: float = 10.0
+    """Length of a choreographed dance."""
+    seed: int = 0
+    """The first choreographed song."""
+    json: bool = False
+    """Print one line of JSON instead of text."""
+
+    def run(self) -> None:
+        """Prepare, then say what the folder holds and what was skipped."""
+        from dancediff.data.sources import prepare_source
+
+        check_folder(self.dst, "DST")
+        summary = prepare_source(
+            self.source,
+            self.src,
+            self.dst,
+            workers=self.workers,
+            backend=self.backend,
+            seconds=self.seconds,
+            seed=self.seed,
+            progress=not self.json,
+        )
+        tell(self.json, summary.facts(), [str(summary), f"prepared data: {self.dst}"])
+        if not summary.prepared:
+            reason = next(iter(summary.skipped.values()))
+            raise RuntimeError(
+                f"none of the {len(summary.skipped)} takes could be prepared: {reason}; "
+                f"check {self.src!r}"
+            )
+
+
+@dataclass
+class Train:
+    """Train a model from a TOML config and write it as a model folder."""
+
+    config: tyro.conf.Positional[Path]
+    """For instance configs/tcdiffpp_small.toml."""
+    data: Path | None = None
+    """A prepared folder; default: the synthetic dances that the config asks for."""
+    out: Path = Path("runs/tcdiffpp")
+    """Folder for checkpoint, losses and the model."""
+    resume: bool = False
+    """Go on from the checkpoint in the folder, if there is one."""
+    json: bool = False
+    """Print one line of JSON instead of text."""
+
+    def run(self) -> None:
+        """Train, then save the averaged model in OUT/model."""
+        from dancediff import hub
+        from dancediff.training.run import train_from_config
+
+        check_folder(self.out)
+        model = train_from_config(self.config, self.out, resume=self.resume, data=self.data)
+        settings = self.config.read_text(encoding="utf-8")
+        dances = "synthetic dances" if self.data is None else f"the takes in {self.data.name}"
+        card = f"Trained on {dances} with {self.config.name}:\n\n```toml\n{settings}```\n"
+        folder = hub.save_model(model, self.out / "model", card=card)
+        tell(self.json, {"model": folder}, [f"model folder: {folder}"])
+
+
+@dataclass
+class Warm:
+    """Compile librosa's inner loops once, so that the first dance does not wait for it."""
+
+    json: bool = False
+    """Print one line of JSON instead of text."""
+
+    def run(self) -> None:
+        """Compute the features of the packaged song."""
+        from dancediff import hub
+
+        song = hub.packaged_song()
+        song.features()
+        facts = {"song": song.name, "seconds": song.duration, "tempo": song.tempo}
+        line = f"ready: {song.name!r}, {song.duration:.0f} s, {song.tempo:.0f} beats a minute"
+        tell(self.json, facts, [line])
+
+
+@dataclass
+class Doctor:
+    """Say which versions are here, and what is missing."""
+
+    json: bool = False
+    """Print one line of JSON instead of text."""
+
+    def run(self) -> None:
+        """One line a package."""
+        versions: dict[str, str | None] = {"python": platform.python_version()}
+        lines = [f"python {versions['python']} on {platform.system()} {platform.machine()}"]
+        for name in ("dancediff", "torch", "numpy", "librosa", "soundfile", *EXTRAS):
+            try:
+                versions[name] = importlib.metadata.version(name)
+                lines.append(f"{name} {versions[name]}")
+            except importlib.metadata.PackageNotFoundError:
+                versions[name] = None
+                extra = f"[{EXTRAS[name]}]" if name in EXTRAS else ""
+                lines.append(f'{name} is missing: pip install "dancediff{extra}"')
+        tell(self.json, versions, lines)
+
+
+COMMANDS = {
+    "generate": Generate,
+    "prepare": Prepare,
+    "train": Train,
+    "warm": Warm,
+    "doctor": Doctor,
+}

@@ -1,0 +1,132 @@
+r"""The takes of a split in two memory maps, so that windows cost no more than a read.
+
+What is packed are whole takes; a window is a view into them. (Ten overlapping copies of every
+frame, as the released data sets keep them, would read no faster.)
+
+Symbols (axes: n dancers · f frames · d motion, m music features)
+    x.npy   motion vectors of all takes, one dancer after the other   (sum n f, d)   float32
+    M.npy   music features of all takes, one song after the other     (sum songs f, m)
+"""
+
+import json
+import shutil
+import tempfile
+from dataclasses import asdict, dataclass
+from hashlib import sha256
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from dancediff.data.cache import code_digest
+from dancediff.data.prepared import Entry, PreparedData
+from dancediff.data.windows import Take
+from dancediff.motion.representation import TCDIFFPP
+from dancediff.music.features import NUM_FEATURES
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a take lies in the maps: from row ``x`` on n f rows, from row ``M`` on songs f rows."""
+
+    entry: Entry
+    x: int
+    M: int
+
+
+class PackedTakes:
+    """Takes of a split as memory maps under the folder's ``cache/``, packed when first asked for.
+
+    Takes without music are left out, and named in ``left_out``. Maps are opened when used, so that
+    the object may be sent to other processes; what is read may be changed, the files never are.
+
+    Raises: ValueError when the folder is not prepared or one of its takes is damaged.
+    """
+
+    def __init__(self, data: PreparedData | str | Path, split: str = "train"):
+        data = data if isinstance(data, PreparedData) else PreparedData(data)
+        entries = data.split(split)
+        self.left_out = [entry.name for entry in entries if entry.songs == 0]
+        self.places, x, M = [], 0, 0
+        for entry in entries:
+            if entry.songs:
+                self.places.append(Place(entry, x, M))
+                x += entry.dancers * entry.frames
+                M += entry.songs * entry.frames
+        self.shapes = {"x": (x, TCDIFFPP.dim), "M": (M, NUM_FEATURES)}
+        rows = json.dumps([asdict(place) for place in self.places], sort_keys=True)
+        key = sha256(f"{code_digest()} {rows}".encode()).hexdigest()[:12]
+        self.folder = data.folder / "cache" / f"packed-{split}-{key}"
+        self._maps: dict[str, np.ndarray] = {}
+        if self.places and not self.folder.is_dir():
+            self._write(data)
+
+    def __len__(self) -> int:
+        return len(self.places)
+
+    def __getstate__(self) -> dict:
+        return self.__dict__ | {"_maps": {}}  # a memory map would be sent as all its numbers
+
+    def _map(self, name: str) -> np.ndarray:
+        if name not in self._maps:
+            self._maps[name] = np.load(self.folder / f"{name}.npy", mmap_mode="c")
+        return self._maps[name]
+
+    def _write(self, data: PreparedData) -> None:
+        self.folder.parent.mkdir(parents=True, exist_ok=True)
+        part = Path(tempfile.mkdtemp(prefix=".packing-", dir=self.folder.parent))
+        try:
+            x, M = (
+                np.lib.format.open_memmap(part / f"{name}.npy", "w+", np.float32, shape)
+                for name, shape in self.shapes.items()
+            )
+            for place in self.places:
+                self._put(place, data, x, M)
+            x.flush()
+            M.flush()
+            if not self.folder.is_dir():  # another process may have been faster
+                part.replace(self.folder)
+        finally:
+            shutil.rmtree(part, ignore_errors=True)
+
+    @staticmethod
+    def _put(place: Place, data: PreparedData, x: np.ndarray, M: np.ndarray) -> None:
+        take, entry = data.load(place.entry), place.entry
+        motion = take.motion.features().flatten(0, 1)
+        songs = torch.cat([take.M, *([] if take.M_other is None else take.M_other)])
+        expected = (entry.dancers * entry.frames, entry.songs * entry.frames)
+        if (len(motion), len(songs)) != expected:
+            raise ValueError(f"take {entry.name!r} is not as its index says; prepare it anew")
+        x[place.x : place.x + len(motion)] = motion
+        M[place.M : place.M + len(songs)] = songs
+
+    def motion(self, k: int, start: int = 0, stop: int | None = None) -> Tensor:
+        """Motion vectors of take k, not normalised, frames start..stop-1: (n, f, d)."""
+        place, entry = self.places[k], self.places[k].entry
+        rows = self._map("x")[place.x : place.x + entry.dancers * entry.frames]
+        shape = (entry.dancers, entry.frames, TCDIFFPP.dim)
+        return torch.from_numpy(rows.reshape(shape)[:, start:stop])
+
+    def music(self, k: int, start: int = 0, stop: int | None = None) -> Tensor:
+        """Features of all songs of take k, raw: (songs, f, m); the first is the take's own."""
+        place, entry = self.places[k], self.places[k].entry
+        rows = self._map("M")[place.M : place.M + entry.songs * entry.frames]
+        shape = (entry.songs, entry.frames, NUM_FEATURES)
+        return torch.from_numpy(rows.reshape(shape)[:, start:stop])
+
+    def takes(self, *, num_frames: int = 1, max_dancers: int | None = None) -> list[Take]:
+        """All takes for `GroupDanceWindows`: of at least ``num_frames``, up to ``max_dancers``."""
+        return [
+            Take(
+                place.entry.name,
+                self.motion(k),
+                self.music(k)[0],
+                place.entry.group,
+                self.music(k)[1:],
+                place.entry.kind,
+            )
+            for k, place in enumerate(self.places)
+            if place.entry.frames >= num_frames
+            and place.entry.dancers <= (max_dancers or place.entry.dancers)
+        ]
