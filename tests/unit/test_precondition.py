@@ -74,3 +74,12 @@ def test_an_early_guess_trembles_less_than_its_noise():
     abar = torch.full((len(x),), 0.5)
     added = p(torch.randn(x.shape)[:, None], torch.zeros(len(x), 1, 60, 3), abar)
     assert added.diff(dim=2).std() < added.std() / 3
+
+
+def test_weights_count_like_repeats():
+    a, b = torch.randn(3, 20, 4), 2 * torch.randn(2, 20, 4) + 1
+    weighted, repeated = Preconditioning(20, 4), Preconditioning(20, 4)
+    weighted.fit([a, b], weights=[1.0, 3.0])
+    repeated.fit([a, b, b, b])
+    torch.testing.assert_close(weighted.spread, repeated.spread)
+    torch.testing.assert_close(weighted.mean, repeated.mean)

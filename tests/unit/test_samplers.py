@@ -163,7 +163,7 @@ def test_resample_lets_the_free_frames_follow_the_pinned_ones():
             abar=ABAR,
             steps=20,
             generator=gen(),
-            pin=Pinning(known, ABAR, ease=0, generator=gen(1)),
+            pin=Pinning(known, ABAR, generator=gen(1)),
             resample=resample,
             clamp=None,
         )

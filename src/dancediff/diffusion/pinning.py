@@ -37,14 +37,13 @@ class Pinning:
     noise that made the known frames to `start`. A smaller t_star pins harder.
 
     Replacing frames is not enough for a smooth seam: free frames follow the guess, and the guess
-    for the known frames is never quite right. So "renoise" also bends the guess (`bend`); with
-    ``ease=0`` it is RePaint as published.
+    for the known frames is never quite right. `dancediff.diffusion.constraint` mends that.
 
     With ``hold_last`` the result ends in exactly the known frames ("init": never). The released
     code pins every step but the last.
 
     Shapes: known (b, n, k, d), abar (T,).
-    Raises: ValueError for an unknown mode, a negative ease, or a t_star outside 0 ... T - 1.
+    Raises: ValueError for an unknown mode, or a t_star outside 0 ... T - 1.
 
     >>> from dancediff.diffusion.schedule import cosine_abar
     >>> pin = Pinning(torch.ones(1, 1, 2, 1), cosine_abar())
@@ -56,15 +55,12 @@ class Pinning:
     abar: Tensor
     mode: str = "renoise"
     t_star: int | None = None
-    ease: int = 20
     hold_last: bool = True
     generator: torch.Generator | None = None
 
     def __post_init__(self):
         if self.mode not in MODES:
             raise ValueError(f"mode={self.mode!r} is not one of {', '.join(map(repr, MODES))}")
-        if self.ease < 0:
-            raise ValueError(f"ease={self.ease} must be at least 0 frames; 0 switches it off")
         last = len(self.abar) - 1
         if self.t_star is None:
             self.t_star = last
@@ -76,32 +72,6 @@ class Pinning:
         t = self.t_star if self.mode == "init" else len(self.abar) - 1
         k = self.known.shape[2]
         return self._replace(x_T, q_sample(self.known, t, self.abar, x_T[:, :, :k]))
-
-    def bend(self, x0_hat: Tensor) -> Tensor:
-        r"""Let the guess for the free frames set out from where the known frames really end.
-
-        $$\hat x_{k+i} \leftarrow \hat x_{k+i} + w_i\,\big(g + (i + 1)\,\dot g\big), \quad
-          w_i = \tfrac{1}{2}\big(1 + \cos \tfrac{\pi i}{\text{ease}}\big), \quad i < \text{ease}$$
-
-        g is what the guess misses in the last known frame, $\dot g$ its change a frame (over three
-        frames, for a network's guess trembles).
-
-        Source: ours; a cheap stand-in for the exact conditional mean, which needs the network's
-        Jacobian (Song et al. 2023, "Pseudoinverse-guided diffusion models").
-        With the exact denoiser of a Gaussian process, whose frames differ by 0.017 (rms) from one
-        to the next, the step across the seam is 0.079 with ease=0 and 0.018 with ease=20.
-
-        Shapes: x0_hat (b, n, f, d) -> the same.
-        """
-        k, free = self.known.shape[2], x0_hat.shape[2] - self.known.shape[2]
-        if self.mode != "renoise" or self.ease == 0 or k == 0:
-            return x0_hat
-        gap = (self.known.to(x0_hat) - x0_hat[:, :, :k])[:, :, -4:]
-        drift = (gap[:, :, -1:] - gap[:, :, :1]) / max(gap.shape[2] - 1, 1)
-        i = torch.arange(free, dtype=x0_hat.dtype, device=x0_hat.device)[:, None]
-        w = (1 + (torch.pi * (i / self.ease).clamp(max=1)).cos()) / 2
-        bent = x0_hat[:, :, k:] + w * (gap[:, :, -1:] + (i + 1) * drift)
-        return torch.cat([x0_hat[:, :, :k], bent], dim=2)
 
     def __call__(self, x_next: Tensor, t_next: int) -> Tensor:
         """Pin x_next (b, n, f, d), which the sampler has just brought to step t_next."""

@@ -19,6 +19,7 @@ discrete cosine transform over the frames, which needs no periodic motion.
 
 import math
 from collections.abc import Iterable
+from itertools import repeat
 
 import torch
 from torch import Tensor, nn
@@ -90,14 +91,17 @@ class Preconditioning(nn.Module):
         self.register_buffer("spread", torch.full((num_frames, dim), LARGEST))
 
     @torch.no_grad()
-    def fit(self, windows: Iterable[Tensor]) -> None:
-        """Take mean and spread from clean normalised windows, in pieces (w, f, d)."""
-        mean, power, count = 0.0, 0.0, 0
-        for x in windows:
+    def fit(self, windows: Iterable[Tensor], weights: Iterable[float] | None = None) -> None:
+        """Take mean and spread from clean normalised windows, in pieces (w, f, d).
+
+        ``weights``: how much a window of each piece counts; by default all count the same.
+        """
+        mean, power, count = 0.0, 0.0, 0.0
+        for x, weight in zip(windows, weights or repeat(1.0), strict=weights is not None):
             C = dct_matrix(x.shape[1]).to(x)
-            mean = mean + x.double().mean(1).sum(0)
-            power = power + (C @ x).double().square().sum(0)
-            count += len(x)
+            mean = mean + weight * x.double().mean(1).sum(0)
+            power = power + weight * (C @ x).double().square().sum(0)
+            count += weight * len(x)
         mean, power = mean / count, power / count
         power[0] -= x.shape[1] * mean**2  # the mean pose is all in frequency 0
         self.mean.copy_(mean)

@@ -154,6 +154,7 @@ def sample(
     generator: torch.Generator | None = None,
     x_T: Tensor | None = None,
     pin: Pinning | None = None,
+    bend: Callable[[Tensor, float], Tensor] | None = None,
     resample: int = 1,
     clamp: float | None = 1.0,
     callback: Callable[[int, int, Tensor], None] | None = None,
@@ -169,6 +170,8 @@ def sample(
 
     - ``sampler``: "ddim" (``steps``, ``eta``) or "ddpm" (always all T steps).
     - ``pin``: holds the first frames at known motion (`dancediff.diffusion.pinning.Pinning`).
+    - ``bend(x0_hat, abar) -> x0_hat``: brings every guess in line with what is known
+      (`dancediff.diffusion.constraint.Constraint.bend`).
     - ``resample``: take each step this often, adding its noise back in between, so that pinned and
       free frames have time to agree (RePaint); costs as many times the network calls.
     - ``callback(i, total, x0_hat)`` runs after step i, to draw pictures or a progress bar.
@@ -195,10 +198,10 @@ def sample(
             if again:
                 x = _forward(x, t_next, t, abar, generator)
             x0_hat = denoise(x, t)
-            if pin is not None:
-                x0_hat = pin.bend(x0_hat)
             if clamp is not None:
                 x0_hat = x0_hat.clamp(-clamp, clamp)
+            if bend is not None:
+                x0_hat = bend(x0_hat, abar_at(abar, t))
             if sampler == "ddpm":
                 x = ddpm_step(x, x0_hat, t, abar, generator=generator)
             else:

@@ -20,10 +20,12 @@ from torch import Tensor
 from dancediff.diffusion.guidance import guided, off_at_the_end
 from dancediff.diffusion.pinning import MODES
 from dancediff.motion.motion import Motion
+from dancediff.tcdiffpp import control
 from dancediff.tcdiffpp.long_group_sampling import SEAMS, long_group_sample
 from dancediff.tcdiffpp.swap_mode import check_order
 
 FPS = 30
+LOOK_AHEAD = 30  # frames danced again where a constraint may lie just behind a segment's end
 SHORTEST_SONG = 1.0  # seconds; less holds no beat
 
 
@@ -54,6 +56,10 @@ class Wish:
     overlap: int = 75
     pinning: str = "renoise"
     seam: str = "copy"
+    start: Any = None
+    end: Any = None
+    constraints: Any = ()
+    in_last = False  # is the order at the end asked for by places in the last frame?
 
     def __post_init__(self):
         self._check_length()
@@ -72,6 +78,28 @@ class Wish:
             raise ValueError(f"swap_at={self.swap_at!r} needs swap=, the order to change to")
         if self.swap_at is not None:
             self.swap_at = _number("swap_at", self.swap_at, 0, self.seconds)
+        self._combine_constraints()
+
+    def _combine_constraints(self) -> None:
+        """What is known of the dance, in metres; the order at its end is a swap, too."""
+        asked = list(self.constraints)
+        asked += [control.StartAt(self.start)] * (self.start is not None)
+        asked += [control.EndAt(self.end)] * (self.end is not None)
+        self.known = control.combine(asked, self.dancers, self.frames, FPS)
+        self.numbers = None
+        if self.known is None:
+            return
+        if self.pinning != "renoise":
+            raise ValueError(f"pinning={self.pinning!r} goes with no constraint; use 'renoise'")
+        self.numbers = control.numbers_at_start(self.known)
+        order = control.order_at_end(self.known)
+        if order is not None and self.swap_at is None:
+            if self.swap is not None and self.swap.tolist() != order.tolist():
+                raise ValueError(
+                    f"swap={self.swap.tolist()} asks for another order than the places at the "
+                    f"end, {order.tolist()}; leave one out"
+                )
+            self.swap, self.in_last = order, True
 
     def _check_length(self) -> None:
         if self.song_seconds < SHORTEST_SONG:
@@ -117,7 +145,9 @@ class Wish:
         """
         if self.swap is None:
             return None
-        if self.swap_at is None:
+        if self.in_last:
+            chosen = self.segments - 1
+        elif self.swap_at is None:
             chosen = (self.frames - self.num_frames) // self.stride
         else:
             chosen = math.ceil((self.swap_at * FPS - self.num_frames) / self.stride)
@@ -181,6 +211,7 @@ def _sample(model, song, wish: Wish, *, report, dtype) -> Tensor:
     def denoise_segment(x_t, t, M, S):
         return guided(denoiser, M=M, S=S, guidance=weight)(x_t, t)
 
+    known = wish.known and control.normalized(wish.known, model.normalizer)
     x = long_group_sample(
         denoise_segment,
         music,
@@ -191,6 +222,10 @@ def _sample(model, song, wish: Wish, *, report, dtype) -> Tensor:
         target_orders=wish.target_orders(),
         overlap=wish.overlap,
         pinning=wish.pinning,
+        spread=model.spread,
+        constraint=known,
+        numbers=wish.numbers,
+        redo=0 if known is None else min(LOOK_AHEAD, wish.overlap // 2),
         seam=wish.seam,
         sampler=wish.sampler,
         steps=wish.steps,

@@ -6,7 +6,7 @@ Symbols (axes: n dancers · f frames of one segment · F frames of the dance · 
          d motion features · m music features)
     x        the dance, normalised; row i is dancer i for good         (n, F, d)
     overlap  frames that a segment shares with the one before it       75 of 150 in the paper
-    known    those frames, already danced                              (n, overlap, d)
+    known    those of them that are kept                               (n, overlap - redo, d)
     order    order[r] = the dancer who is r-th from the left at the segment's first frame   (n,)
     S        swap mode, in ranks at the segment's own first frame      (n,)
 
@@ -16,10 +16,12 @@ handed over in that order and put back afterwards; nobody is ever renamed.
 """
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 
 import torch
 from torch import Tensor
 
+from dancediff.diffusion.constraint import Constraint
 from dancediff.diffusion.pinning import MODES, Pinning
 from dancediff.diffusion.samplers import sample
 from dancediff.diffusion.schedule import gaussian
@@ -61,7 +63,10 @@ def iter_long_group_sample(
     overlap: int = 75,
     pinning: str = "renoise",
     t_star: int | None = None,
-    ease: int = 20,
+    spread: Tensor | None = None,
+    constraint: Constraint | None = None,
+    numbers: Tensor | None = None,
+    redo: int = 0,
     seam: str = "copy",
     sampler: str = "ddim",
     steps: int = 50,
@@ -78,13 +83,18 @@ def iter_long_group_sample(
     - ``root_x(frame (n, d)) -> (n,)``: lateral position, by which dancers are ranked.
     - ``target_orders[i]``: the dancers from left to right at the last frame of segment i, or None:
       the order asked for last or, if none was, the order they stand in now.
-    - ``pinning``, ``t_star``, ``ease``: see `Pinning`. With "init" the shared frames also get the
-      noise they were made from; it carries furthest with eta = 0.
+    - ``pinning``, ``t_star``: see `Pinning`. With "init" the shared frames also get the noise they
+      were made from; it carries furthest with eta = 0.
+    - ``spread`` (k, d), of each frequency in the training set: with it "renoise" also bends every
+      guess so that it sets out from the known frames (`Constraint`); None is RePaint as published.
+    - ``constraint``: what is known of the dance beforehand, frame by frame (n, F, d); needs spread.
+    - ``numbers``: the dancers from left to right at the first frame, when the caller has numbered
+      them; else they are numbered from the left.
+    - ``redo``: so many shared frames are danced again instead of kept, so that a constraint shortly
+      behind a segment's end is not noticed too late.
     - ``seam``: "copy" keeps the shared frames, "fade" blends both versions (a key of `SEAMS`).
     - ``sampler``, ``steps``, ``eta``, ``resample``: see `sample`.
     - ``progress(done, total)`` counts denoising steps over the whole dance.
-
-    Dancers are numbered from the left at the first frame of the dance.
 
     Shapes: segments_music (k, f, m) standardised, segment i starting at frame i (f - overlap)
     -> pieces (n, F', d) in normalised units, each final when it is handed out.
@@ -92,12 +102,13 @@ def iter_long_group_sample(
     """
     segments, f, _ = segments_music.shape
     _check_options(segments, f, overlap=overlap, pinning=pinning, seam=seam, targets=target_orders)
+    _check_constraint(constraint, spread, overlap, redo)
     stride = f - overlap
     asked = known = z = None
     for i, M in enumerate(segments_music.to(device=device, dtype=dtype).split(1)):
         if target_orders is not None and target_orders[i] is not None:
             asked = check_order(target_orders[i], dancers, name=f"target_orders[{i}]")
-        order, now = _orders(known, root_x, dancers)
+        order, now = _orders(known, root_x, dancers, numbers)
         S = relative_order(now if asked is None else asked, order)[None].to(device)
 
         noise, pin = gaussian((dancers, f, motion_dim), generator=generator), None
@@ -107,12 +118,13 @@ def iter_long_group_sample(
                 abar,
                 mode=pinning,
                 t_star=t_star,
-                ease=ease if seam == "copy" else 0,  # a fade already joins the two
                 hold_last=False,  # the seam decides what becomes of the known frames
                 generator=generator,
             )
             if pinning == "init":
-                noise[:, :overlap] = z[order, stride:]
+                noise[:, : known.shape[1]] = z[order, stride : stride + known.shape[1]]
+        sets_out = known if pinning == "renoise" and seam == "copy" and spread is not None else None
+        told = _told(constraint, sets_out, i * stride, f)
         x = sample(
             lambda x_t, t, M=M, S=S: denoise_segment(x_t, t, M, S),
             (1, dancers, f, motion_dim),
@@ -124,19 +136,42 @@ def iter_long_group_sample(
             generator=generator,
             x_T=noise[None],
             pin=pin,
+            bend=told and partial(told.dancers(order).bend, spread=spread),
             callback=progress and (lambda j, n, _, i=i: progress(i * n + j + 1, segments * n)),
             device=device,
             dtype=dtype,
         )[0]
 
         # Segment 0 numbers the dancers from the left; later ones go back from rank to number.
-        back = left_to_right(root_x(x[:, 0])).cpu() if known is None else order.argsort()
+        back = order.argsort()
+        if known is None and numbers is None:
+            back = left_to_right(root_x(x[:, 0])).cpu()
         x, z = x[back], noise[back]
         if known is not None:
             x = SEAMS[seam](known, x)
-        known = x[:, stride:]
+        rest = x[:, stride:]
+        known = rest[:, : overlap - redo]
         yield x[:, :stride]
-    yield known
+    yield rest
+
+
+def _told(
+    constraint: Constraint | None, known: Tensor | None, start: int, f: int
+) -> Constraint | None:
+    """What a segment is told: where it has to set out from, and what the caller asks of it."""
+    told = None if constraint is None else constraint.frames(start, start + f)
+    if known is None:
+        return told
+    mask = torch.zeros(len(known), f, known.shape[2], dtype=torch.bool, device=known.device)
+    value = mask.to(known.dtype)
+    k = known.shape[1]
+    mask[:, max(0, k - SETS_OUT) : k] = True
+    value[:, :k] = known
+    here = Constraint(mask, value)
+    if told is None:
+        return here
+    told.mask[:, :k] = False  # they are danced already
+    return here.over(told)
 
 
 def relative_order(target: Tensor, order: Tensor) -> Tensor:
@@ -152,10 +187,13 @@ def relative_order(target: Tensor, order: Tensor) -> Tensor:
     return order.argsort()[target]
 
 
-def _orders(known: Tensor | None, root_x: Callable, n: int) -> tuple[Tensor, Tensor]:
+def _orders(
+    known: Tensor | None, root_x: Callable, n: int, numbers: Tensor | None
+) -> tuple[Tensor, Tensor]:
     """Dancers from left to right where the segment starts, and where the known frames end."""
     if known is None:
-        return torch.arange(n), torch.arange(n)
+        order = torch.arange(n) if numbers is None else numbers
+        return order, order
     return left_to_right(root_x(known[:, 0])).cpu(), left_to_right(root_x(known[:, -1])).cpu()
 
 
@@ -189,6 +227,7 @@ def fade_seam(known: Tensor, x: Tensor) -> Tensor:
     return torch.cat([torch.lerp(known, x[:, :k], w), x[:, k:]], dim=1)
 
 
+SETS_OUT = 8  # known frames before the seam that say where and how fast a segment sets out
 SEAMS = {"copy": copy_seam, "fade": fade_seam}
 
 
@@ -205,3 +244,10 @@ def _check_options(segments: int, f: int, *, overlap: int, pinning: str, seam: s
             f"target_orders has {len(targets)} entries for {segments} segments; "
             "give one each, None where nothing is asked"
         )
+
+
+def _check_constraint(constraint, spread, overlap: int, redo: int) -> None:
+    if constraint is not None and spread is None:
+        raise ValueError("constraint needs spread=, that of the model's training data")
+    if not 0 <= redo < overlap:
+        raise ValueError(f"redo={redo} must lie in 0 ... {overlap - 1}, some frames must be kept")

@@ -112,6 +112,11 @@ class TCDiffPP(nn.Module):
         )
         self.register_buffer("abar", cosine_abar(config.num_steps), persistent=False)
 
+    @property
+    def spread(self) -> Tensor | None:
+        """Of each frequency in the training set (k, d), known to a model with preconditioning."""
+        return None if self.decoder.precondition is None else self.decoder.precondition.spread
+
     def forward(
         self,
         x_t: Tensor,
@@ -145,6 +150,9 @@ class TCDiffPP(nn.Module):
         overlap: int = 75,
         pinning: str = "renoise",
         seam: str = "copy",
+        start=None,
+        end=None,
+        constraints=(),
         progress=False,
         device=None,
         dtype=None,
@@ -160,6 +168,8 @@ class TCDiffPP(nn.Module):
           from the left in the end; ``swap_at``: when, in seconds (default: at the end).
         - ``overlap``, ``pinning``, ``seam``: how segments of 5 s are joined, see
           `dancediff.tcdiffpp.long_group_sampling`.
+        - ``start``, ``end``: formations, one (x, z) in metres a dancer.  ``constraints``: what
+          else must hold (`dancediff.tcdiffpp.control`): paths, parts of another dance.
         - ``progress``: True for a bar, or a function (done, total).
         - ``device``: move the model there first.  ``dtype``: torch.bfloat16 is about twice as fast
           on processors that have it.
@@ -182,6 +192,9 @@ class TCDiffPP(nn.Module):
             overlap=overlap,
             pinning=pinning,
             seam=seam,
+            start=start,
+            end=end,
+            constraints=constraints,
             progress=progress,
             device=device,
             dtype=dtype,

@@ -1,0 +1,171 @@
+"""Constraints against a Gaussian process, whose conditional distribution is known."""
+
+import pytest
+import torch
+
+from dancediff.diffusion.constraint import Constraint, covariance
+from dancediff.diffusion.pinning import Pinning
+from dancediff.diffusion.precondition import Preconditioning, dct_matrix
+from dancediff.diffusion.samplers import sample
+from dancediff.diffusion.schedule import abar_at, cosine_abar
+
+ABAR = cosine_abar()
+F = 60
+SPREAD = 0.8 / (1 + torch.arange(F)[:, None].double() / 3) ** 2  # (k, 1): slow parts are large
+C = dct_matrix(F).double()
+PRIOR = C.T @ (SPREAD**2 * C)  # covariance over the frames
+
+
+def gen(seed=0):
+    return torch.Generator().manual_seed(seed)
+
+
+def process(b):
+    """b draws (b, 1, F, 1)."""
+    z = torch.randn(b, F, generator=gen(), dtype=torch.float64) * SPREAD[:, 0]
+    return (z @ C)[:, None, :, None]
+
+
+def exact():
+    """The best denoiser of that process is the linear guess."""
+    p = Preconditioning(F, 1).double()
+    p.spread = SPREAD
+    return lambda x_t, t: p.linear_guess(x_t, torch.full((len(x_t),), abar_at(ABAR, t)).to(x_t))
+
+
+def known_at(frames, value, slack=None):
+    mask = torch.zeros(1, F, 1, dtype=torch.bool)
+    mask[:, frames] = True
+    values = torch.zeros(1, F, 1, dtype=torch.float64)
+    values[:, frames] = value
+    loose = None if slack is None else torch.where(mask, slack, 0.0)
+    return Constraint(mask, values, loose)
+
+
+def draw(constraint, b=3000, **options):
+    return sample(
+        exact(),
+        (b, 1, F, 1),
+        abar=ABAR,
+        steps=60,
+        generator=gen(1),
+        dtype=torch.float64,
+        clamp=None,
+        bend=lambda x, a: constraint.bend(x, a, SPREAD),
+        **options,
+    )[:, 0, :, 0]
+
+
+def test_samples_follow_the_exact_conditional_distribution():
+    frames, value = torch.tensor([10, 40]), torch.tensor([[0.5], [-0.4]], dtype=torch.float64)
+    x = draw(known_at(frames, value))
+    K = PRIOR[:, frames] @ torch.linalg.inv(PRIOR[frames][:, frames])
+    mean = (K @ value)[:, 0]
+    std = (PRIOR - K @ PRIOR[frames]).diagonal().clamp_min(0).sqrt()
+    torch.testing.assert_close(x[:, frames], value.T.expand(len(x), 2), atol=1e-6, rtol=0)
+    torch.testing.assert_close(x.mean(0), mean, atol=0.03, rtol=0)
+    torch.testing.assert_close(x.std(0), std, atol=0.04, rtol=0)
+
+
+def test_the_bent_guess_is_the_conditional_mean():
+    x_0, frames = process(5), torch.tensor([3, 4, 30, 59])
+    eps = torch.randn(x_0.shape, generator=gen(2), dtype=torch.float64)
+    t = 300
+    a = abar_at(ABAR, t)
+    x_t = a**0.5 * x_0 + (1 - a) ** 0.5 * eps
+    y = x_0[0, 0, frames, 0]
+    bent = known_at(frames, y[:, None]).bend(exact()(x_t[:1], t), a, SPREAD)[0, 0, :, 0]
+    # the slow way: all that is known, noisy frames and clean entries, in one equation
+    A = torch.cat([a**0.5 * torch.eye(F).double(), torch.eye(F).double()[frames]])
+    noise = torch.cat([torch.full((F,), 1 - a), torch.full((4,), 1e-12)]).double()
+    told = torch.cat([x_t[0, 0, :, 0], y])
+    mean = PRIOR @ A.T @ torch.linalg.solve(A @ PRIOR @ A.T + noise.diag(), told)
+    torch.testing.assert_close(bent, mean, atol=1e-5, rtol=0)
+
+
+def test_covariance_is_that_of_the_linear_guess():
+    x_0 = process(20000)
+    eps = torch.randn(x_0.shape, generator=gen(2), dtype=torch.float64)
+    for t in (100, 600):
+        a = abar_at(ABAR, t)
+        missed = (x_0 - exact()(a**0.5 * x_0 + (1 - a) ** 0.5 * eps, t))[:, 0, :, 0]
+        cov = covariance(a, SPREAD, F, torch.arange(F))[0]
+        torch.testing.assert_close(missed.T.cov(), cov, atol=0.03 * cov.max().item(), rtol=0)
+
+
+def test_pasting_alone_leaves_a_jump():
+    # the seam of two segments: the first 30 frames are known
+    known = process(400)[:, :, :30]
+
+    natural = process(4000).diff(dim=2).square().mean((0, 1, 3)).sqrt()
+
+    def seam_over_natural(**options):
+        pin = Pinning(known, ABAR, generator=gen(1))
+        x = sample(
+            exact(), (400, 1, F, 1), abar=ABAR, generator=gen(2), pin=pin, clamp=None,
+            dtype=torch.float64, **options,
+        )  # fmt: skip
+        speed = x.diff(dim=2).square().mean((0, 1, 3)).sqrt()
+        return float(speed[29] / natural[29])
+
+    def bend(x, a):  # every draw has known frames of its own
+        rows = [known_at(torch.arange(22, 30), k[0, 22:]) for k in known]
+        together = Constraint(
+            *(torch.cat([getattr(r, n) for r in rows]) for n in ("mask", "value"))
+        )
+        return together.bend(x.transpose(0, 1), a, SPREAD).transpose(0, 1)
+
+    assert seam_over_natural() > 2
+    assert seam_over_natural(bend=bend) < 1.15
+
+
+def test_slack_gives_way():
+    x, var = draw(known_at(torch.tensor([30]), 0.5, slack=0.1))[:, 30], float(PRIOR[30, 30])
+    share = var / (var + 0.1**2)  # of the way to what was asked for
+    assert float(x.mean()) == pytest.approx(0.5 * share, abs=0.01)
+    assert float(x.std()) == pytest.approx((share * 0.1**2) ** 0.5, rel=0.1)
+
+
+def test_many_dancers_and_features_at_once_equal_one_at_a_time():
+    draw = gen(3)
+    mask = torch.rand(3, F, 4, generator=draw) < 0.2
+    mask[:, :, 2] = mask[:1, :, :1].squeeze(2)  # some share their frames
+    value, slack = torch.rand(2, 3, F, 4, generator=draw, dtype=torch.float64)
+    spread = SPREAD * torch.tensor([1.0, 0.3, 0.1, 2.0])
+    x = torch.randn(2, 3, F, 4, generator=draw, dtype=torch.float64)
+    together = Constraint(mask, value, slack).bend(x, 0.4, spread)
+    for n in range(3):
+        for d in range(4):
+            one = (slice(n, n + 1), slice(None), slice(d, d + 1))
+            alone = Constraint(mask[one], value[one], slack[one])
+            bent = alone.bend(x[:, n : n + 1, :, d : d + 1], 0.4, spread[:, d : d + 1])
+            torch.testing.assert_close(together[:, n, :, d], bent[:, 0, :, 0])
+
+
+def test_nothing_known_changes_nothing():
+    x = torch.randn(1, 1, F, 1, generator=gen())
+    nothing = Constraint(torch.zeros(1, F, 1, dtype=torch.bool), torch.zeros(1, F, 1))
+    assert torch.equal(nothing.bend(x, 0.5, SPREAD), x)
+    assert x.dtype == nothing.bend(x, 0.5, SPREAD).dtype
+
+
+def test_windows_orders_and_unions():
+    a, b = known_at(torch.tensor([50]), 1.0), known_at(torch.tensor([50, 55]), 2.0, slack=0.1)
+    window = b.frames(45, 75)
+    assert window.mask.nonzero()[:, 1].tolist() == [5, 10] and window.mask.shape == (1, 30, 1)
+    assert not b.frames(60, 90).mask.any()
+    both = a.over(b)
+    assert both.value[0, [50, 55], 0].tolist() == [1.0, 2.0]
+    assert both.looseness[0, [50, 55], 0].tolist() == pytest.approx([0.0, 0.1])
+    pair = Constraint(
+        *(torch.cat(p) for p in zip((a.mask, a.value), (b.mask, b.value), strict=True))
+    )
+    assert pair.dancers(torch.tensor([1, 0])).value[0, 55, 0] == 2.0
+
+
+def test_errors():
+    mask = torch.ones(1, 5, 1, dtype=torch.bool)
+    with pytest.raises(ValueError, match=r"value has shape \(1, 4, 1\)"):
+        Constraint(mask, torch.zeros(1, 4, 1))
+    with pytest.raises(ValueError, match="not finite"):
+        Constraint(mask, torch.full((1, 5, 1), torch.nan))
