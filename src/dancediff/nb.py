@@ -9,6 +9,7 @@
 A check never raises, so an unfinished exercise never stops a notebook.
 """
 
+import os
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -147,6 +148,17 @@ def _x0_cases() -> list[tuple]:
     return [(q_sample(x_0, t, abar, eps), eps, t, abar) for t in (0, 250, 800)]
 
 
+def _leaks(train, test):
+    return sum(any(a == b and abs(s - t) < 150 for b, t in train) for a, s in test)
+
+
+def _leaks_cases() -> list[tuple]:
+    grid = [(take, start) for take in "abc" for start in range(0, 451, 75)]
+    by_take = ([w for w in grid if w[0] != "b"], [w for w in grid if w[0] == "b"])
+    apart = ([("a", 0), ("b", 150)], [("a", 150), ("b", 0), ("c", 0)])  # they touch, no more
+    return [(grid[::2], grid[1::2]), by_take, apart, ([("a", 100), ("a", 130)], [("a", 0)])]
+
+
 EXERCISES = {
     "00.1": Exercise(
         "a seed names a dance",
@@ -166,6 +178,13 @@ EXERCISES = {
         f"column 34 marks beats at {FPS} frames a second; the tracker may miss a beat, so take "
         "the median of the gaps, not their mean",
         _tempo_cases,
+    ),
+    "03.1": Exercise(
+        "find the leak",
+        _leaks,
+        "two windows share a frame when they are of one take and their starts differ by less than "
+        "150, to either side; count each test window once",
+        _leaks_cases,
     ),
     "04.1": Exercise(
         "undo the noise",
@@ -197,6 +216,19 @@ def setup(lesson: int) -> None:
         return
     shell.run_line_magic("matplotlib", "inline")
     shell.run_line_magic("config", "InlineBackend.figure_formats = ['png']")
+
+
+def real_data(name: str) -> Path | None:
+    """The folder of a data set that cannot come with this project, or None if it is not here.
+
+    Looked for in the folder that ``DANCEDIFF_DATA`` names, else in ``../shared/data``.
+
+    >>> real_data("no such data set") is None
+    True
+    """
+    project = Path(__file__).resolve().parents[2]
+    root = Path(os.environ.get("DANCEDIFF_DATA") or project.parent / "shared" / "data")
+    return root / name if (root / name).is_dir() else None
 
 
 def shapes(**tensors) -> None:

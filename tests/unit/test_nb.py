@@ -50,6 +50,15 @@ NEAR_MISSES = {
         lambda M: 60 * 30 * len(beat_frames(M)) / len(M),
         lambda M: np.diff(beat_frames(M)),
     ],
+    "03.1": [
+        lambda train, test: sum(w in train for w in test),  # only the very same window
+        lambda train, test: sum(take in {a for a, _ in train} for take, _ in test),  # any of a take
+        lambda train, test: sum(a == b and abs(s - t) < 150 for a, s in test for b, t in train),
+        lambda train, test: sum(
+            any(a == b and abs(s - t) <= 150 for b, t in train) for a, s in test
+        ),
+        lambda train, test: sum(any(abs(s - t) < 150 for _, t in train) for _, s in test),
+    ],
     "04.1": [
         lambda x_t, eps, t, abar: (x_t - (1 - abar[t]) * eps) / abar[t].sqrt(),  # no root
         lambda x_t, eps, t, abar: (x_t - (1 - abar[t]).sqrt() * eps) / abar[t],
