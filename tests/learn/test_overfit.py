@@ -1,6 +1,6 @@
 """A model that cannot learn one dance by heart will not learn to dance.
 
-The bar is the reconstruction loss, eq. 12, after 300 steps: a tenth of what standing still in the
+The bar is the reconstruction loss, eq. 12, after 450 steps: a tenth of what standing still in the
 mean pose would cost, with preconditioning, and a hundredth without. (Without it the network need
 only learn the one clip; with it, also to take the noise off the linear guess. So the drop from the
 first loss says little: the linear guess starts low.)
@@ -20,7 +20,7 @@ from dancediff.training.run import fit_statistics
 
 pytestmark = pytest.mark.slow
 
-FRAMES, STEPS, BATCH = 40, 300, 8
+FRAMES, STEPS, BATCH = 40, 450, 8
 SIZES = {"d_model": 64, "num_layers": 2, "num_heads": 2, "ff_dim": 128, "fusion_hidden": 128}
 
 

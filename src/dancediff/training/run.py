@@ -6,6 +6,7 @@ from pathlib import Path
 
 import torch
 
+from dancediff.data.packed import PackedTakes
 from dancediff.data.windows import GroupDanceWindows, Take, choreographed_corpus
 from dancediff.motion.representation import Normalizer
 from dancediff.music.features import MusicNormalizer
@@ -14,7 +15,8 @@ from dancediff.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 from dancediff.training.loop import TrainConfig, train
 
 MIN_SPAN = 0.2  # of a channel's range, in metres or matrix entries
-_DATA = {"songs", "first_seed", "seconds", "dancers_per_batch", "workers"}
+_CORPUS = {"songs", "first_seed", "seconds", "workers"}
+_WINDOWS = {"dancers_per_batch", "mirror", "shift", "rotate", "music", "captured"}
 
 
 def read_config(path) -> dict:
@@ -30,7 +32,7 @@ def read_config(path) -> dict:
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as err:
         raise ValueError(f"config {str(path)!r} is no TOML file: {err}") from err
     known = {
-        "data": _DATA,
+        "data": _CORPUS | _WINDOWS,
         "model": {f.name for f in fields(TCDiffPPConfig)},
         "train": {f.name for f in fields(TrainConfig)} - {"weights"},
         "weights": {f.name for f in fields(LossWeights)},
@@ -43,8 +45,11 @@ def read_config(path) -> dict:
     return {table: dict(config.get(table, {})) for table in known}
 
 
-def fit_statistics(model: TCDiffPP, takes: list[Take]) -> None:
-    """Set the scales of motion and music and the spectrum of dance from the takes, once."""
+def fit_statistics(model: TCDiffPP, takes: list[Take], captured: float | None = None) -> None:
+    """Set the scales of motion and music and the spectrum of dance from the takes, once.
+
+    ``captured``: the share of captured takes that training will see, see `GroupDanceWindows`.
+    """
     stack = torch.cat([take.x.flatten(0, 1) for take in takes])
     model.normalizer = Normalizer.fit(stack, min_span=MIN_SPAN)
     songs = {take.M.data_ptr(): take.M for take in takes}
@@ -52,29 +57,70 @@ def fit_statistics(model: TCDiffPP, takes: list[Take]) -> None:
     if model.decoder.precondition is not None:
         f = model.config.num_frames
         model.decoder.precondition.fit(
-            model.normalizer.normalize(take.x.unfold(1, f, f // 2).flatten(0, 1).transpose(1, 2))
-            for take in takes
+            (
+                model.normalizer.normalize(
+                    take.x.unfold(1, f, f // 2).flatten(0, 1).transpose(1, 2)
+                )
+                for take in takes
+            ),
+            weights=_weights(takes, captured),
         )
 
 
-def train_from_config(path, out, *, resume: bool = False, takes: list[Take] | None = None):
-    """Make the data, build the model, train it; returns the averaged model.
+def _weights(takes: list[Take], captured: float | None) -> list[float]:
+    """How much a window of each take counts, so that captured ones have their share together."""
+    frames = {
+        kind: sum(t.x[..., 0].numel() for t in takes if t.captured == kind)
+        for kind in (False, True)
+    }
+    if captured is None or not all(frames.values()):
+        return [1.0] * len(takes)
+    share = {False: 1 - captured, True: captured}
+    return [share[take.captured] / frames[take.captured] for take in takes]
 
-    ``takes`` replaces the choreographed corpus. Raises: ValueError for a bad config.
+
+def prepared_takes(folder, config: TCDiffPPConfig, *, split: str = "train") -> list[Take]:
+    """Takes of a prepared folder that the model can learn from: long and small enough, with music.
+
+    Raises: ValueError when the folder is not prepared, or has no such take.
+    """
+    takes = PackedTakes(folder, split).takes(
+        num_frames=config.num_frames, max_dancers=config.max_dancers
+    )
+    if not takes:
+        raise ValueError(
+            f"{str(folder)!r} has no take in {split!r} with music, {config.num_frames} frames and "
+            f"at most {config.max_dancers} dancers; prepare more data"
+        )
+    return takes
+
+
+def train_from_config(
+    path, out, *, resume: bool = False, takes: list[Take] | None = None, data=None
+):
+    """Make or read the data, build the model, train it; returns the averaged model.
+
+    ``data`` is a prepared folder whose training split replaces the choreographed corpus; ``takes``
+    does so directly. Raises: ValueError for a bad config or folder.
     """
     config = read_config(path)
-    data = {"songs": 100, "first_seed": 0, "seconds": 30.0, "workers": 2} | config["data"]
-    if takes is None:
-        seeds = range(data["first_seed"], data["first_seed"] + data["songs"])
-        takes = choreographed_corpus(list(seeds), seconds=data["seconds"], workers=data["workers"])
     settings = TrainConfig(**config["train"], weights=LossWeights(**config["weights"]))
+    sizes = TCDiffPPConfig(**config["model"])
+    corpus = {"songs": 100, "first_seed": 0, "seconds": 30.0, "workers": 2} | config["data"]
+    if takes is None and data is not None:
+        takes = prepared_takes(data, sizes)
+    elif takes is None:
+        seeds = range(corpus["first_seed"], corpus["first_seed"] + corpus["songs"])
+        takes = choreographed_corpus(
+            list(seeds), seconds=corpus["seconds"], workers=corpus["workers"]
+        )
     torch.manual_seed(settings.seed)
-    model = TCDiffPP(TCDiffPPConfig(**config["model"]))
-    fit_statistics(model, takes)
+    model = TCDiffPP(sizes)
+    fit_statistics(model, takes, corpus.get("captured"))
     windows = GroupDanceWindows(
         takes,
         num_frames=model.config.num_frames,
-        dancers_per_batch=data.get("dancers_per_batch", 24),
         seed=settings.seed,
+        **{key: value for key, value in corpus.items() if key in _WINDOWS},
     )
     return train(model, windows, settings, out, resume=resume)
