@@ -1,0 +1,202 @@
+r"""The lines of a table of metrics: value, bootstrap interval, and a reason where one is lacking.
+
+Symbols (axes: N dances · d features)
+    parts   the feature vectors (rows, d) or numbers (windows,) of each dance   N of them
+    chosen  which dances a number is computed from, some more than once in a resample   (N,)
+"""
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from dancediff.metrics.bootstrap import bootstrap_interval
+from dancediff.metrics.fidelity import diversity, fid, too_few
+from dancediff.metrics.group import gmr
+from dancediff.metrics.measure import OBEDIENCE, Measured
+from dancediff.metrics.swaps import KINDS as SWAP_KINDS
+
+LEVEL, DRAWS = 0.95, 200  # of the bootstrap
+MOST = 1500  # vectors of which Div takes all pairs
+NO_REFERENCE = "no reference set was given"
+DOWN, UP, ALIKE = "down", "up", "reference"
+
+
+@dataclass(frozen=True)
+class Metric:
+    """A line of the table. ``compare(features, reference)`` makes a number of many vectors."""
+
+    name: str
+    source: str  # what `measure` calls the vectors or numbers it is made of
+    unit: str
+    arrow: str
+    compare: Callable[[Tensor, Tensor], float] | None = None  # None: the mean of the numbers
+    whole: bool = False  # one number for each dance, whatever the window
+
+
+METRICS = (
+    Metric("FID_k", "kinetic", "", DOWN, fid),
+    Metric("FID_g", "geometric", "", DOWN, fid),
+    Metric("Div_k", "kinetic", "", ALIKE, diversity),
+    Metric("Div_g", "geometric", "", ALIKE, diversity),
+    Metric("GMR", "group", "", DOWN, gmr),
+    Metric("GMC", "GMC", "", ALIKE),
+    Metric("TIF", "TIF", "pairs a frame", DOWN),
+    Metric("MMC", "MMC", "0 … 1", UP),
+    Metric("BAS", "BAS", "0 … 1", UP),
+    Metric("PFC", "PFC", "cm² a step²", DOWN),
+    Metric("FSR", "FSR", "share", DOWN),
+    Metric("abrupt swaps", "abrupt swaps", "a dance", DOWN, whole=True),
+    Metric(OBEDIENCE, OBEDIENCE, "share", UP, whole=True),
+    *(
+        Metric(f"{OBEDIENCE}, {kind}", f"{OBEDIENCE}, {kind}", "share", UP, whole=True)
+        for kind in SWAP_KINDS
+    ),
+    Metric("joint speed", "joint speed", "m/s", ALIKE),
+    Metric("motion beats", "motion beats", "1/s", ALIKE),
+)
+
+
+@dataclass(frozen=True)
+class Row:
+    """A metric's value. ``low`` and ``high`` are None where one dance allows no interval.
+
+    ``n`` dances gave ``samples`` numbers or vectors. ``arrow`` says what is better: "down", "up",
+    or "reference", which is to be near the reference's value ``reference``. ``reason`` says why
+    the value is nan, or what it lacks.
+    """
+
+    name: str
+    value: float
+    low: float | None
+    high: float | None
+    n: int
+    samples: int
+    unit: str
+    arrow: str
+    reference: float | None = None
+    reason: str = ""
+
+
+def table_rows(
+    ours: list[Measured], theirs: list[Measured] | None, *, seed: int = 0
+) -> Iterator[Row]:
+    """A row for each metric, of dances and a reference set as `measure` left them.
+
+    Kinds of swaps that nobody asked for have no row.
+    """
+    for metric in METRICS:
+        asked = any(metric.source in dance.numbers for dance in ours)
+        if asked or not metric.name.startswith(f"{OBEDIENCE},"):
+            yield _row(metric, ours, theirs, seed)
+
+
+def _row(metric: Metric, ours: list[Measured], theirs: list[Measured] | None, seed: int) -> Row:
+    whole = _parts(metric, ours)
+    parts = _some(whole, seed) if metric.compare is diversity else whole
+    row = Row(
+        name=metric.name,
+        value=math.nan,
+        low=None,
+        high=None,
+        n=len(parts),
+        samples=sum(map(len, parts)),
+        unit=metric.unit,
+        arrow=metric.arrow,
+        reference=_of_reference(metric, theirs),
+    )
+    if why := _why_not(metric, parts, ours, theirs):
+        return replace(row, reason=why)
+    reference = _joined(_parts(metric, theirs)) if metric.compare else None
+
+    def statistic(chosen) -> float:
+        features = _joined([parts[int(k)] for k in chosen])
+        if metric.compare is None:
+            return float(features.mean())
+        return float(metric.compare(features, reference))
+
+    everyone = torch.arange(len(parts))
+    try:
+        row = replace(row, value=statistic(everyone), reason=_lacks(metric, parts, ours, reference))
+        if len(parts) > 1:
+            low, high = bootstrap_interval(statistic, everyone, level=LEVEL, draws=DRAWS, seed=seed)
+            if metric.compare in (fid, gmr):  # moved onto the value, it may reach below what can be
+                low = max(low, 0.0)
+            row = replace(row, low=low, high=high)
+    except ValueError as err:
+        row = replace(row, reason=" ".join(str(err).split()))
+    return row
+
+
+def _parts(metric: Metric, dances: list[Measured]) -> list[np.ndarray]:
+    """What there is of a metric, one array for each dance that has any."""
+    if metric.compare is None:
+        return [np.array(m.numbers[metric.source]) for m in dances if m.numbers.get(metric.source)]
+    return [np.concatenate(m.rows[metric.source]) for m in dances if m.rows.get(metric.source)]
+
+
+def _some(parts: list[np.ndarray], seed: int) -> list[np.ndarray]:
+    """Dances drawn until there are `MOST` vectors: all pairs of more take too long."""
+    order = np.random.default_rng(seed).permutation(len(parts))
+    ends = np.cumsum([len(parts[k]) for k in order])
+    return [parts[k] for k in np.sort(order[: np.searchsorted(ends, MOST) + 1])]
+
+
+def _joined(parts: list[np.ndarray]) -> Tensor:
+    return torch.from_numpy(np.concatenate(parts))
+
+
+def _why_not(metric: Metric, parts: list, ours: list[Measured], theirs) -> str:
+    """Why a metric has no value; empty if it may have one."""
+    if metric.compare and theirs is None:
+        return NO_REFERENCE
+    if not parts:
+        return next(iter(_missing(metric, ours)), "no dance has it")
+    rates = {m.fps for m in ours} | ({m.fps for m in theirs} if metric.compare else set())
+    if len(rates) > 1 and not metric.whole:
+        words = " and ".join(f"{fps:g}" for fps in sorted(rates))
+        return f"dances have {words} frames a second; bring them to one rate (resample_motion)"
+    if metric.compare and not _parts(metric, theirs):
+        return f"reference: {next(iter(_missing(metric, theirs)), 'no dance has it')}"
+    return ""
+
+
+def _lacks(metric: Metric, parts: list, ours: list[Measured], reference: Tensor | None) -> str:
+    """What a reader must know about a value that there is."""
+    words = []
+    if len(parts) < (dances := len(_parts(metric, ours))):
+        words.append(f"of {len(parts)} of {dances} dances, drawn at random")
+    if gone := _missing(metric, ours):
+        of = len(gone) + len(_numbers(metric, ours))
+        words.append(f"{len(gone)} of {of} left out: {gone[0]}")
+    if metric.compare in (fid, gmr):
+        few = too_few(_joined(parts), "dances"), too_few(reference, "reference")
+        words += [text for text in few if text]
+    return "; ".join(words)
+
+
+def _missing(metric: Metric, dances: list[Measured]) -> list[str]:
+    return [why for m in dances for why in m.missing.get(metric.source, [])]
+
+
+def _numbers(metric: Metric, dances: list[Measured]) -> list:
+    """One entry for each window (or whole dance) that has the metric."""
+    kind = "numbers" if metric.compare is None else "rows"
+    return [x for m in dances for x in getattr(m, kind).get(metric.source, [])]
+
+
+def _of_reference(metric: Metric, theirs: list[Measured] | None) -> float | None:
+    """The metric of the reference set itself; None where it makes no sense or there is none."""
+    if theirs is None or len({m.fps for m in theirs}) > 1 or metric.compare in (fid, gmr):
+        return None
+    parts = _parts(metric, theirs)
+    if not parts:
+        return None
+    x = _joined(_some(parts, 0) if metric.compare is diversity else parts)
+    try:
+        return float(x.mean() if metric.compare is None else metric.compare(x, x))
+    except ValueError:
+        return None
