@@ -14,16 +14,17 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 
 from dancediff import __version__
+from dancediff.baselines.edge import EDGE, EDGEConfig
 from dancediff.music.song import Music
 from dancediff.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 
 ASSETS = Path(__file__).parent / "assets"
 SONG = "studio_floor"
-_CLASSES = {"TCDiffPP": (TCDiffPP, TCDiffPPConfig)}
+_CLASSES = {"TCDiffPP": (TCDiffPP, TCDiffPPConfig), "EDGE": (EDGE, EDGEConfig)}
 _LARGEST, _MOST_LAYERS = 4096, 64  # a size beyond is a damaged config, not a model
 
 
-def save_model(model: TCDiffPP, folder, *, card: str = "", dtype=torch.float16) -> Path:
+def save_model(model: TCDiffPP | EDGE, folder, *, card: str = "", dtype=torch.float16) -> Path:
     """Write a model folder; weights in ``dtype``, normalisers always in full precision.
 
     Raises: ValueError when a weight is not finite, or too large for ``dtype``.
@@ -72,7 +73,7 @@ def packaged_song() -> Music:
     return Music.load(ASSETS / "songs" / f"{SONG}.ogg")
 
 
-def load(name, *, device: str = "cpu") -> TCDiffPP:
+def load(name, *, device: str = "cpu") -> TCDiffPP | EDGE:
     """Load a packaged model by name, or a model folder by path.
 
     Raises: ValueError naming what is wrong with it and which names there are.
@@ -100,7 +101,7 @@ def load(name, *, device: str = "cpu") -> TCDiffPP:
         raise ValueError(f"device={device!r} cannot be used here: {err}; choose 'cpu'") from err
 
 
-def _read(folder: Path) -> TCDiffPP:
+def _read(folder: Path) -> TCDiffPP | EDGE:
     stored = json.loads((folder / "config.json").read_text(encoding="utf-8"))
     if stored["class"] not in _CLASSES:
         raise ValueError(f"class {stored['class']!r} is not one of {', '.join(_CLASSES)}")

@@ -8,8 +8,9 @@ from torch import nn
 
 from dancediff.diffusion.schedule import cosine_abar
 from dancediff.motion.representation import Normalizer
-from dancediff.training import loop
-from dancediff.training.loop import LossLog, TrainConfig, schedule_step, train, train_step
+from dancediff.training import loss_log
+from dancediff.training.loop import TrainConfig, schedule_step, train, train_step
+from dancediff.training.loss_log import LossLog
 
 
 @dataclass
@@ -106,7 +107,7 @@ def test_a_run_can_be_prolonged(tmp_path):
 
 def test_time_budget_ends_the_run_and_keeps_it(tmp_path, monkeypatch):
     clock = iter(range(0, 10_000, 6))  # every look at the clock takes six seconds
-    monkeypatch.setattr(loop.time, "monotonic", lambda: float(next(clock)))
+    monkeypatch.setattr(loss_log.time, "monotonic", lambda: float(next(clock)))
     data = Data()
     train(Toy(), data, TrainConfig(steps=1000, max_minutes=1), tmp_path)
     assert 2 <= len(data.asked) < 12
@@ -130,9 +131,9 @@ def test_step_is_repeatable_and_leaves_global_randomness_alone():
         state = torch.get_rng_state()
         model = Toy()
         optimizer = torch.optim.AdamW(model.parameters(), lr=1e-3)
-        terms = train_step(model, model, optimizer, Data().batch(0), 4, config)
+        terms = train_step(model, model, optimizer, Data(), 4, config)
         assert torch.equal(torch.get_rng_state(), state)
-        results.append((terms["total"].item(), model.gain.item()))
+        results.append((terms["total"], model.gain.item()))
     assert results[0] == results[1]
 
 
@@ -140,7 +141,7 @@ def test_noise_strength_and_dropped_music_are_drawn_per_group():
     model, config = Toy(), TrainConfig(warmup=0)
     optimizer = torch.optim.AdamW(model.parameters(), lr=1e-3)
     for step in range(8):
-        train_step(model, model, optimizer, Data(b=64).batch(step), step, config)
+        train_step(model, model, optimizer, Data(b=64), step, config)
     t, keep = (torch.cat(part) for part in zip(*model.heard, strict=True))
     assert t.shape == (512,) and 0 <= t.min() < 20 and 980 < t.max() <= 999
     assert abs(t.float().mean() - 499.5) < 3 * 289 / 512**0.5  # uniform: mean 499.5, std 289
@@ -151,7 +152,7 @@ def test_gradient_is_clipped():
     model, config = Toy(), TrainConfig(warmup=0, clip=1e-3)
     optimizer = torch.optim.SGD(model.parameters(), lr=1.0)
     before = model.gain.item()
-    train_step(model, model, optimizer, Data().batch(0), 0, config, lr=1.0)
+    train_step(model, model, optimizer, Data(), 0, config, lr=1.0)
     assert abs(model.gain.item() - before) == pytest.approx(1e-3, rel=1e-2)
 
 
@@ -182,3 +183,28 @@ def test_wrong_settings_are_named(wrong):
     ((name, value),) = wrong.items()
     with pytest.raises(ValueError, match=f"{name}={value!r}".replace("'", ".")):
         TrainConfig(**wrong)
+
+
+def test_accumulation_is_the_mean_of_its_batches(tmp_path):
+    """Two batches a step have the mean gradient, and are drawn with numbers of their own."""
+    gradients = []
+    for numbers in ([6], [7], [6, 7]):
+        model = Toy()
+        optimizer = torch.optim.SGD(model.parameters(), lr=0.0)
+        config = TrainConfig(warmup=0, clip=1e9, accumulate=len(numbers))
+        data = Data()
+        train_step(model, model, optimizer, data, numbers[0] // len(numbers), config, lr=0.0)
+        assert data.asked == numbers
+        gradients.append(model.gain.grad.item())
+    assert gradients[2] == pytest.approx((gradients[0] + gradients[1]) / 2, rel=1e-5)
+
+
+def test_previews_see_the_averaged_model_at_their_steps(tmp_path):
+    seen = []
+    config = TrainConfig(steps=7, warmup=0, preview_every=3)
+    model = Toy()
+    averaged = train(
+        model, Data(), config, tmp_path, preview=lambda m, step: seen.append((step, m.gain.item()))
+    )
+    assert [step for step, _ in seen] == [3, 6]
+    assert seen[0][1] != model.gain.item() and averaged is not model

@@ -3,8 +3,8 @@ r"""One training loop for every denoiser.
 Read first: notebook 05.
 
 A step: take a batch, add noise of a random strength t, let the model guess the clean motion, and
-correct it. The randomness of a step follows from (seed, step) alone, so a run that was stopped goes
-on exactly where it was, bit by bit; only with ``max_minutes`` the clock has a say in it.
+correct it. The randomness of a batch follows from (seed, its number) alone, so a run that was
+stopped goes on exactly where it was, bit by bit; only with ``max_minutes`` the clock has a say.
 
 Symbols (axes: b batch · n dancers · f frames · d motion features)
     x_0, x_t   clean and noisy motion, normalised      (b, n, f, d)
@@ -12,8 +12,7 @@ Symbols (axes: b batch · n dancers · f frames · d motion features)
     keep       music is heard (False: dropped)         (b,)
 """
 
-import csv
-import time
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
@@ -24,7 +23,9 @@ from tqdm.auto import tqdm
 from dancediff.diffusion.schedule import q_sample
 from dancediff.tcdiffpp.losses import LossWeights, tcdiffpp_losses
 from dancediff.training.checkpoint import load_checkpoint, save_checkpoint
+from dancediff.training.distributed import World
 from dancediff.training.ema import EMA
+from dancediff.training.loss_log import LossLog
 
 
 @dataclass(frozen=True)
@@ -39,8 +40,10 @@ class TrainConfig:
     clip: float = 1.0  # longest gradient
     ema: float = 0.999
     precision: str = "fp32"  # or "bf16"
+    accumulate: int = 1  # batches a step and process, whose gradients are averaged
     seed: int = 0
     save_every: int = 500  # steps
+    preview_every: int = 0  # steps; 0: never
     max_minutes: float | None = None  # end in this time, learning rate and all; see `schedule_step`
     weights: LossWeights = field(default_factory=LossWeights)
 
@@ -52,7 +55,7 @@ class TrainConfig:
             raise ValueError(f"decay={self.decay} is a share of the run; choose 0 to 1")
         if not 0 <= self.ema < 1:
             raise ValueError(f"ema={self.ema} never moves or overshoots; choose 0 to below 1")
-        for name in ("steps", "lr", "clip", "save_every"):
+        for name in ("steps", "lr", "clip", "save_every", "accumulate"):
             if not getattr(self, name) > 0:
                 raise ValueError(f"{name}={getattr(self, name)} must be above 0")
         if self.max_minutes is not None and not self.max_minutes > 0:
@@ -86,16 +89,29 @@ def schedule_step(step: int, seconds: float, config: TrainConfig) -> int:
     return max(step, int(config.steps * seconds / (60 * config.max_minutes)))
 
 
-def train(model: nn.Module, data, config: TrainConfig, out, *, resume=False, compile_model=False):
-    """Train ``model`` in place on ``data.batch(step)``; returns the averaged model.
+def train(
+    model: nn.Module,
+    data,
+    config: TrainConfig,
+    out,
+    *,
+    resume: bool = False,
+    compile_model: bool = False,
+    world: World | None = None,
+    preview: Callable | None = None,
+):
+    """Train ``model`` in place on ``data.batch(number)``; returns the averaged model.
 
-    Writes ``out/checkpoint.safetensors`` and ``out/losses.csv``. With ``resume`` it goes on from
-    the checkpoint there, if there is one. The model may be on any device; batches follow it.
+    Writes ``out/checkpoint.safetensors`` and ``out/losses.csv``, and ``out/tensorboard`` where
+    TensorBoard is installed. With ``resume`` it goes on from the checkpoint there, if there is one.
+    The model may be on any device; batches follow it. ``world``: the processes that share the work;
+    the first of them writes. ``preview(averaged model, step)`` is called every
+    ``config.preview_every`` steps.
 
     Raises: RuntimeError naming the step when the gradient is not finite; the weights are then
     those before that step.
     """
-    out = Path(out)
+    out, world = Path(out), world or World()
     out.mkdir(parents=True, exist_ok=True)
     checkpoint = out / "checkpoint.safetensors"
     optimizer = make_optimizer(model, config)
@@ -108,31 +124,43 @@ def train(model: nn.Module, data, config: TrainConfig, out, *, resume=False, com
     settings = {"train": asdict(config), "model": asdict(model.config)}
 
     def save(step: int) -> None:
+        if not world.first:
+            return
         log.flush()  # first, so that the log never lacks a step which the checkpoint has
         save_checkpoint(
             checkpoint, model=model, ema=ema, optimizer=optimizer, step=step, config=settings
         )
 
-    with LossLog(out / "losses.csv", first) as log:
+    with LossLog(out / "losses.csv" if world.first else None, first) as log:
         step = saved = first
-        bar = tqdm(range(first, config.steps), initial=first, total=config.steps, desc="training")
+        bar = tqdm(
+            range(first, config.steps),
+            initial=first,
+            total=config.steps,
+            desc="training",
+            disable=not world.first,
+        )
         for step in bar:
             at = schedule_step(step, log.seconds, config)
             if at >= config.steps:
                 break  # time is up
             lr = learning_rate(at, config)
-            terms = train_step(forward, model, optimizer, data.batch(step), step, config, lr=lr)
+            row = train_step(forward, model, optimizer, data, step, config, lr=lr, world=world)
             ema.update(model)
-            row = {name: value.item() for name, value in terms.items()}
             log.write(step, row)
             if step % 20 == 0:
                 bar.set_postfix({"loss": f"{row['total']:.4f}"})
             if (step + 1) % config.save_every == 0 or step + 1 == config.steps:
                 save(saved := step + 1)
+            if preview and config.preview_every and (step + 1) % config.preview_every == 0:
+                if world.first:
+                    preview(ema.model, step + 1)
+                world.wait()
         else:
             step = config.steps
         if step > saved:
             save(step)
+    world.wait()
     return ema.model
 
 
@@ -151,55 +179,45 @@ def make_optimizer(model: nn.Module, config: TrainConfig) -> torch.optim.Optimiz
     )
 
 
-class LossLog:
-    """The CSV of every loss of every step; on resuming, steps that will be run again are cut off.
-
-    ``seconds`` is the training time so far, that of earlier runs included.
-    """
-
-    def __init__(self, path: Path, first: int = 0):
-        rows = []
-        if first and path.exists():
-            rows = list(csv.reader(path.read_text(encoding="utf-8").splitlines()))
-            rows = rows[:1] + [r for r in rows[1:] if r and r[0].isdigit() and int(r[0]) < first]
-        before = float(rows[-1][1]) if len(rows) > 1 else 0.0
-        self.started = time.monotonic() - before
-        part = path.with_name(f".{path.name}.part")
-        with part.open("w", newline="", encoding="utf-8") as file:
-            csv.writer(file).writerows(rows)
-        part.replace(path)
-        self.has_header = bool(rows)
-        self.file = path.open("a", newline="", encoding="utf-8")
-        self.flush = self.file.flush
-
-    @property
-    def seconds(self) -> float:
-        """Training time so far."""
-        return time.monotonic() - self.started
-
-    def write(self, step: int, losses: dict[str, float]) -> None:
-        """One line: step, seconds, losses."""
-        writer = csv.writer(self.file)
-        if not self.has_header:
-            writer.writerow(["step", "seconds", *losses])
-            self.has_header = True
-        values = (f"{value:.6g}" for value in losses.values())
-        writer.writerow([step, f"{self.seconds:.1f}", *values])
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        self.file.close()
-
-
 def train_step(
-    forward, model, optimizer, batch, step: int, config: TrainConfig, *, lr: float | None = None
-) -> dict:
-    """Noise, guess, correct: one update of the weights; returns the named losses."""
+    forward,
+    model,
+    optimizer,
+    data,
+    step: int,
+    config: TrainConfig,
+    *,
+    lr: float | None = None,
+    world: World | None = None,
+) -> dict[str, float]:
+    """One update of the weights from all batches of a step; returns the named losses' means."""
+    world = world or World()
+    optimizer.zero_grad(set_to_none=True)
+    total: dict = {}
+    for number in world.share(step, config.accumulate):
+        terms = losses_of(forward, model, data.batch(number), number, config)
+        (terms["total"] / config.accumulate).backward()
+        for name, value in terms.items():
+            total[name] = total.get(name, 0.0) + value.detach().float() / config.accumulate
+    world.average_gradients(model)
+    world.average(list(total.values()))
+    length = nn.utils.clip_grad_norm_(model.parameters(), config.clip)
+    if not length.isfinite():
+        raise RuntimeError(
+            f"the gradient of step {step} is not finite (loss {total['total'].item()}): "
+            "lower lr, or use precision fp32, and resume"
+        )
+    for group in optimizer.param_groups:
+        group["lr"] = learning_rate(step, config) if lr is None else lr
+    optimizer.step()
+    return {name: value.item() for name, value in total.items()}
+
+
+def losses_of(forward, model, batch, number: int, config: TrainConfig) -> dict:
+    """Noise a batch, guess, compare; everything random follows from the seed and its number."""
     device = model.abar.device
     x_raw, M_raw, S = (part.to(device) for part in batch)
-    seed = config.seed * 1_000_003 + step
+    seed = config.seed * 1_000_003 + number
     g = torch.Generator().manual_seed(seed)  # on the CPU: the same noise on every device
     b = len(x_raw)
     x_0 = model.normalizer.normalize(x_raw)
@@ -212,18 +230,6 @@ def train_step(
         torch.manual_seed(seed)  # dropout has no generator argument
         with torch.autocast(device.type, torch.bfloat16, enabled=config.precision == "bf16"):
             guess, adapted = forward(x_t, t, M, S, keep=keep)
-    terms = tcdiffpp_losses(
+    return tcdiffpp_losses(
         guess.float(), adapted.float(), x_0, model.normalizer, weights=config.weights
     )
-    optimizer.zero_grad(set_to_none=True)
-    terms["total"].backward()
-    length = nn.utils.clip_grad_norm_(model.parameters(), config.clip)
-    if not length.isfinite():
-        raise RuntimeError(
-            f"the gradient of step {step} is not finite (loss {terms['total'].item()}): "
-            "lower lr, or use precision fp32, and resume"
-        )
-    for group in optimizer.param_groups:
-        group["lr"] = learning_rate(step, config) if lr is None else lr
-    optimizer.step()
-    return terms

@@ -1,21 +1,25 @@
 r"""From a TOML file to a trained model: what ``dancediff train`` runs."""
 
 import tomllib
+from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
 
 import torch
 
+from dancediff.baselines.edge import EDGE, EDGEConfig, solo_takes
 from dancediff.data.packed import PackedTakes
 from dancediff.data.windows import GroupDanceWindows, Take, choreographed_corpus
 from dancediff.motion.representation import Normalizer
 from dancediff.music.features import MusicNormalizer
 from dancediff.tcdiffpp.losses import LossWeights
 from dancediff.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
+from dancediff.training.distributed import World
 from dancediff.training.loop import TrainConfig, train
 
 MIN_SPAN = 0.2  # of a channel's range, in metres or matrix entries
-_CORPUS = {"songs", "first_seed", "seconds", "workers"}
+MODELS = {"TCDiffPP": (TCDiffPP, TCDiffPPConfig), "EDGE": (EDGE, EDGEConfig)}
+_CORPUS = {"folder", "songs", "first_seed", "seconds", "workers"}
 _WINDOWS = {"dancers_per_batch", "mirror", "shift", "rotate", "music", "captured"}
 
 
@@ -24,28 +28,48 @@ def read_config(path) -> dict:
 
     Raises: ValueError naming the file, the table and the key that is unknown.
     """
+    return check_tables(read_toml(path), repr(str(path)))
+
+
+def read_toml(path) -> dict:
+    """A TOML file as it is.
+
+    Raises: ValueError naming the file when it is missing or no TOML.
+    """
     path = Path(path)
     try:
-        config = tomllib.loads(path.read_text(encoding="utf-8"))
+        return tomllib.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError as err:
         raise ValueError(f"config {str(path)!r} does not exist; see configs/") from err
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as err:
         raise ValueError(f"config {str(path)!r} is no TOML file: {err}") from err
+
+
+def check_tables(config: dict, source: str) -> dict:
+    """All tables of a training config; ``class`` in its table ``model`` is a key of `MODELS`.
+
+    Raises: ValueError naming the source, the table and the key that is unknown.
+    """
+    kind = config.get("model", {}).get("class", "TCDiffPP")
+    if kind not in MODELS:
+        raise ValueError(f"{source}: class {kind!r} is not one of {', '.join(MODELS)}")
     known = {
         "data": _CORPUS | _WINDOWS,
-        "model": {f.name for f in fields(TCDiffPPConfig)},
+        "model": {f.name for f in fields(MODELS[kind][1])} | {"class"},
         "train": {f.name for f in fields(TrainConfig)} - {"weights"},
         "weights": {f.name for f in fields(LossWeights)},
     }
     for table, values in config.items():
         for key in [table] if table not in known else set(values) - known[table]:
             raise ValueError(
-                f"{str(path)!r}: {table!r} has no {key!r}; known: {known.get(table, known)}"
+                f"{source}: {table!r} has no {key!r}; known: {known.get(table, known)}"
             )
     return {table: dict(config.get(table, {})) for table in known}
 
 
-def fit_statistics(model: TCDiffPP, takes: list[Take], captured: float | None = None) -> None:
+def fit_statistics(
+    model: TCDiffPP | EDGE, takes: list[Take], captured: float | None = None
+) -> None:
     """Set the scales of motion and music and the spectrum of dance from the takes, once.
 
     ``captured``: the share of captured takes that training will see, see `GroupDanceWindows`.
@@ -79,43 +103,59 @@ def _weights(takes: list[Take], captured: float | None) -> list[float]:
     return [share[take.captured] / frames[take.captured] for take in takes]
 
 
-def prepared_takes(folder, config: TCDiffPPConfig, *, split: str = "train") -> list[Take]:
-    """Takes of a prepared folder that the model can learn from: long and small enough, with music.
+def prepared_takes(
+    folder, *, num_frames: int = 150, max_dancers: int = 5, split: str = "train"
+) -> list[Take]:
+    """Takes of a prepared folder that a model can learn from: long and small enough, with music.
 
     Raises: ValueError when the folder is not prepared, or has no such take.
     """
-    takes = PackedTakes(folder, split).takes(
-        num_frames=config.num_frames, max_dancers=config.max_dancers
-    )
+    takes = PackedTakes(folder, split).takes(num_frames=num_frames, max_dancers=max_dancers)
     if not takes:
         raise ValueError(
-            f"{str(folder)!r} has no take in {split!r} with music, {config.num_frames} frames and "
-            f"at most {config.max_dancers} dancers; prepare more data"
+            f"{str(folder)!r} has no take in {split!r} with music, {num_frames} frames and at most "
+            f"{max_dancers} dancers; prepare more data"
         )
     return takes
 
 
 def train_from_config(
-    path, out, *, resume: bool = False, takes: list[Take] | None = None, data=None
+    path,
+    out,
+    *,
+    resume: bool = False,
+    takes: list[Take] | None = None,
+    data=None,
+    device: str = "cpu",
+    world: World | None = None,
+    preview: Callable | None = None,
 ):
-    """Make or read the data, build the model, train it; returns the averaged model.
+    """Make or read the data, build the model, train it on ``device``; returns the averaged model.
 
-    ``data`` is a prepared folder whose training split replaces the choreographed corpus; ``takes``
-    does so directly. Raises: ValueError for a bad config or folder.
+    ``world`` and ``preview``: see `dancediff.training.loop.train`; a world brings its own device.
+
+    ``data``, else ``folder`` in the config, is a prepared folder whose training split replaces the
+    choreographed corpus; ``takes`` does so directly. Raises: ValueError for a bad config or folder.
     """
     config = read_config(path)
     settings = TrainConfig(**config["train"], weights=LossWeights(**config["weights"]))
-    sizes = TCDiffPPConfig(**config["model"])
+    model_class, config_class = MODELS[config["model"].pop("class", "TCDiffPP")]
+    sizes = config_class(**config["model"])
     corpus = {"songs": 100, "first_seed": 0, "seconds": 30.0, "workers": 2} | config["data"]
+    data = data or corpus.get("folder")
     if takes is None and data is not None:
-        takes = prepared_takes(data, sizes)
+        takes = prepared_takes(
+            data, num_frames=sizes.num_frames, max_dancers=getattr(sizes, "max_dancers", 5)
+        )
     elif takes is None:
         seeds = range(corpus["first_seed"], corpus["first_seed"] + corpus["songs"])
         takes = choreographed_corpus(
             list(seeds), seconds=corpus["seconds"], workers=corpus["workers"]
         )
     torch.manual_seed(settings.seed)
-    model = TCDiffPP(sizes)
+    model = model_class(sizes)
+    if isinstance(model, EDGE):
+        takes = solo_takes(takes)
     fit_statistics(model, takes, corpus.get("captured"))
     windows = GroupDanceWindows(
         takes,
@@ -123,4 +163,5 @@ def train_from_config(
         seed=settings.seed,
         **{key: value for key, value in corpus.items() if key in _WINDOWS},
     )
-    return train(model, windows, settings, out, resume=resume)
+    model.to(device if world is None else world.device)
+    return train(model, windows, settings, out, resume=resume, world=world, preview=preview)

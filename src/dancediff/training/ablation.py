@@ -1,0 +1,235 @@
+r"""Take a part away, train again, measure: what ``dancediff ablate`` runs.
+
+Read first: `dancediff.training.ablation_config` · TCDiff++ section 5.4, table 4.
+
+In the output folder
+
+    songs/                  the training set, made once
+    trainings/KEY/          config.toml, checkpoint, losses.csv, model/; KEY follows from the tables
+    variants/NAME/          scores.json and KEY/dance_0.npz ...
+    results.json, .md       the table
+
+so a variant that is done is not done again, a training that was stopped goes on from its
+checkpoint, and variants that only sample in another way share one training. What is done is
+recognised by the config alone: after a change of the library's models take another folder.
+"""
+
+import json
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict
+from functools import partial
+from multiprocessing import get_context
+from pathlib import Path
+
+import torch
+
+from dancediff import __version__
+from dancediff.baselines.edge import EDGE
+from dancediff.baselines.naive_long_sampling import generate_naively
+from dancediff.data.windows import Take, choreographed_corpus, choreographed_takes
+from dancediff.motion.motion import Motion
+from dancediff.music.synth import synth_song
+from dancediff.tcdiffpp.generate import usable_device
+from dancediff.training.ablation_config import TRUTH, HeldOut, Variant, key_of, read_ablation
+from dancediff.training.ablation_table import metric_scores, table, write_text
+from dancediff.training.run import prepared_takes, train_from_config
+
+_own_device: list[str] = []  # of a worker process
+_ONLY_GROUPS = ("swap", "swap_at", "pinning", "seam")  # arguments that EDGE has no use for
+
+
+def run_ablation(
+    path,
+    out,
+    *,
+    devices: tuple[str, ...] = ("cpu",),
+    evaluate: Callable | None = None,
+    save: Callable | None = None,
+) -> list[dict]:
+    """Train, sample and evaluate every variant of a config; returns the rows of the table.
+
+    - ``devices``: trainings run side by side, one on each; a device may be named twice.
+    - ``evaluate(dances, reference=, songs=) -> {metric: {"value", "low", "high", ...}}``, lists of
+      `Motion` and `Music`; default `dancediff.training.ablation_table.metric_scores`.
+    - ``save(model, folder)`` keeps each trained model, for instance `dancediff.hub.save_model`.
+
+    A row is {"variant", "training", "scores"}, or has "failed" (why) instead of scores; a variant
+    that failed does not stop the others, and is tried again next time. The first row is the
+    choreographer's own dances to the same songs.
+    Raises: ValueError for a bad config or device, before anything is done.
+    """
+    variants, out = read_ablation(path), Path(out)
+    if not devices:
+        raise ValueError("devices is empty; name at least one, such as 'cpu' or 'cuda:0'")
+    for device in devices:
+        usable_device(device)
+    first = variants[0]
+    takes = _corpus(first, out)
+    reference = _reference(first, takes)
+    songs, truth = _songs(first.held_out), _truth(first.held_out)
+    measure = partial(evaluate or metric_scores, reference=reference, songs=songs)
+
+    failed = _run_jobs(_jobs(variants, out), out, devices, save, takes)
+    key = key_of([first.tables["data"], asdict(first.held_out)])
+    rows = [{"variant": TRUTH, "scores": _scores(out / "variants" / TRUTH, key, truth, measure)}]
+    for variant in variants:
+        row = {"variant": variant.name, "training": variant.training}
+        if variant.name in failed:
+            row["failed"] = failed[variant.name]
+        else:
+            folder = out / "variants" / variant.name
+            row["scores"] = _scores(folder, variant.key, _dances(variant, out), measure)
+        rows.append(row)
+    write_text(out / "results.json", json.dumps(rows, indent=2) + "\n")
+    write_text(out / "results.md", table(rows))
+    return rows
+
+
+# ---- train and dance ----
+
+
+def _jobs(variants: list[Variant], out: Path) -> list[list[Variant]]:
+    """What has not danced yet, one list a training."""
+    jobs: dict[str, list[Variant]] = {}
+    for variant in variants:
+        if not all(path.exists() for path in _dance_files(variant, out)):
+            jobs.setdefault(variant.training, []).append(variant)
+    return list(jobs.values())
+
+
+def _run_jobs(jobs, out: Path, devices, save, takes) -> dict[str, str]:
+    """Run all jobs; returns why variants failed, by their names."""
+    failed: dict[str, str] = {}
+    if len(devices) == 1 or len(jobs) < 2:
+        for job in jobs:
+            failed |= _run_job(job, out, save, devices[0], takes)
+        return failed
+    context = get_context("spawn")
+    free = context.Queue()
+    for device in devices:
+        free.put(device)
+    threads = max(1, torch.get_num_threads() // len(devices))
+    with ProcessPoolExecutor(len(devices), context, _take_device, (free, threads)) as pool:
+        for result in pool.map(partial(_run_job, out=out, save=save), jobs):
+            failed |= result
+    return failed
+
+
+def _take_device(free, threads: int) -> None:
+    """A worker keeps the device that it finds."""
+    torch.set_num_threads(threads)
+    _own_device.append(free.get())
+
+
+def _run_job(job: list[Variant], out: Path, save, device=None, takes=None) -> dict[str, str]:
+    """Train once, then let each variant of the training dance."""
+    device = device or _own_device[0]
+    try:
+        model = _train(job[0], out, device, takes or _corpus(job[0], out), save)
+    except (RuntimeError, ValueError) as err:
+        return {variant.name: f"training: {err}" for variant in job}
+    failed = {}
+    for variant in job:
+        try:
+            _dance(model, variant, out)
+        except (RuntimeError, ValueError) as err:
+            failed[variant.name] = f"dancing: {err}"
+    return failed
+
+
+def _train(variant: Variant, out: Path, device: str, takes: list[Take], save):
+    folder = out / "trainings" / variant.training
+    config = folder / "config.toml"
+    if not config.exists():
+        write_text(config, _toml(variant.tables))
+    model = train_from_config(config, folder, resume=True, takes=takes, device=device)
+    if save is not None:
+        save(model, folder / "model")
+    return model
+
+
+def _dance(model, variant: Variant, out: Path) -> None:
+    """Dance to every held-out song that has not been danced to."""
+    options = asdict(variant.sample)
+    seed, long = options.pop("seed"), options.pop("long")
+    make = generate_naively if long == "naive" else type(model).generate
+    if isinstance(model, EDGE):
+        make = EDGE.generate
+        options = {key: value for key, value in options.items() if key not in _ONLY_GROUPS}
+    files = _dance_files(variant, out)
+    files[0].parent.mkdir(parents=True, exist_ok=True)
+    dancers, seconds = variant.held_out.dancers, variant.held_out.seconds
+    for i, (path, song) in enumerate(zip(files, _songs(variant.held_out), strict=True)):
+        if not path.exists():
+            make(model, song, dancers=dancers, seconds=seconds, seed=seed + i, **options).save(path)
+
+
+def _toml(tables: dict) -> str:
+    """Tables of numbers, strings and lists, which TOML writes as JSON does."""
+    lines = []
+    for name, values in tables.items():
+        lines += [f"[{name}]", *(f"{key} = {json.dumps(value)}" for key, value in values.items())]
+    return "\n".join(lines) + "\n"
+
+
+# ---- data ----
+
+
+def _corpus(variant: Variant, out: Path) -> list[Take]:
+    data = variant.tables["data"]
+    if "folder" in data:
+        return prepared_takes(data["folder"])
+    seeds = range(data["first_seed"], data["first_seed"] + data["songs"])
+    return choreographed_corpus(
+        seeds, seconds=data["seconds"], workers=data.get("workers", 2), cache=out / "songs"
+    )
+
+
+def _songs(held_out: HeldOut) -> list:
+    return [synth_song(seed, seconds=held_out.seconds)[0] for seed in _seeds(held_out)]
+
+
+def _truth(held_out: HeldOut) -> list[Motion]:
+    """The choreographer's dances to the held-out songs."""
+    options = {"seconds": held_out.seconds, "sizes": (held_out.dancers,)}
+    takes = [take for seed in _seeds(held_out) for take in choreographed_takes(seed, **options)]
+    return [Motion.from_features(take.x) for take in takes]
+
+
+def _reference(variant: Variant, takes: list[Take]) -> list[Motion]:
+    """The choreographer's dances to some training songs, as long as those of the variants."""
+    held_out = variant.held_out
+    fitting = [take for take in takes if take.num_dancers == held_out.dancers]
+    frames = round(30 * held_out.seconds)
+    return [Motion.from_features(take.x[:, :frames]) for take in fitting[: held_out.reference]]
+
+
+def _seeds(held_out: HeldOut) -> range:
+    return range(held_out.first_seed, held_out.first_seed + held_out.songs)
+
+
+# ---- what is done already ----
+
+
+def _dance_files(variant: Variant, out: Path) -> list[Path]:
+    """Where the dances of a variant go; another config of the same name goes elsewhere."""
+    folder = out / "variants" / variant.name / variant.key
+    return [folder / f"dance_{i}.npz" for i in range(variant.held_out.songs)]
+
+
+def _dances(variant: Variant, out: Path) -> list[Motion]:
+    return [Motion.load(path) for path in _dance_files(variant, out)]
+
+
+def _scores(folder: Path, key: str, dances: list[Motion], measure: Callable) -> dict:
+    """Evaluate, or read what this version of the library found before."""
+    path = folder / "scores.json"
+    if path.exists():
+        stored = json.loads(path.read_text(encoding="utf-8"))
+        if (stored["key"], stored["dancediff"]) == (key, __version__):
+            return stored["scores"]
+    scores = measure(dances)
+    stored = {"key": key, "dancediff": __version__, "scores": scores}
+    write_text(path, json.dumps(stored, indent=2) + "\n")
+    return scores

@@ -1,0 +1,163 @@
+r"""What an ablation compares: one TOML file with the tables of a training config and three more.
+
+``held_out`` says which songs are danced to in the end (`HeldOut`), ``sample`` how (`Sample`), and
+``variants.NAME`` which keys of ``model``, ``train``, ``weights`` and ``sample`` a variant changes.
+A variant that switches to another ``class`` of model keeps the sizes that both have.
+"""
+
+import json
+from dataclasses import asdict, dataclass, field, fields
+from hashlib import sha256
+
+from dancediff.data.windows import SIZES
+from dancediff.training.loop import TrainConfig
+from dancediff.training.run import MODELS, check_tables, read_toml
+
+SHORTEST = 3.0  # seconds in which every synthetic song has the beats a dance needs
+TRUTH = "choreographer"  # the row of the dances that were made, not learned
+_CHANGEABLE = ("model", "train", "weights", "sample")  # all are measured on the same songs
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """The songs that are danced to; training never hears them."""
+
+    songs: int = 10
+    first_seed: int = 1_000_000
+    seconds: float = 24.0  # 720 frames, the paper's evaluation length
+    dancers: int = 3
+    reference: int = 40  # training songs whose dances are the reference set of FID and the like
+
+    def __post_init__(self):
+        """Catch what would otherwise be noticed after the training."""
+        for name in ("songs", "reference"):
+            if not getattr(self, name) > 0:
+                raise ValueError(f"{name}={getattr(self, name)} must be above 0")
+        if self.dancers not in SIZES:
+            raise ValueError(f"dancers={self.dancers} must lie in 1 ... {max(SIZES)}")
+        if not self.seconds >= SHORTEST:
+            raise ValueError(f"seconds={self.seconds} must be at least {SHORTEST:g}: 4 beats")
+
+
+@dataclass(frozen=True)
+class Sample:
+    """How to dance: arguments of `TCDiffPP.generate`, and ``long``, which is none there."""
+
+    seed: int = 0  # song i is danced with seed + i
+    steps: int = 50
+    sampler: str = "ddim"
+    guidance: float = 2.0
+    eta: float = 1.0
+    swap: list | None = None
+    swap_at: float | None = None
+    overlap: int = 75
+    pinning: str = "renoise"
+    seam: str = "copy"
+    long: str = "lgds"  # or "naive": see `dancediff.baselines.naive_long_sampling`
+
+    def __post_init__(self):
+        """Check what `generate` does not."""
+        if self.long not in ("lgds", "naive"):
+            raise ValueError(f"long={self.long!r} is not one of 'lgds', 'naive'")
+
+
+@dataclass(frozen=True)
+class Variant:
+    """One row of the table: its name, the tables it is trained with and how it dances."""
+
+    name: str
+    tables: dict = field(repr=False)
+    sample: Sample
+    held_out: HeldOut
+
+    @property
+    def training(self) -> str:
+        """Name of the training's folder; variants with the same tables share it."""
+        return key_of(self.tables)
+
+    @property
+    def key(self) -> str:
+        """Changes with everything that its dances depend on."""
+        return key_of([self.tables, asdict(self.sample), asdict(self.held_out)])
+
+
+def key_of(value) -> str:
+    """A short name for a value made of plain lists, dicts, numbers and strings.
+
+    >>> key_of({"a": 1, "b": 2}) == key_of({"b": 2, "a": 1}) != key_of({"a": 1, "b": 3})
+    True
+    """
+    return sha256(json.dumps(value, sort_keys=True).encode()).hexdigest()[:12]
+
+
+def read_ablation(path) -> list[Variant]:
+    """Read and check all variants of a config.
+
+    Raises: ValueError naming the file, the variant, the table and the key that does not fit.
+    """
+    config, source = read_toml(path), repr(str(path))
+    variants = config.pop("variants", {})
+    if not isinstance(variants, dict) or not variants:
+        raise ValueError(f"{source} has no [variants.NAME]; add one, it may be empty")
+    for name, changes in variants.items():
+        if not name.replace("-", "_").isidentifier() or name == TRUTH:
+            raise ValueError(f"{source}: variant {name!r} is no name; use a-z, 0-9, _ and -")
+        if not isinstance(changes, dict):
+            raise ValueError(f"{source}: variant {name!r} is no table; write [variants.{name}]")
+        for table in changes:
+            if table not in _CHANGEABLE:
+                allowed = ", ".join(_CHANGEABLE)
+                raise ValueError(f"{source}: variant {name!r} changes {table!r}, not {allowed}")
+    return [
+        _variant(name, changes, config, f"{source}, variant {name!r}")
+        for name, changes in variants.items()
+    ]
+
+
+def _variant(name: str, changes: dict, config: dict, source: str) -> Variant:
+    for table, values in [*config.items(), *changes.items()]:
+        if not isinstance(values, dict):
+            raise ValueError(f"{source}: {table!r} is no table; write [{table}]")
+    base = config | {"model": _shared(config.get("model", {}), changes.get("model", {}))}
+    merged = {table: base.get(table, {}) | changes.get(table, {}) for table in base | changes}
+    held_out = _options(HeldOut, merged.pop("held_out", {}), f"{source}: 'held_out'")
+    sample = _options(Sample, merged.pop("sample", {}), f"{source}: 'sample'")
+    tables = check_tables(merged, source)
+    _options(TrainConfig, tables["train"], f"{source}: 'train'")
+    tables["data"] = {"songs": 100, "first_seed": 0, "seconds": 30.0} | tables["data"]
+    _check_songs(held_out, tables["data"], source)
+    return Variant(name, tables, sample, held_out)
+
+
+def _shared(model: dict, change: dict) -> dict:
+    """The base's keys that the variant's class knows, if the variant is of another class."""
+    if change.get("class", model.get("class")) == model.get("class"):
+        return model
+    known = (
+        {f.name for f in fields(MODELS[change["class"]][1])} if change["class"] in MODELS else ()
+    )
+    return {key: value for key, value in model.items() if key in known}
+
+
+def _check_songs(held_out: HeldOut, data: dict, source: str) -> None:
+    after = data["first_seed"] + data["songs"]
+    if data["first_seed"] - held_out.songs < held_out.first_seed < after:
+        raise ValueError(
+            f"{source}: held_out first_seed={held_out.first_seed} leads to songs of the training "
+            f"set; choose {after} or more"
+        )
+    if held_out.seconds > data["seconds"]:
+        raise ValueError(
+            f"{source}: held_out seconds={held_out.seconds:g} is longer than the training songs, "
+            f"whose dances are the reference; choose at most {data['seconds']:g}"
+        )
+
+
+def _options(kind, values: dict, source: str):
+    known = {f.name for f in fields(kind)}
+    for key in set(values) - known:
+        raise ValueError(f"{source} has no {key!r}; known: {', '.join(sorted(known))}")
+    try:
+        return kind(**values)
+    except (TypeError, ValueError) as err:
+        raise ValueError(f"{source}: {err}") from err

@@ -1,0 +1,84 @@
+"""The table of an ablation: a row for each variant, a column for each metric, with intervals."""
+
+import math
+from pathlib import Path
+
+
+def metric_scores(dances: list, *, reference: list, songs: list) -> dict[str, dict]:
+    """All metrics of `dancediff.metrics.report`, as plain values.
+
+    Returns {metric: {"value", "low", "high", "arrow", "reason"}}; low and high are None where there
+    is no interval, value too where there is none, and ``reason`` says why.
+    """
+    from dancediff.metrics.report import evaluate_dances
+
+    report = evaluate_dances(dances, song=songs, reference=reference)
+    parts = ("value", "low", "high", "arrow", "reason")
+    return {row["name"]: {part: row[part] for part in parts} for row in report.facts()["rows"]}
+
+
+def table(rows: list[dict]) -> str:
+    """Markdown: variants down, metrics across; a value without an interval stands alone.
+
+    >>> fid = {"value": 3.0, "low": 2.5, "high": 4.125, "arrow": "down"}
+    >>> print(table([{"variant": "full", "scores": {"FID_k": fid}},
+    ...              {"variant": "no_fp", "failed": "training: out of memory"}]), end="")
+    | variant | FID_k ↓ |
+    | --- | --- |
+    | full | 3 [2.5, 4.12] |
+    | no_fp | failed |
+    <BLANKLINE>
+    - no_fp failed; training: out of memory
+    """
+    names: dict[str, str] = {}
+    for row in rows:
+        for name, score in row.get("scores", {}).items():
+            names.setdefault(name, f"{name} {_ARROWS.get(score.get('arrow'), '')}".strip())
+    lines = [["variant", *names.values()], ["---"] * (len(names) + 1)]
+    notes: list[str] = []
+    reasons: dict[tuple[str, str], list[str]] = {}  # which variants have a metric's reason
+    for row in rows:
+        if "failed" in row:
+            lines.append([row["variant"], *["failed"] * len(names)])
+            notes.append(f"- {row['variant']} failed; {row['failed']}")
+            continue
+        scores = row["scores"]
+        lines.append([row["variant"], *(cell(scores.get(name)) for name in names)])
+        for name, score in scores.items():
+            if score.get("reason"):
+                reasons.setdefault((name, score["reason"]), []).append(row["variant"])
+    for (name, reason), variants in reasons.items():
+        who = "all" if len(variants) == len(rows) else ", ".join(variants)
+        notes.append(f"- {name} of {who}: {reason}")
+    text = "\n".join(f"| {' | '.join(line)} |" for line in lines) + "\n"
+    return text + ("\n" + "\n".join(notes) + "\n" if notes else "")
+
+
+_ARROWS = {"down": "↓", "up": "↑"}
+
+
+def cell(score: dict | None) -> str:
+    """A value and its interval.
+
+    >>> cell({"value": 0.12345, "low": None, "high": None}), cell(None)
+    ('0.123', '-')
+    """
+    if score is None or score["value"] is None:
+        return "-"
+    if math.isnan(score["value"]):
+        return "nan"
+    text = f"{score['value']:.3g}"
+    if score.get("low") is None:
+        return text
+    return f"{text} [{score['low']:.3g}, {score['high']:.3g}]"
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a file whole or not at all."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    part = path.with_name(f".{path.name}.part")
+    try:
+        part.write_text(text, encoding="utf-8")
+        part.replace(path)
+    finally:
+        part.unlink(missing_ok=True)

@@ -1,0 +1,73 @@
+"""Every loss of every step: a CSV, and TensorBoard's files where that is installed."""
+
+import csv
+import time
+from pathlib import Path
+
+
+class LossLog:
+    """The CSV of every loss of every step; on resuming, steps that will be run again are cut off.
+
+    ``seconds`` is the training time so far, that of earlier runs included.
+    """
+
+    def __init__(self, path: Path | None, first: int = 0):
+        """``path`` None: write nothing, only keep the time."""
+        self.file = self.board = None
+        rows = []
+        if path is None:
+            self.started = time.monotonic()
+            return
+        if first and path.exists():
+            rows = list(csv.reader(path.read_text(encoding="utf-8").splitlines()))
+            rows = rows[:1] + [r for r in rows[1:] if r and r[0].isdigit() and int(r[0]) < first]
+        before = float(rows[-1][1]) if len(rows) > 1 else 0.0
+        self.started = time.monotonic() - before
+        part = path.with_name(f".{path.name}.part")
+        with part.open("w", newline="", encoding="utf-8") as file:
+            csv.writer(file).writerows(rows)
+        part.replace(path)
+        self.has_header = bool(rows)
+        self.file = path.open("a", newline="", encoding="utf-8")
+        self.board = tensorboard(path.parent / "tensorboard", first)
+
+    @property
+    def seconds(self) -> float:
+        """Training time so far."""
+        return time.monotonic() - self.started
+
+    def flush(self) -> None:
+        """Bring what was written to the disk."""
+        if self.file:
+            self.file.flush()
+
+    def write(self, step: int, losses: dict[str, float]) -> None:
+        """One line: step, seconds, losses."""
+        if self.file is None:
+            return
+        if self.board:
+            for name, value in losses.items():
+                self.board.add_scalar(f"loss/{name}", value, step)
+        writer = csv.writer(self.file)
+        if not self.has_header:
+            writer.writerow(["step", "seconds", *losses])
+            self.has_header = True
+        values = (f"{value:.6g}" for value in losses.values())
+        writer.writerow([step, f"{self.seconds:.1f}", *values])
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        for file in (self.file, self.board):
+            if file:
+                file.close()
+
+
+def tensorboard(folder: Path, first: int):
+    """A writer that shows the steps from ``first`` on anew; None where TensorBoard is missing."""
+    try:
+        from torch.utils.tensorboard import SummaryWriter
+    except ImportError:
+        return None
+    return SummaryWriter(folder, purge_step=first)

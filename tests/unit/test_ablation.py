@@ -1,0 +1,315 @@
+"""`dancediff.training.ablation` and its config and table."""
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+import torch
+
+from dancediff import cli
+from dancediff.baselines.edge import EDGE
+from dancediff.data.windows import GroupDanceWindows
+from dancediff.motion.motion import Motion
+from dancediff.tcdiffpp.losses import LossWeights, tcdiffpp_losses
+from dancediff.tcdiffpp.model import TCDiffPP
+from dancediff.training import ablation
+from dancediff.training.ablation import run_ablation
+from dancediff.training.ablation_config import TRUTH, read_ablation
+from dancediff.training.run import MODELS
+
+TINY = Path(__file__).parents[2] / "configs" / "ablate_tiny.toml"
+BASE = """
+[data]
+songs = 1
+seconds = 3.0
+workers = 1
+dancers_per_batch = 2
+[model]
+d_model = 16
+num_heads = 2
+num_layers = 1
+ff_dim = 32
+fusion_hidden = 32
+num_frames = 30
+ssm = "none"
+[train]
+steps = 4
+save_every = 2
+[held_out]
+songs = 2
+seconds = 3.0
+dancers = 2
+reference = 3
+[sample]
+steps = 2
+overlap = 15
+"""
+
+
+@pytest.fixture
+def config(tmp_path):
+    def write(variants, base=BASE):
+        path = tmp_path / "a.toml"
+        path.write_text(base + variants)
+        return path
+
+    return write
+
+
+class Judge:
+    """Stands in for the metrics; counts how often it is asked."""
+
+    def __init__(self):
+        self.asked = 0
+
+    def __call__(self, dances, *, reference, songs):
+        self.asked += 1
+        assert len(dances) == len(songs) == 2 and len(reference) == 1
+        assert all(song.duration == pytest.approx(3.0) for song in songs)
+        assert {(d.num_dancers, d.num_frames) for d in [*dances, *reference]} == {(2, 90)}
+        x = torch.stack([dance.root[..., 0].mean() for dance in dances])
+        return {"x": {"value": x.mean().item(), "low": x.min().item(), "high": x.max().item()}}
+
+
+def dances(out, name):
+    files = sorted((out / "variants" / name).glob("*/dance_*.npz"))
+    return torch.cat([Motion.load(path).features() for path in files])
+
+
+# ---- the config ----
+
+
+@pytest.fixture(scope="module")
+def tiny():
+    return {variant.name: variant for variant in read_ablation(TINY)}
+
+
+def build(variant):
+    tables = json.loads(json.dumps(variant.tables["model"]))
+    model_class, config_class = MODELS[tables.pop("class", "TCDiffPP")]
+    torch.manual_seed(0)
+    return model_class(config_class(**tables))
+
+
+@pytest.mark.parametrize(
+    ("name", "removed"),
+    [
+        ("no-FP", r"decoder\.fp\."),
+        ("no-FA", r"footwork\."),
+        ("no-SD", r"decoder\.decoder\.layers\.\d\.(ssm|norms\.3|films\.3)\."),
+        ("no-DPE", r"decoder\.dpe\."),
+        ("no-SM", r"decoder\.swap_mode\."),
+    ],
+)
+def test_a_switch_takes_its_part_away_and_nothing_else(tiny, name, removed):
+    full, without = (set(build(tiny[k]).state_dict()) for k in ("full", name))
+    gone = full - without
+    assert gone and not without - full
+    assert all(re.match(removed, key) for key in gone)
+    assert not any(re.match(removed, key) for key in without)
+    assert tiny[name].training != tiny["full"].training
+    assert tiny[name].tables["weights"] == tiny["full"].tables["weights"]
+
+
+def test_without_l_d_distances_cost_nothing(tiny):
+    model = build(tiny["no-L_D"])
+    assert build(tiny["full"]).config == model.config
+    x = torch.rand(1, 2, 20, 151)
+    totals = []
+    for name in ("full", "no-L_D"):
+        weights = LossWeights(**tiny[name].tables["weights"])
+        terms = tcdiffpp_losses(x, x, 0.5 * x, model.normalizer, weights=weights)
+        totals.append(terms["total"])
+    assert terms["dist"] > 0
+    torch.testing.assert_close(totals[0] - totals[1], 0.636 * terms["dist"])
+
+
+def test_long_sampling_is_no_training(tiny):
+    full, naive = tiny["full"], tiny["no-LGDS"]
+    assert full.training == naive.training and full.key != naive.key
+    assert (full.sample.long, naive.sample.long) == ("lgds", "naive")
+
+
+def test_edge_keeps_the_sizes_that_both_have(tiny):
+    edge, full = build(tiny["EDGE"]), build(tiny["full"])
+    assert isinstance(edge, EDGE) and isinstance(full, TCDiffPP)
+    for key in ("d_model", "num_heads", "num_layers", "ff_dim"):
+        assert getattr(edge.config, key) == getattr(full.config, key)
+    assert tiny["EDGE"].tables["train"] == tiny["full"].tables["train"]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", r"has no \[variants.NAME\]"),
+        ("[variants.a]\nmodel = {colour = 1}", "variant 'a': 'model' has no 'colour'"),
+        ("[variants.a]\nsample = {colour = 1}", "variant 'a': 'sample' has no 'colour'"),
+        ("[variants.a]\ndata = {songs = 1}", "variant 'a' changes 'data', not model, train"),
+        ("[variants.a]\nheld_out = {songs = 1}", "variant 'a' changes 'held_out'"),
+        ("[variants.a]\nsample = {long = 'short'}", "long='short' is not one of 'lgds', 'naive'"),
+        ("[variants.a]\ntrain = {decay = 7}", "variant 'a': 'train': decay=7"),
+        ("[variants.a]\nmodel = {class = 'GPT'}", "'GPT' is not one of TCDiffPP, EDGE"),
+        ("[variants.a]\nmodel = 3", "'model' is no table"),
+        ("[variants]\na = 3", "variant 'a' is no table"),
+        ('[variants."a/b"]', "variant 'a/b' is no name"),
+        (f"[variants.{TRUTH}]", f"variant '{TRUTH}' is no name"),
+    ],
+)
+def test_config_mistakes_are_named(config, text, words):
+    with pytest.raises(ValueError, match=words):
+        read_ablation(config(text))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("[held_out]", "[held_out]\nfirst_seed = 0", "first_seed=0 leads to songs of the training"),
+        ("songs = 2\nseconds = 3.0", "songs = 2\nseconds = 9.0", "seconds=9 is longer than"),
+        ("reference = 3", "reference = 0", "reference=0 must be above 0"),
+        ("dancers = 2", "dancers = 6", r"dancers=6 must lie in 1 \.\.\. 5"),
+        ("songs = 2\nseconds = 3.0", "songs = 2\nseconds = 2", "seconds=2 must be at least 3"),
+        ("[data]", "[date]\n[data]", "'date' has no 'date'"),
+    ],
+)
+def test_held_out_songs_are_held_out(config, old, new, words):
+    with pytest.raises(ValueError, match=words):
+        read_ablation(config("[variants.a]\n", BASE.replace(old, new)))
+
+
+def test_held_out_songs_may_come_before_those_of_training(config):
+    base = BASE.replace("[data]", "[data]\nfirst_seed = 2").replace("[held_out]", "{}")
+    assert read_ablation(config("[variants.a]\n", base.format("[held_out]\nfirst_seed = 0")))
+    with pytest.raises(ValueError, match="first_seed=1 leads to songs"):
+        read_ablation(config("[variants.a]\n", base.format("[held_out]\nfirst_seed = 1")))
+
+
+# ---- running it ----
+
+FOUR = """
+[variants.full]
+[variants.no-FP]
+model = { fp = false }
+[variants.no-LGDS]
+sample = { long = "naive" }
+[variants.EDGE]
+model = { class = "EDGE" }
+"""
+
+
+def test_rows_dances_and_what_is_done_stays_done(config, tmp_path, monkeypatch):
+    out, judge, saved = tmp_path / "out", Judge(), []
+    keep = lambda model, folder: saved.append((type(model).__name__, folder.parent.name))  # noqa: E731
+    rows = run_ablation(config(FOUR), out, evaluate=judge, save=keep)
+    assert [row["variant"] for row in rows] == [TRUTH, "full", "no-FP", "no-LGDS", "EDGE"]
+    assert judge.asked == 5 and len({row["scores"]["x"]["value"] for row in rows}) == 5
+    assert sorted(kind for kind, _ in saved) == ["EDGE", "TCDiffPP", "TCDiffPP"]
+    assert len(list((out / "trainings").iterdir())) == 3  # no-LGDS shares that of full
+    assert json.loads((out / "results.json").read_text()) == rows
+    assert "| no-LGDS | " in (out / "results.md").read_text()
+    metas = {
+        name: Motion.load(next((out / "variants" / name).glob("*/dance_0.npz"))).meta
+        for name in ("full", "no-LGDS", "EDGE")
+    }
+    assert "pinning" in metas["full"] and metas["no-LGDS"]["long"] == "naive"
+    assert metas["EDGE"]["model"] == "edge"
+
+    def never(*_, **__):
+        raise AssertionError("trained again")
+
+    monkeypatch.setattr(ablation, "train_from_config", never)
+    assert run_ablation(config(FOUR), out, evaluate=judge) == rows and judge.asked == 5
+    monkeypatch.undo()
+
+    other = FOUR.replace("fp = false", "fp = false, dpe = false")
+    before = dances(out, "full")
+    again = run_ablation(config(other), out, evaluate=judge)
+    assert judge.asked == 6 and again[2]["scores"] != rows[2]["scores"]
+    assert [again[i] for i in (0, 1, 3, 4)] == [rows[i] for i in (0, 1, 3, 4)]
+    assert torch.equal(dances(out, "full"), before)
+
+
+def test_a_killed_run_goes_on_from_its_checkpoint(config, tmp_path, monkeypatch):
+    path = config("[variants.full]\n")
+    whole = run_ablation(path, tmp_path / "whole", evaluate=Judge())
+    batch, steps = GroupDanceWindows.batch, []
+
+    def killed(self, step):
+        if step == 3:
+            raise KeyboardInterrupt
+        return batch(self, step)
+
+    def watched(self, step):
+        steps.append(step)
+        return batch(self, step)
+
+    monkeypatch.setattr(GroupDanceWindows, "batch", killed)
+    with pytest.raises(KeyboardInterrupt):
+        run_ablation(path, tmp_path / "parts", evaluate=Judge())
+    assert not (tmp_path / "parts" / "results.json").exists()
+    monkeypatch.setattr(GroupDanceWindows, "batch", watched)
+    assert run_ablation(path, tmp_path / "parts", evaluate=Judge()) == whole
+    assert steps == [2, 3]  # the checkpoint was written after two steps
+    assert torch.equal(dances(tmp_path / "parts", "full"), dances(tmp_path / "whole", "full"))
+
+    first, second = sorted((tmp_path / "parts" / "variants" / "full").glob("*/dance_*.npz"))
+    second.unlink()  # as if it had been killed between two dances
+    before = first.stat().st_mtime_ns
+    run_ablation(path, tmp_path / "parts", evaluate=Judge())
+    assert first.stat().st_mtime_ns == before and steps == [2, 3]
+    assert torch.equal(dances(tmp_path / "parts", "full"), dances(tmp_path / "whole", "full"))
+
+
+def test_one_failure_does_not_stop_the_others(config, tmp_path):
+    variants = """
+[variants.wrong]
+sample = { swap = [2, 1, 0] }
+[variants.swap]
+sample = { swap = [1, 0] }
+[variants.broken]
+train = { lr = 1e30, clip = 1e30, warmup = 0 }
+"""
+    rows = run_ablation(config(variants), tmp_path / "out", evaluate=Judge())
+    assert rows[1]["failed"].startswith("dancing: swap=[2, 1, 0] must hold each of 0..1")
+    assert "scores" in rows[2]
+    assert rows[3]["failed"].startswith("training: the gradient of step")
+    text = (tmp_path / "out" / "results.md").read_text()
+    assert "| wrong | failed |" in text and "- broken failed; training" in text
+
+
+def test_bad_devices_are_named_before_anything_is_done(config, tmp_path):
+    for devices, words in ((("cpu", "toaster"), "device='toaster'"), ((), "devices is empty")):
+        with pytest.raises(ValueError, match=words):
+            run_ablation(config(FOUR), tmp_path / "out", devices=devices, evaluate=Judge())
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.slow
+def test_side_by_side_is_the_same(config, tmp_path):
+    path = config("[variants.full]\n[variants.no-FP]\nmodel = { fp = false }\n")
+    one = run_ablation(path, tmp_path / "one", evaluate=Judge())
+    two = run_ablation(path, tmp_path / "two", evaluate=Judge(), devices=("cpu", "cpu"))
+    assert [row["variant"] for row in one] == [row["variant"] for row in two]
+    for name in ("full", "no-FP"):
+        a, b = (dances(tmp_path / k, name) for k in ("one", "two"))
+        torch.testing.assert_close(a, b, atol=1e-4, rtol=0)
+
+
+def test_command_line(config, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(ablation, "metric_scores", Judge())
+    args = ["ablate", str(config("[variants.full]\n")), "--out", "out"]
+    assert cli.main(args) == 0
+    text = capsys.readouterr().out
+    assert "| full | " in text and "results.md" in text
+    training = json.loads((tmp_path / "out" / "results.json").read_text())[1]["training"]
+    assert (tmp_path / "out" / "trainings" / training / "model" / "model.safetensors").exists()
+    assert cli.main([*args, "--json"]) == 0
+    assert [row["variant"] for row in json.loads(capsys.readouterr().out)["rows"]] == [
+        TRUTH,
+        "full",
+    ]
+    assert cli.main([*args, "--devices", "toaster"]) == 2
+    assert "device='toaster'" in capsys.readouterr().err
+    assert cli.main(["ablate", "missing.toml"]) == 2
+    assert "'missing.toml' does not exist" in capsys.readouterr().err
