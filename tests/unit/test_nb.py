@@ -1,6 +1,7 @@
 import ast
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -64,6 +65,13 @@ NEAR_MISSES = {
         lambda x_t, eps, t, abar: (x_t - (1 - abar[t]).sqrt() * eps) / abar[t],
         lambda x_t, eps, t, abar: (x_t + (1 - abar[t]).sqrt() * eps) / abar[t].sqrt(),
         lambda x_t, eps, t, abar: x_t - eps,
+    ],
+    "13.1": [
+        lambda dance: dance,
+        lambda dance: dance.joints(),
+        lambda dance: dance.frames(0, 1),
+        lambda dance: replace(dance, root=2 * dance.root),
+        lambda dance: replace(dance, root=dance.root.mean(1, keepdim=True).expand_as(dance.root)),
     ],
 }
 
