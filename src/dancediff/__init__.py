@@ -16,6 +16,7 @@ _HOME = {
     "Music": "dancediff.music.song",
     "Motion": "dancediff.motion.motion",
     "choreograph": "dancediff.data.choreographer",
+    "evaluate": "dancediff.metrics.report",
     "load": "dancediff.hub",
     "packaged_models": "dancediff.hub",
     "packaged_song": "dancediff.hub",

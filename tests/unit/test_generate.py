@@ -5,8 +5,10 @@ import numpy as np
 import pytest
 import torch
 
-from dancediff.tcdiffpp.generate import Wish, cut_music
+import dancediff as dd
+from dancediff.tcdiffpp.generate import cut_music
 from dancediff.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
+from dancediff.tcdiffpp.wish import Wish
 
 
 @dataclass
@@ -198,3 +200,34 @@ def test_cut_music_repeats_the_song():
     cut = cut_music(M, 3, length=4, stride=2)
     assert cut[..., 0].tolist() == [[0, 1, 2, 3], [2, 3, 4, 5], [4, 5, 6, 0]]
     assert cut_music(M, 1, length=20, stride=2)[0, :, 0].tolist()[:15] == [*range(7), *range(7), 0]
+
+
+def test_stream_hands_out_the_same_dance_in_pieces():
+    model, song = dd.load("tcdiffpp"), dd.packaged_song()
+    wish = {"dancers": 2, "seconds": 8, "steps": 2, "seed": 3}
+    whole, pieces = model.generate(song, **wish), list(model.stream(song, **wish))
+    assert [piece.num_frames for piece in pieces] == [75, 75, 75, 15]
+    assert torch.equal(torch.cat([piece.root for piece in pieces], 1), whole.root)
+    assert torch.equal(torch.cat([piece.pose for piece in pieces], 1), whole.pose)
+    assert pieces[0].meta == whole.meta
+
+
+def test_stream_checks_at_once_and_leaves_the_model_as_it_was():
+    model, song = dd.load("tcdiffpp"), dd.packaged_song()
+    with pytest.raises(ValueError, match="dancers=9"):
+        model.stream(song, dancers=9)
+    model.train()
+    pieces = model.stream(song, dancers=1, seconds=8, steps=1)
+    next(pieces)
+    assert torch.is_grad_enabled() and not torch.is_inference_mode_enabled()
+    pieces.close()
+    assert model.training
+
+
+def test_a_long_dance_says_where_its_seams_are():
+    model, song = dd.load("tcdiffpp"), dd.packaged_song()
+    wish = {"dancers": 2, "steps": 1}
+    assert model.generate(song, seconds=5, **wish).meta["seams"] == []
+    assert model.generate(song, seconds=9, **wish).meta["seams"] == [150, 225]
+    held = model.generate(song, seconds=9, start=[(-1, 0), (1, 0)], **wish)
+    assert held.meta["seams"] == [120, 195]

@@ -9,6 +9,7 @@ from typing import Literal
 
 import tyro
 
+from dancediff.cli.evaluate import Evaluate
 from dancediff.cli.files import (
     EXTRAS,
     FORMATS,
@@ -131,21 +132,73 @@ class Train:
     """Folder for checkpoint, losses and the model."""
     resume: bool = False
     """Go on from the checkpoint in the folder, if there is one."""
+    device: str = "cpu"
+    """Or cuda: one GPU for each process that torchrun or accelerate starts."""
     json: bool = False
     """Print one line of JSON instead of text."""
 
     def run(self) -> None:
         """Train, then save the averaged model in OUT/model."""
         from dancediff import hub
+        from dancediff.tcdiffpp.generate import usable_device
+        from dancediff.training.distributed import join_world
         from dancediff.training.run import train_from_config
 
         check_folder(self.out)
-        model = train_from_config(self.config, self.out, resume=self.resume, data=self.data)
+        with join_world(self.device) as world:
+            usable_device(world.device)
+            model = train_from_config(
+                self.config,
+                self.out,
+                resume=self.resume,
+                data=self.data,
+                world=world,
+                preview=self.preview,
+            )
+        if not world.first:
+            return
         settings = self.config.read_text(encoding="utf-8")
         dances = "synthetic dances" if self.data is None else f"the takes in {self.data.name}"
         card = f"Trained on {dances} with {self.config.name}:\n\n```toml\n{settings}```\n"
         folder = hub.save_model(model, self.out / "model", card=card)
         tell(self.json, {"model": folder}, [f"model folder: {folder}"])
+
+    def preview(self, model, step: int) -> None:
+        """Five seconds of the averaged model so far, as a filmstrip in OUT/previews."""
+        from dancediff import hub
+        from dancediff.viz.plots import save_filmstrip
+
+        folder = self.out / "previews"
+        folder.mkdir(exist_ok=True)
+        song = hub.packaged_song()
+        dance = model.generate(song, dancers=3, seconds=5, seed=0)
+        dance.save(folder / f"step_{step:06d}.npz")
+        save_filmstrip(dance, folder / f"step_{step:06d}.png", song)
+
+
+@dataclass
+class Ablate:
+    """Train, sample and evaluate variants of a model, and print the table."""
+
+    config: tyro.conf.Positional[Path]
+    """For instance configs/ablate_tiny.toml."""
+    out: Path = Path("runs/ablation")
+    """Folder for trainings, dances and the table; what is done there is not done again."""
+    devices: str = "cpu"
+    """Where to train, such as cuda:0,cuda:1: a training on each, side by side."""
+    json: bool = False
+    """Print one line of JSON instead of text."""
+
+    def run(self) -> None:
+        """Train what is missing, dance, measure."""
+        from dancediff import hub
+        from dancediff.training.ablation import run_ablation
+        from dancediff.training.ablation_table import table
+
+        check_folder(self.out)
+        devices = tuple(name.strip() for name in self.devices.split(",") if name.strip())
+        rows = run_ablation(self.config, self.out, devices=devices, save=hub.save_model)
+        tell(self.json, {"rows": rows}, [table(rows), f"table: {self.out / 'results.md'}"])
 
 
 @dataclass
@@ -190,8 +243,10 @@ class Doctor:
 
 COMMANDS = {
     "generate": Generate,
+    "evaluate": Evaluate,
     "prepare": Prepare,
     "train": Train,
+    "ablate": Ablate,
     "warm": Warm,
     "doctor": Doctor,
 }

@@ -7,6 +7,7 @@ Symbols (axes: b batch · n dancers · f frames · d motion, m music features)
     abar           $\bar\alpha_t$, signal kept after t steps         (T,)
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import torch
@@ -17,7 +18,7 @@ from dancediff.motion.motion import Motion
 from dancediff.motion.representation import Normalizer
 from dancediff.music.features import MusicNormalizer
 from dancediff.tcdiffpp.footwork_adaptor import FootworkAdaptor
-from dancediff.tcdiffpp.generate import generate
+from dancediff.tcdiffpp.generate import generate, stream
 from dancediff.tcdiffpp.group_dance_decoder import GroupDanceDecoder
 
 
@@ -199,3 +200,15 @@ class TCDiffPP(nn.Module):
             device=device,
             dtype=dtype,
         )
+
+    def stream(self, song, **options) -> Iterator[Motion]:
+        """The dance that `generate` makes of the same arguments, piece by piece as it is ready.
+
+        >>> import dancediff as dd
+        >>> pieces = dd.load("tcdiffpp").stream(dd.packaged_song(), dancers=2, seconds=8, steps=2)
+        >>> [piece.num_frames for piece in pieces]
+        [75, 75, 75, 15]
+
+        Raises: ValueError as `generate`.
+        """
+        return stream(self, song, **options)
