@@ -14,12 +14,11 @@ from dancediff.baselines.naive_long_sampling import (
     draw_naively,
     generate_naively,
     join,
-    slerp,
 )
 from dancediff.diffusion.samplers import sample
 from dancediff.diffusion.schedule import cosine_abar, q_sample
 from dancediff.motion.representation import Normalizer, pack, unpack
-from dancediff.motion.rotation import rotation_about
+from dancediff.motion.rotation import rotation_about, slerp
 from dancediff.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 from dancediff.tcdiffpp.wish import Wish
 

@@ -3,7 +3,8 @@ import roma
 import torch
 
 from dancediff.data.bvh import BVH
-from dancediff.data.repair import bridge, repair, runs, slerp
+from dancediff.data.repair import bridge, repair, runs
+from dancediff.motion.rotation import slerp
 
 JOINTS = {"root": "hip", "belly": "belly", "head": "head", "lelbow": "arm"}
 F, FPS = 240, 60.0

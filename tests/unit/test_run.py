@@ -93,4 +93,5 @@ def test_train_from_config(takes, tmp_path):
 def test_packaged_config_is_valid():
     from pathlib import Path
 
-    read_config(Path(__file__).parents[2] / "configs" / "tcdiffpp_small.toml")
+    config = read_config(Path(__file__).parents[2] / "configs" / "tcdiffpp_small.toml")
+    assert TCDiffPPConfig(**config["model"]).max_dancers == 5 and config["train"]["steps"] > 0

@@ -23,7 +23,7 @@ from dancediff.diffusion.guidance import off_at_the_end, ramp_up
 from dancediff.diffusion.samplers import ddim_times, sample
 from dancediff.motion.motion import Motion
 from dancediff.motion.representation import pack, unpack
-from dancediff.motion.rotation import axis_angle_to_matrix, matrix_to_axis_angle
+from dancediff.motion.rotation import slerp
 from dancediff.tcdiffpp.generate import cut_music, denoise_segments, generate
 from dancediff.tcdiffpp.wish import Wish
 
@@ -62,25 +62,6 @@ class Consistency:
         for before, after in pairwise(x):
             after[:, : self.overlap] = before[:, -self.overlap :]
         return x
-
-
-def slerp(R0: Tensor, R1: Tensor, w: Tensor) -> Tensor:
-    r"""Turn from one rotation to another along the shortest arc.
-
-    $$R(w) = R_0 \exp(w \log(R_0^\top R_1))$$
-
-    Source: Shoemake 1985, in matrices.  Differs: EDGE goes through quaternions and blends them
-    linearly when they are close, which is the same to first order.
-
-    Shapes: R0, R1 (..., 3, 3), w broadcasts to (...) -> (..., 3, 3).
-
-    >>> from dancediff.motion.rotation import rotation_about
-    >>> start, stop = rotation_about("y", torch.tensor(0.0)), rotation_about("y", torch.tensor(2.0))
-    >>> half = slerp(start, stop, torch.tensor(0.5))
-    >>> torch.allclose(half, rotation_about("y", torch.tensor(1.0)), atol=1e-6)
-    True
-    """
-    return R0 @ axis_angle_to_matrix(w[..., None] * matrix_to_axis_angle(R0.mT @ R1))
 
 
 def cross_fade(first: Tensor, second: Tensor) -> Tensor:

@@ -13,11 +13,11 @@ Symbols (axes: f frames · j joints)
 from collections.abc import Iterable
 from dataclasses import replace
 
-import roma
 import torch
 from torch import Tensor
 
 from dancediff.data.bvh import BVH
+from dancediff.motion.rotation import slerp
 
 # degrees from the rest pose that a joint can reach in dance, by the SMPL-24 joint it is mapped to
 REACH = {
@@ -87,16 +87,6 @@ def runs(mask: Tensor) -> list[tuple[int, int]]:
     edge = torch.cat([mask.new_zeros(1), mask, mask.new_zeros(1)]).int().diff()
     starts, stops = (edge == 1).nonzero()[:, 0], (edge == -1).nonzero()[:, 0] - 1
     return list(zip(starts.tolist(), stops.tolist(), strict=True))
-
-
-def slerp(R0: Tensor, R1: Tensor, w: Tensor) -> Tensor:
-    r"""Rotations on the shortest way from ``R0`` (w = 0) to ``R1`` (w = 1).
-
-    $$R = R_0 \exp(w \log(R_0^\top R_1))$$
-
-    Shapes: R0, R1 (..., 3, 3), w (...) -> (..., 3, 3).
-    """
-    return R0 @ roma.rotvec_to_rotmat(w[..., None] * roma.rotmat_to_rotvec(R0.mT @ R1))
 
 
 def _angle(R: Tensor) -> Tensor:

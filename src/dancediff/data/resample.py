@@ -11,8 +11,8 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
-from dancediff.data.repair import slerp
 from dancediff.motion.motion import Motion
+from dancediff.motion.rotation import slerp
 
 FPS = 30
 

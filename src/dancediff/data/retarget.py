@@ -17,12 +17,12 @@ from torch import Tensor
 
 from dancediff.data.bvh import BVH
 from dancediff.data.joint_maps import GIRDLES, bones, find_joints
-from dancediff.data.repair import bridge, close_gaps, repair, runs, slerp
+from dancediff.data.repair import bridge, close_gaps, repair, runs
 from dancediff.motion.contact import foot_contact
 from dancediff.motion.ground import TOE_CLEARANCE
 from dancediff.motion.ik import frame_from_bone, two_bone_ik
 from dancediff.motion.motion import Motion
-from dancediff.motion.rotation import axis_angle_to_matrix, rotation_between
+from dancediff.motion.rotation import axis_angle_to_matrix, rotation_between, slerp
 from dancediff.motion.skeleton import FOOT_JOINTS, SMPL24, forward_kinematics
 
 FPS = 30.0

@@ -110,3 +110,21 @@ def rotation_between(a: Tensor, b: Tensor) -> Tensor:
     K = torch.stack([zero, -z, y, z, zero, -x, -y, x, zero], -1).unflatten(-1, (3, 3))
     cos = (a * b).sum(-1)[..., None, None]
     return torch.eye(3, dtype=a.dtype, device=a.device) + K + K @ K / (1 + cos).clamp_min(1e-6)
+
+
+def slerp(R0: Tensor, R1: Tensor, w: Tensor) -> Tensor:
+    r"""Turn from one rotation to another along the shortest arc.
+
+    $$R(w) = R_0 \exp(w \log(R_0^\top R_1))$$
+
+    Source: Shoemake 1985, in matrices.  Differs: EDGE goes through quaternions and blends them
+    linearly when they are close, which is the same to first order.
+
+    Shapes: R0, R1 (..., 3, 3), w broadcasts to (...) -> (..., 3, 3).
+
+    >>> start, stop = rotation_about("y", torch.tensor(0.0)), rotation_about("y", torch.tensor(2.0))
+    >>> half = slerp(start, stop, torch.tensor(0.5))
+    >>> torch.allclose(half, rotation_about("y", torch.tensor(1.0)), atol=1e-6)
+    True
+    """
+    return R0 @ axis_angle_to_matrix(w[..., None] * matrix_to_axis_angle(R0.mT @ R1))
