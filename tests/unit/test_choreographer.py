@@ -1,6 +1,7 @@
 """The choreographer's bars, for every genre over a hundred seeds; its plan; its old call."""
 
 from functools import cache
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -237,6 +238,18 @@ def test_swap_is_obeyed():
             else:
                 changed.append(not np.array_equal(truth.order_start, truth.order_end))
     assert np.mean(changed) > 0.8
+
+
+def test_by_default_every_order_comes():
+    """Of three dancers: two exchanged in three ways, and both ways round."""
+    ranks = set()
+    for seed in range(30):
+        _, truth = choreograph(grid(seed, (90, 120), 31), dancers=3, seed=seed, seconds=30)
+        places = [place for _, _, place in truth.formations]
+        for before, after in pairwise(places):
+            rank = np.argsort(np.argsort(before[:, 0]))
+            ranks.add(tuple(rank[np.argsort(after[:, 0])].tolist()))
+    assert len(ranks) == 6
 
 
 def test_turns_jumps_and_levels_are_danced():

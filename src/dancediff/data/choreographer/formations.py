@@ -8,7 +8,7 @@ Symbols (axes: n dancers · f steps along the way)
 import numpy as np
 
 MIN_DISTANCE = 0.75  # metres between two roots on their way, before steps and sway are added
-FAR = 3.4  # metres; nobody changes places over a longer way
+FAR = 3.0  # metres; nobody changes places over a longer way
 _EASE = 0.4  # how much slower a way begins and ends than it would at an even speed
 
 # Slots are listed left to right. No two share an x, so that "left to right" is always defined.
@@ -88,33 +88,36 @@ def curved_paths(start: np.ndarray, stop: np.ndarray, bulge: np.ndarray, steps: 
     return start[:, None] * (1 - u) + stop[:, None] * u + bow
 
 
-def plan_transition(start: np.ndarray, target: np.ndarray, rng: np.random.Generator, *, swap: bool):
+def plan_transition(start: np.ndarray, target: np.ndarray, rng: np.random.Generator, *, order: str):
     """Choose who goes to which slot, and bows that keep everybody apart.
 
-    With ``swap`` two dancers exchange places in the left-to-right order if a safe way is found;
-    without it (or if none is found) everybody keeps their rank.
+    ``order``: "keep", everybody keeps their rank from left to right; "swap", two dancers exchange
+    theirs; "any", every other order is as likely. Where no safe way is found, ranks are kept.
 
     Shapes: start (n, 2) by dancer, target (n, 2) by slot -> stop (n, 2) by dancer, bulge (n,),
-    whether two changed places. If no way is safe, everybody stays.
+    whether ranks changed. If no way is safe at all, everybody stays.
     """
     n = len(start)
     rank = np.argsort(np.argsort(start[:, 0]))
-    if swap and n > 1:
-        for _ in range(12):
-            new = rank.copy()
-            i, j = rng.choice(n, 2, replace=False)
-            new[i], new[j] = rank[j], rank[i]
-            if np.linalg.norm(target[new] - start, axis=-1).max() > FAR:
-                continue
-            bulge = _safe_bows(
-                start, target[new], rng.choice([-0.8, -0.45, 0.0, 0.45, 0.8], (20, n))
-            )
-            if bulge is not None:
-                return target[new], bulge, True
+    for _ in range(0 if order == "keep" or n < 2 else 12):
+        new = _exchanged(rank, rng) if order == "swap" else rng.permutation(n)
+        too_far = np.linalg.norm(target[new] - start, axis=-1).max() > FAR
+        if too_far or np.array_equal(new, rank):
+            continue
+        bulge = _safe_bows(start, target[new], rng.choice([-0.8, -0.45, 0.0, 0.45, 0.8], (40, n)))
+        if bulge is not None:
+            return target[new], bulge, True
     bulge = _safe_bows(start, target[rank], rng.choice([-0.4, 0.0, 0.0, 0.4], (60, n)))
     if bulge is not None:
         return target[rank], bulge, False
     return start.copy(), np.zeros(n), False
+
+
+def _exchanged(rank: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    new = rank.copy()
+    i, j = rng.choice(len(rank), 2, replace=False)
+    new[i], new[j] = rank[j], rank[i]
+    return new
 
 
 def _safe_bows(start: np.ndarray, stop: np.ndarray, bows: np.ndarray) -> np.ndarray | None:

@@ -89,10 +89,12 @@ def write_score(
         _hold(score, genre, part, place, hold, section, rng)
         if travel:
             name = str(rng.choice([x for x in formation_names(n) if x != name]))
-            change = rng.random() < 0.5 if swap is None else swaps_left > 0
-            stop, bulge, swapped = plan_transition(
-                place, spread * slots(n, name), rng, swap=bool(change)
-            )
+            if swap is None:
+                order = "any" if rng.random() < 0.6 else "keep"
+            else:
+                order = "swap" if swaps_left > 0 else "keep"
+            target = spread * slots(n, name)
+            stop, bulge, swapped = plan_transition(place, target, rng, order=order)
             if np.array_equal(stop, place):
                 name = score.formations[-1][1]  # no safe way: the group stays
             swaps_left -= swapped
