@@ -11,7 +11,8 @@ import csv
 import pytest
 import torch
 
-from dancediff.data.windows import choreographed_takes, rank_left_to_right
+from dancediff.data.corpus import choreographed_takes
+from dancediff.data.windows import rank_left_to_right
 from dancediff.motion.representation import unpack
 from dancediff.motion.skeleton import forward_kinematics
 from dancediff.tcdiffpp.model import TCDiffPP, TCDiffPPConfig

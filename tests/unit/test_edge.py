@@ -8,7 +8,8 @@ import dancediff as dd
 from dancediff import hub
 from dancediff.baselines.edge import EDGE, SPACING, EDGEConfig, solo_takes, start_slots
 from dancediff.cli import main
-from dancediff.data.windows import Take, choreographed_takes
+from dancediff.data.corpus import choreographed_takes
+from dancediff.data.windows import Take
 from dancediff.tcdiffpp.losses import LossWeights, tcdiffpp_losses
 from dancediff.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 from dancediff.training.run import fit_statistics, read_config, train_from_config

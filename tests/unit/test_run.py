@@ -5,7 +5,8 @@ import csv
 import pytest
 import torch
 
-from dancediff.data.windows import GroupDanceWindows, choreographed_takes
+from dancediff.data.corpus import choreographed_takes
+from dancediff.data.windows import GroupDanceWindows
 from dancediff.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 from dancediff.training.loop import TrainConfig, train
 from dancediff.training.run import fit_statistics, read_config, train_from_config

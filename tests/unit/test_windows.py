@@ -2,12 +2,11 @@ import numpy as np
 import pytest
 import torch
 
-from dancediff.data import windows as module
+from dancediff.data.corpus import choreographed_takes
 from dancediff.data.windows import (
     GroupDanceWindows,
     Take,
-    choreographed_corpus,
-    choreographed_takes,
+    order_changes,
     rank_left_to_right,
     split_takes,
 )
@@ -156,81 +155,6 @@ def test_windows_of_the_two_sides_share_no_frame():
         assert torch.cdist(take.x[0, :, 7:], seen).min() > 0.01
 
 
-def same(a, b):
-    return all(
-        (p.name, p.song) == (q.name, q.song) and torch.equal(p.x, q.x) and torch.equal(p.M, q.M)
-        for p, q in zip(a, b, strict=True)
-    )
-
-
-def test_cache_gives_the_same_takes_and_makes_only_what_is_missing(tmp_path, monkeypatch):
-    plain = choreographed_corpus([4, 2], seconds=6.0, workers=1)
-    assert [t.num_dancers for t in plain] == 2 * [1, 2, 3, 4, 5]
-    assert same(plain[:5], choreographed_takes(4, seconds=6.0))
-    assert same(plain, choreographed_corpus([4, 2], seconds=6.0, workers=1, cache=tmp_path))
-
-    made, make = [], choreographed_takes
-
-    def counted(seed, **options):
-        made.append(seed)
-        return make(seed, **options)
-
-    monkeypatch.setattr(module, "choreographed_takes", counted)
-    again = choreographed_corpus([4, 2, 7], seconds=6.0, workers=1, cache=tmp_path)
-    assert same(plain, again[:10])
-    assert made == [4, 7]  # one is made again to see that the cache is of this choreographer
-
-
-def test_cache_survives_a_kill_between_two_files(tmp_path):
-    whole = choreographed_corpus([1], seconds=6.0, workers=1, cache=tmp_path)
-    expected = [t.M.clone() for t in whole]
-    (tmp_path / "synth-1.M.npy").unlink()
-    (tmp_path / ".synth-1.M.npy.99.part").write_bytes(b"half a file")
-    again = choreographed_corpus([1], seconds=6.0, workers=1, cache=tmp_path)
-    assert all(torch.equal(t.M, M) for t, M in zip(again, expected, strict=True))
-
-
-def test_cache_of_another_choreographer_is_refused(tmp_path, monkeypatch):
-    choreographed_corpus([1], seconds=6.0, workers=1, cache=tmp_path)
-    with pytest.raises(ValueError, match="other seconds than 7"):
-        choreographed_corpus([1], seconds=7.0, workers=1, cache=tmp_path)
-    make = choreographed_takes
-
-    def changed(seed, **options):
-        return [Take(t.name, t.x + 0.01, t.M, t.song) for t in make(seed, **options)]
-
-    monkeypatch.setattr(module, "choreographed_takes", changed)
-    with pytest.raises(ValueError, match="another version of the choreographer"):
-        choreographed_corpus([1], seconds=6.0, workers=1, cache=tmp_path)
-
-
-def test_damaged_cache_file_is_named(tmp_path):
-    choreographed_corpus([1], seconds=6.0, workers=1, cache=tmp_path)
-    path = tmp_path / "synth-1.x.npy"
-    for data in (path.read_bytes()[:-100], b"nonsense", b""):
-        path.unlink()
-        path.write_bytes(data)
-        with pytest.raises(ValueError, match=r"synth-1\.x\.npy.*is damaged"):
-            choreographed_corpus([1], seconds=6.0, workers=1, cache=tmp_path)
-
-
-def test_changing_a_mapped_take_does_not_change_the_file(tmp_path):
-    take = choreographed_corpus([1], seconds=6.0, workers=1, cache=tmp_path)[0]
-    take.x.add_(1.0)
-    again = choreographed_corpus([1], seconds=6.0, workers=1, cache=tmp_path)[0]
-    assert torch.allclose(again.x, take.x - 1.0, atol=1e-5)
-
-
-@pytest.mark.slow
-def test_several_processes_make_the_same_corpus(tmp_path):
-    one = choreographed_corpus([0, 1], seconds=6.0, workers=1)
-    two = choreographed_corpus([0, 1], seconds=6.0, workers=2, cache=tmp_path)
-    for a, b in zip(one, two, strict=True):
-        assert a.name == b.name
-        torch.testing.assert_close(a.x, b.x, rtol=1e-4, atol=1e-4)
-        torch.testing.assert_close(a.M, b.M, rtol=1e-4, atol=1e-3)
-
-
 def test_captured_takes_have_the_share_that_was_asked_for():
     takes = [
         Take(
@@ -254,3 +178,45 @@ def test_a_group_size_without_captured_takes_uses_what_there_is():
     takes = [Take("made", torch.ones(1, 20, 151), torch.zeros(20, 35))]
     x, _, _ = GroupDanceWindows(takes, num_frames=10, captured=1.0).batch(0)
     assert torch.equal(x, torch.ones_like(x))
+
+
+def crossing(n, changes, frames=20):
+    """Takes of n dancers in a row; those in ``changes`` are in that order in the second half."""
+    takes = []
+    for k, order in enumerate(changes):
+        x = torch.zeros(n, frames, 151)
+        x[:, :, 4] = torch.arange(float(n))[:, None]
+        x[list(order), frames // 2 :, 4] = torch.arange(float(n))[:, None]
+        takes.append(Take(str(k), x, torch.zeros(frames, 35)))
+    return takes
+
+
+def test_every_change_of_order_is_shown_as_often_as_any_other():
+    """Nine takes exchange the outer two, one goes round: both are drawn alike."""
+    takes = crossing(3, [(0, 1, 2)] * 40 + [(2, 1, 0)] * 9 + [(1, 2, 0)])
+    for share in (0.0, 0.6):
+        windows = GroupDanceWindows(takes, num_frames=20, dancers_per_batch=60, swaps=share)
+        S = torch.cat([windows.batch(step)[2] for step in range(60)])
+        outer, around = (
+            (S == torch.tensor(order)).all(1).float().mean() for order in ((2, 1, 0), (1, 2, 0))
+        )
+        assert outer == pytest.approx(0.18 + share * (0.5 - 0.18), abs=0.06)
+        assert around == pytest.approx(0.02 + share * (0.5 - 0.02), abs=0.06)
+
+
+def test_a_size_that_never_changes_order_is_drawn_as_it_falls():
+    takes = crossing(2, [(0, 1)] * 3)
+    x, _, S = GroupDanceWindows(takes, num_frames=10, swaps=1.0).batch(0)
+    assert (S == torch.arange(2)).all() and len(x) == 12
+    with pytest.raises(ValueError, match=r"swaps=1\.5"):
+        GroupDanceWindows(takes, num_frames=10, swaps=1.5)
+
+
+def test_order_changes_are_those_of_the_ranked_windows():
+    take = choreographed_takes(3, seconds=16.0, sizes=(3,))[0]
+    found = order_changes([take], 150, every=10)
+    assert sum(map(len, found)) > 0
+    listed = {int(start) for places in found for _, start in places}
+    for start in range(0, take.x.shape[1] - 149, 10):
+        _, S = rank_left_to_right(take.x[:, start : start + 150])
+        assert (S.tolist() != [0, 1, 2]) == (start in listed)

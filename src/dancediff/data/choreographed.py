@@ -20,8 +20,8 @@ from torch import Tensor
 from dancediff.data.cache import cached, code_digest, content_key
 from dancediff.data.choreographer import choreograph
 from dancediff.data.choreographer.genres import GENRES
+from dancediff.data.corpus import SIZES
 from dancediff.data.take import DanceTake, Job
-from dancediff.data.windows import SIZES
 from dancediff.music.synth import synth_song
 
 SOURCE = "dancediff's choreographer and synthesiser"

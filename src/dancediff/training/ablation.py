@@ -27,7 +27,8 @@ import torch
 from dancediff import __version__
 from dancediff.baselines.edge import EDGE
 from dancediff.baselines.naive_long_sampling import generate_naively
-from dancediff.data.windows import Take, choreographed_corpus, choreographed_takes
+from dancediff.data.corpus import choreographed_corpus, choreographed_takes
+from dancediff.data.windows import Take
 from dancediff.motion.motion import Motion
 from dancediff.music.synth import synth_song
 from dancediff.tcdiffpp.generate import usable_device

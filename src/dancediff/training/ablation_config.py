@@ -9,7 +9,7 @@ import json
 from dataclasses import asdict, dataclass, field, fields
 from hashlib import sha256
 
-from dancediff.data.windows import SIZES
+from dancediff.data.corpus import SIZES
 from dancediff.training.loop import TrainConfig
 from dancediff.training.run import MODELS, check_tables, read_toml
 

@@ -8,8 +8,9 @@ from pathlib import Path
 import torch
 
 from dancediff.baselines.edge import EDGE, EDGEConfig, solo_takes
+from dancediff.data.corpus import choreographed_corpus
 from dancediff.data.packed import PackedTakes
-from dancediff.data.windows import GroupDanceWindows, Take, choreographed_corpus
+from dancediff.data.windows import GroupDanceWindows, Take
 from dancediff.motion.representation import Normalizer
 from dancediff.music.features import MusicNormalizer
 from dancediff.tcdiffpp.losses import LossWeights
@@ -20,7 +21,7 @@ from dancediff.training.loop import TrainConfig, train
 MIN_SPAN = 0.2  # of a channel's range, in metres or matrix entries
 MODELS = {"TCDiffPP": (TCDiffPP, TCDiffPPConfig), "EDGE": (EDGE, EDGEConfig)}
 _CORPUS = {"folder", "songs", "first_seed", "seconds", "workers"}
-_WINDOWS = {"dancers_per_batch", "mirror", "shift", "rotate", "music", "captured"}
+_WINDOWS = {"dancers_per_batch", "mirror", "shift", "rotate", "music", "captured", "swaps"}
 
 
 def read_config(path) -> dict:
