@@ -44,16 +44,22 @@ def frame_of_tokens(n: int, f: int, device=None) -> Tensor:
     return to_tokens(frames)[0, :, 0]
 
 
+LAYERS = ("paper", "released")
+
+
 class DecoderLayer(nn.Module):
     r"""Self-attention, state space model, cross-attention, feed-forward; each one optional to FiLM.
 
     $$h \leftarrow h + \text{FiLM}_i(\text{block}_i(\text{LN}_i(h)), c), \qquad i = 1 \dots 4$$
 
     Source: TCDiff++ section 4.2 (SA - SSM - CA - FF), pre-norm and FiLM on the branch as in EDGE.
-    With ``ssm=None`` it is EDGE's layer with three blocks.
-    Differs: the released TCDiff++ code replaces cross-attention by the state space model.
+    With ``ssm=None`` it is EDGE's layer with three blocks, which the released TCDiff++ code trains.
+    Differs: that code can also put the state space model in the place of cross-attention, where it
+    runs through the frames of all dancers, interleaved, as one stream, and memory is not heard.
+    ``layer="released"`` is that, to compare.
 
     Shapes: h (b, n, f, d) -> (b, n, f, d).
+    Raises: ValueError for an unknown ``layer``, or a masked dancer in the middle of one stream.
 
     >>> layer = DecoderLayer(16, num_heads=2, ff_dim=32)
     >>> h, memory, frames = torch.randn(2, 3, 5, 16), torch.randn(2, 7, 16), torch.arange(7)
@@ -68,15 +74,21 @@ class DecoderLayer(nn.Module):
         num_heads: int,
         ff_dim: int,
         ssm: nn.Module | None = None,
+        layer: str = "paper",
         dropout: float = 0.0,
     ):
         """Blocks with one LayerNorm and one FiLM each; ``ssm`` maps (b, f, d) -> (b, f, d)."""
         super().__init__()
+        if layer not in LAYERS:
+            raise ValueError(f"layer={layer!r} is not one of {', '.join(map(repr, LAYERS))}")
+        self.one_stream = layer == "released" and ssm is not None
         self.self_attention = Attention(d_model, num_heads)
         self.ssm = ssm
-        self.cross_attention = Attention(d_model, num_heads, aligned=True)
+        self.cross_attention = (
+            None if self.one_stream else Attention(d_model, num_heads, aligned=True)
+        )
         self.feed_forward = FeedForward(d_model, ff_dim, dropout)
-        num_blocks = 3 if ssm is None else 4
+        num_blocks = 3 if ssm is None or self.one_stream else 4
         self.norms = nn.ModuleList(nn.LayerNorm(d_model) for _ in range(num_blocks))
         self.films = nn.ModuleList(FiLM(d_model) for _ in range(num_blocks))
         self.dropout = nn.Dropout(dropout)
@@ -108,6 +120,10 @@ class DecoderLayer(nn.Module):
         blocks = [self_attention, own_time_axis, cross_attention, self.feed_forward]
         if self.ssm is None:
             blocks.remove(own_time_axis)
+        if self.one_stream:
+            if present is not None:
+                raise ValueError('present does not go with layer="released": all are one stream')
+            blocks = [self_attention, self.ssm, self.feed_forward]
         tokens = to_tokens(h)
         for block, norm, film in zip(blocks, self.norms, self.films, strict=True):
             tokens = tokens + film(self.dropout(block(norm(tokens))), cond)

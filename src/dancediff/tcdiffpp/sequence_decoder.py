@@ -39,10 +39,11 @@ class SequenceDecoder(nn.Module):
         num_heads: int,
         ff_dim: int,
         ssm: str = "ssd",
+        layer: str = "paper",
         dropout: float = 0.0,
         **ssm_options,
     ):
-        """``ssm`` is "ssd", "mamba" or "none"; further options go to `MambaBlock`."""
+        """``ssm``: "ssd", "mamba" or "none"; ``layer``: see `DecoderLayer`; rest: `MambaBlock`."""
         super().__init__()
         self.norm_memory = nn.LayerNorm(d_model)
         self.layers = nn.ModuleList(
@@ -51,6 +52,7 @@ class SequenceDecoder(nn.Module):
                 num_heads=num_heads,
                 ff_dim=ff_dim,
                 ssm=None if ssm == "none" else MambaBlock(d_model, ssm=ssm, **ssm_options),
+                layer=layer,
                 dropout=dropout,
             )
             for _ in range(num_layers)
