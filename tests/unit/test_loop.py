@@ -8,8 +8,9 @@ from torch import nn
 
 from dancediff.diffusion.schedule import cosine_abar
 from dancediff.motion.representation import Normalizer
+from dancediff.tcdiffpp.fusion import FusionProjection
 from dancediff.training import loss_log
-from dancediff.training.loop import TrainConfig, schedule_step, train, train_step
+from dancediff.training.loop import TrainConfig, make_optimizer, schedule_step, train, train_step
 from dancediff.training.loss_log import LossLog
 
 
@@ -146,6 +147,23 @@ def test_noise_strength_and_dropped_music_are_drawn_per_group():
     assert t.shape == (512,) and 0 <= t.min() < 20 and 980 < t.max() <= 999
     assert abs(t.float().mean() - 499.5) < 3 * 289 / 512**0.5  # uniform: mean 499.5, std 289
     assert abs((~keep).float().mean() - 0.25) < 3 * 0.433 / 512**0.5
+
+
+def test_fusion_projection_takes_smaller_steps():
+    """Adam's first step is the learning rate itself, whatever the gradient."""
+    torch.manual_seed(0)
+    model = nn.Sequential(nn.Linear(8, 8), FusionProjection(2, 4, 6))
+    config = TrainConfig(lr=1e-2, fusion_lr=0.1, weight_decay=0.0)
+    optimizer = make_optimizer(model, config)
+    before = [weight.detach().clone() for weight in model.parameters()]
+    for group in optimizer.param_groups:
+        group["lr"] *= group["share"]
+    model[1](model[0](torch.randn(50, 2, 3, 8))[..., :4]).square().sum().backward()
+    optimizer.step()
+    moved = [(a - b).abs().max().item() for a, b in zip(model.parameters(), before, strict=True)]
+    assert moved[0] == pytest.approx(1e-2, rel=1e-3)
+    assert moved[2] == pytest.approx(1e-3, rel=1e-3)
+    assert len(moved) == sum(len(group["params"]) for group in optimizer.param_groups)
 
 
 def test_gradient_is_clipped():

@@ -29,7 +29,7 @@ from dancediff.tcdiffpp.swap_mode import SwapModeEmbedding
 class GroupDanceDecoder(nn.Module):
     r"""The denoiser: $\hat x_r = \text{SD}(\text{FP}(\text{DPE}(W x_t)),\; t, M, S)$.
 
-    Source: TCDiff++ eq. 8 and section 4.2.  Differs: T1-T12 of ``docs/differences.md``; in short,
+    Source: TCDiff++ eq. 8 and section 4.2.  Differs: ``docs/differences.md``, 1 to 12; in short,
     dancers are sorted, DPE comes before FP, time has its own axis, and S is used.
 
     Shapes: see the module's symbols; returns x_raw (b, n, f, d).
@@ -49,11 +49,7 @@ class GroupDanceDecoder(nn.Module):
         self.motion_dim, self.music_dim = c.motion_dim, c.music_dim
         self.embed = nn.Linear(c.motion_dim, d)
         self.dpe = DancerPositioning(c.max_dancers, d) if c.dpe else None
-        self.fp = (
-            FusionProjection(c.max_dancers, d, c.fusion_hidden, residual=c.fusion_residual)
-            if c.fp
-            else None
-        )
+        self.fp = FusionProjection(c.max_dancers, d, c.fusion_hidden) if c.fp else None
         self.swap_mode = SwapModeEmbedding(c.max_dancers, d) if c.swap_mode else None
         self.timestep = TimestepEncoder(d)
         self.music = MusicEncoder(
@@ -71,6 +67,7 @@ class GroupDanceDecoder(nn.Module):
             ff_dim=c.ff_dim,
             dropout=c.dropout,
             ssm=c.ssm,
+            layer=c.layer,
             d_state=c.d_state,
             expand=c.expand,
             head_dim=c.head_dim,

@@ -47,6 +47,7 @@ class TCDiffPPConfig:
     expand: int = 2
     head_dim: int = 64  # only for "ssd"
     bidirectional: bool = False
+    layer: str = "paper"  # or "released": see nn.decoder.DecoderLayer
     dropout: float = 0.0
     cond_drop: float = 0.25
     num_steps: int = 1000
@@ -54,7 +55,6 @@ class TCDiffPPConfig:
     fp: bool = True
     fa: bool = True
     swap_mode: bool = True
-    fusion_residual: bool = True  # ours: see FusionProjection
     footwork_residual: bool = True  # ours: see FootworkAdaptor
     precondition: bool = True  # ours: see diffusion.precondition
 
@@ -69,7 +69,6 @@ class TCDiffPPConfig:
             "fusion_hidden": 1024,
             "ssm": "mamba",
             "dropout": 0.1,
-            "fusion_residual": False,
             "footwork_residual": False,
             "precondition": False,
         }
