@@ -1,0 +1,326 @@
+"""Measure a model on held-out dances: what the tables of docs/results.md were made with.
+
+    dancediff prepare cmu CMU_FOLDER held                      # its composed takes count, too
+    dancediff prepare choreograph 200 held --seconds 25 --seed 500000
+    dancediff prepare choreograph 400 other --seconds 25 --seed 700000
+    python benchmarks/bars.py dances tcdiffpp held other --frames 150 --count 1000
+    python benchmarks/bars.py swaps tcdiffpp other
+    python benchmarks/bars.py music tcdiffpp SONG SONG SONG SONG SONG
+    python benchmarks/bars.py memory runs/bars/tcdiffpp-150-0 TRAINING_FOLDER held
+
+Every held-out window is danced again: to its music, by as many dancers, who are asked for the
+left-to-right orders that its own dancers took. So both sets agree in group sizes, genres and
+changes of place. What was danced is kept in --out and not danced again.
+"""
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import permutations
+from pathlib import Path
+
+import joblib
+import numpy as np
+import torch
+import tyro
+from tqdm.auto import tqdm
+
+from dancediff import hub
+from dancediff.baselines.edge import EDGE
+from dancediff.baselines.naive_long_sampling import draw_naively
+from dancediff.data.prepared import PreparedData
+from dancediff.metrics.kinetic import kinetic_features
+from dancediff.metrics.report import evaluate_dances
+from dancediff.metrics.rhythm import beat_alignment
+from dancediff.metrics.swaps import obeys, permutation_kind
+from dancediff.motion.motion import Motion
+from dancediff.music.song import Music
+from dancediff.tcdiffpp.generate import draw_long_group, generate
+
+OVERLAP, SEGMENT = 75, 150
+
+
+@dataclass
+class Window:
+    """A part of a held-out take: the dance, the music as the network hears it, beats in seconds."""
+
+    name: str
+    kind: str
+    motion: Motion
+    M: torch.Tensor
+    beats: np.ndarray
+
+    is_silent, peak = False, 1.0  # what `generate` asks a song
+
+    @property
+    def duration(self) -> float:
+        """In seconds."""
+        return len(self.M) / 30
+
+    def features(self) -> torch.Tensor:
+        """Of the music, (f, m)."""
+        return self.M
+
+    def orders(self) -> list[torch.Tensor]:
+        """Dancers, numbered from the left, from left to right at the end of every segment."""
+        x = self.motion.root[..., 0]
+        x = x[x[:, 0].argsort(stable=True)]
+        last = x.shape[1] - 1
+        count = 1 + max(0, -(-(last + 1 - SEGMENT) // (SEGMENT - OVERLAP)))
+        ends = [min(k * (SEGMENT - OVERLAP) + SEGMENT - 1, last) for k in range(count)]
+        return [x[:, end].argsort(stable=True) for end in ends]
+
+
+def windows(
+    folder: str, frames: int, kinds: tuple[str, ...], step: int | None = None
+) -> Iterator[Window]:
+    """Windows of the takes that have music, by default one behind the other.
+
+    Of takes with people in them, or made of such takes, only those that training left out.
+    """
+    data = PreparedData(folder)
+    for entry in data:
+        if entry.kind not in kinds or (entry.kind != "synthetic" and entry.split == "train"):
+            continue
+        take = data.load(entry)
+        if take.M is None:
+            continue
+        for start in range(0, take.motion.num_frames - frames + 1, step or frames):
+            beats = np.asarray(take.beats) - start / 30
+            yield Window(
+                f"{take.name}-{start}",
+                take.kind,
+                Motion(
+                    take.motion.pose[:, start : start + frames],
+                    take.motion.root[:, start : start + frames],
+                    meta={"kind": take.kind},
+                ),
+                take.M[start : start + frames],
+                beats[(beats >= 0) & (beats < frames / 30)],
+            )
+
+
+def chosen(all_of_them: list[Window], count: int, max_dancers: int = 5) -> list[Window]:
+    """So many windows with a beat, spread over the list."""
+    usable = [w for w in all_of_them if len(w.beats) and w.motion.num_dancers <= max_dancers]
+    picks = np.random.default_rng(0).permutation(len(usable))[:count]
+    return [usable[k] for k in sorted(picks)]
+
+
+def dance(model, window: Window, *, seed: int, steps: int, naive: bool) -> Motion:
+    """The window's music, danced by as many; a group model is asked for the window's orders."""
+    options = {"dancers": window.motion.num_dancers, "seed": seed, "steps": steps}
+    if isinstance(model, EDGE):
+        return model.generate(window, **options)
+    draw = draw_naively if naive else draw_long_group
+
+    def ordered(model, song, wish, **more):
+        wish.target_orders = window.orders
+        return draw(model, song, wish, **more)
+
+    return generate(model, window, draw=ordered, **options)
+
+
+def _dance_to(path: Path, model: str, window: Window, **how) -> None:
+    torch.set_num_threads(1)
+    motion = dance(_loaded(model), window, **how)
+    motion.meta["kind"] = "generated"
+    motion.save(path)
+
+
+def _loaded(name: str, _known={}):  # noqa: B006 (one a process)
+    if name not in _known:
+        _known[name] = hub.load(name)
+    return _known[name]
+
+
+def _in_processes(jobs: list, workers: int, label: str) -> list:
+    run = joblib.Parallel(workers, return_as="generator")
+    return list(tqdm(run(jobs), total=len(jobs), desc=label))
+
+
+@dataclass
+class Dances:
+    """Dance held-out windows again and compare with them and with other takes."""
+
+    model: tyro.conf.Positional[str]
+    held: tyro.conf.Positional[str]
+    other: tyro.conf.Positional[str]
+    frames: int = 150
+    count: int = 1000
+    kinds: tuple[str, ...] = ("synthetic", "composed")
+    steps: int = 50
+    seed: int = 0
+    naive: bool = False
+    workers: int = 2
+    out: Path = Path("runs/bars")
+
+    def run(self) -> None:
+        """Print what the dances and the held-out windows score, side by side."""
+        todo = chosen(list(windows(self.held, self.frames, self.kinds)), self.count)
+        name = f"{Path(self.model).name}-{self.frames}-{self.seed}{'-naive' * self.naive}"
+        name += "" if "synthetic" in self.kinds else "-" + "-".join(self.kinds)
+        folder = self.out / name
+        folder.mkdir(parents=True, exist_ok=True)
+        files = [folder / f"{window.name}.npz" for window in todo]
+        how = {"steps": self.steps, "naive": self.naive}
+        jobs = [
+            joblib.delayed(_dance_to)(path, self.model, window, seed=self.seed * 100_003 + k, **how)
+            for k, (path, window) in enumerate(zip(files, todo, strict=True))
+            if not path.exists()
+        ]
+        _in_processes(jobs, self.workers, "dancing")
+        beats = [window.beats for window in todo]
+        options = {"reference": self.other, "song": beats, "window": min(self.frames, 150)}
+        made = evaluate_dances(files, **options, workers=self.workers, progress=True)
+        truth = evaluate_dances([window.motion for window in todo], **options)
+        rows = []
+        for ours, theirs in zip(made.rows, truth.rows, strict=True):
+            rows.append(
+                {
+                    "metric": ours.name,
+                    "made": [ours.value, ours.low, ours.high],
+                    "held-out": [theirs.value, theirs.low, theirs.high],
+                }
+            )
+            cells = [f"{v:.4g}" if v is not None else "" for v in rows[-1]["made"]]
+            true = [f"{v:.4g}" if v is not None else "" for v in rows[-1]["held-out"]]
+            print(
+                f"| {ours.name} | {cells[0]} [{cells[1]}, {cells[2]}] "
+                f"| {true[0]} [{true[1]}, {true[2]}] |"
+            )
+        facts = {
+            "windows": len(todo),
+            "dancers": sum(window.motion.num_dancers for window in todo),
+            "steps": self.steps,
+            "rows": rows,
+        }
+        (self.out / f"{name}.json").write_text(json.dumps(facts) + "\n", encoding="utf-8")
+
+
+@dataclass
+class Swaps:
+    """Ask three dancers for every order equally often."""
+
+    model: tyro.conf.Positional[str]
+    held: tyro.conf.Positional[str]
+    each: int = 20
+    steps: int = 50
+    seed: int = 0
+    guidance: float = 2.0
+    workers: int = 2
+
+    def run(self) -> None:
+        """Print how many end in the order that was asked for, for every kind of order."""
+        songs = chosen(list(windows(self.held, SEGMENT, ("synthetic",))), 6 * self.each)
+        orders = list(permutations(range(3)))
+        jobs = [
+            joblib.delayed(_obeys)(
+                self.model, song, orders[k % 6], self.seed + k, self.steps, self.guidance
+            )
+            for k, song in enumerate(songs)
+        ]
+        hits = _in_processes(jobs, self.workers, "swapping")
+        kinds = np.array([permutation_kind(orders[k % 6]) for k in range(len(hits))])
+        shown = {"all": np.ones(len(hits), bool)}
+        shown |= {
+            " ".join(map(str, o)): np.arange(len(hits)) % 6 == k for k, o in enumerate(orders)
+        }
+        shown |= {kind: kinds == kind for kind in dict.fromkeys(kinds)}
+        for name, which in shown.items():
+            print(f"| {name} | {100 * np.mean(np.array(hits)[which]):.1f} % | {which.sum()} |")
+
+
+def _obeys(model: str, song: Window, order, seed: int, steps: int, guidance: float) -> bool:
+    torch.set_num_threads(1)
+    options = {"seed": seed, "steps": steps, "guidance": guidance, "swap": order}
+    return obeys(_loaded(model).generate(song, dancers=3, **options).root, order)
+
+
+@dataclass
+class Songs:
+    """Does the music matter? Dances to real songs against their own beats and other beats."""
+
+    model: tyro.conf.Positional[str]
+    songs: tyro.conf.Positional[tuple[str, ...]]
+    seconds: float = 20.0
+    dancers: int = 3
+    steps: int = 50
+    seeds: tuple[int, ...] = (0, 1)
+    workers: int = 2
+
+    def run(self) -> None:
+        """Print MMC with its own beats, shifted beats, and the beats of the other songs."""
+        jobs = [
+            joblib.delayed(_to_song)(self.model, s, self.seconds, self.dancers, seed, self.steps)
+            for s in self.songs
+            for seed in self.seeds
+        ]
+        found = _in_processes(jobs, self.workers, "dancing")
+        beats = {song: times for song, _, times in found}
+        own, shifted, others = [], [], []
+        for song, joints, times in found:
+            period = np.median(np.diff(times))
+            ways = [
+                beat_alignment(joints, times + part * period, direction="motion")
+                for part in (0, 0.25, 0.5, 0.75)
+            ]
+            rest = [
+                beat_alignment(joints, b, direction="motion") for s, b in beats.items() if s != song
+            ]
+            own.append(ways[0])
+            shifted.append(np.mean(ways[1:]))
+            others.append(np.mean(rest))
+            print(
+                f"| {Path(song).stem} | {60 / period:.0f} | {own[-1]:.3f} | {shifted[-1]:.3f} "
+                f"| {others[-1]:.3f} |"
+            )
+        print(
+            f"| all | | {np.mean(own):.3f} | {np.mean(shifted):.3f} | {np.mean(others):.3f} | "
+            f"own / shifted {np.mean(own) / np.mean(shifted):.3f}"
+        )
+
+
+def _to_song(model: str, song: str, seconds: float, dancers: int, seed: int, steps: int):
+    torch.set_num_threads(1)
+    music = Music.load(song)
+    made = _loaded(model).generate(music, dancers=dancers, seconds=seconds, seed=seed, steps=steps)
+    return song, made.joints(), np.asarray(music.beats())
+
+
+@dataclass
+class Memory:
+    """Are dances copies of what was learned? Distances to the nearest training window."""
+
+    made: tyro.conf.Positional[str]
+    trained: tyro.conf.Positional[str]
+    held: tyro.conf.Positional[str]
+
+    def run(self) -> None:
+        """Print quantiles of the distance to the nearest, of the dances and of held-out takes."""
+        learned = windows(self.trained, SEGMENT, ("synthetic",), step=30)
+        known = _described(window.motion for window in learned)
+        sets = {
+            "made": _described(map(Motion.load, sorted(Path(self.made).glob("*.npz")))),
+            "held-out": _described(w.motion for w in windows(self.held, SEGMENT, ("synthetic",))),
+        }
+        scale = known.std(0).clamp_min(1e-6)
+        for name, some in sets.items():
+            nearest = torch.cdist(some / scale, known / scale).amin(1)
+            low, middle, high = nearest.quantile(torch.tensor([0.05, 0.5, 0.95])).tolist()
+            print(f"| {name} | {len(some)} | {low:.2f} | {middle:.2f} | {high:.2f} |")
+
+
+def _described(motions) -> torch.Tensor:
+    """A dancer of a window: kinetic features, and joints seen from the pelvis at 2 Hz."""
+    rows = []
+    for motion in tqdm(motions, desc="reading"):
+        joints = motion.joints()[:, :SEGMENT]
+        seen = (joints[:, ::15] - joints[:, ::15, :1]).flatten(1)
+        rows.append(torch.cat([kinetic_features(joints), seen], dim=1))
+    return torch.cat(rows)
+
+
+if __name__ == "__main__":
+    parts = {"dances": Dances, "swaps": Swaps, "music": Songs, "memory": Memory}
+    tyro.extras.subcommand_cli_from_dict(parts).run()
