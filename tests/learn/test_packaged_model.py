@@ -9,6 +9,7 @@ import torch
 
 import dancediff as dd
 from dancediff.data.choreographer import choreograph
+from dancediff.diffusion.schedule import q_sample
 from dancediff.motion.contact import feet_low, foot_speed
 from dancediff.music.synth import synth_song
 
@@ -85,3 +86,25 @@ def test_every_group_size(model, song, dancers):
     assert dance.num_dancers == dancers and dance.joints().isfinite().all()
     start = dance.root[:, 0, 0]
     assert torch.equal(start, start.sort().values)
+
+
+def test_no_part_of_the_fusion_projection_is_dead(model):
+    """Units of its second layer that hear something, over dances at three noise levels."""
+    heard = []
+    hook = model.decoder.fp.middle.register_forward_hook(
+        lambda _, __, out: heard.append((out > 0).flatten(0, -2).float().mean(0))
+    )
+    generator = torch.Generator().manual_seed(0)
+    for seed in range(3):
+        dance, _ = choreograph(torch.arange(0.3, 5, 0.5).numpy(), dancers=5, seed=seed, seconds=5)
+        x_0 = model.normalizer.normalize(dance.features())[None]
+        for t in (20, 500, 999):
+            noise = torch.randn(x_0.shape, generator=generator)
+            x_t = q_sample(x_0, t, model.abar, noise).float()
+            guess = model.decoder.precondition.linear_guess(x_t, model.abar[[t]].float())
+            with torch.no_grad():
+                model.decoder.tokens(x_t, guess=guess)
+    hook.remove()
+    active = torch.stack(heard)
+    assert (active.amax(0) > 0).float().mean() > 0.9
+    assert active.mean() > 0.02
