@@ -256,6 +256,7 @@ class Args:
 
 def main(args: Args) -> None:
     """Measure everything, draw and print."""
+    args.out.mkdir(parents=True, exist_ok=True)  # first: the rest takes minutes
     samples = [make_sample(seed, args.groups) for seed in range(args.seeds)]
     reference = make_sample(REFERENCE_SEED, args.reference)
     values: dict[str, dict] = {name: {} for name in args.metrics}
