@@ -120,6 +120,13 @@ class Preconditioning(nn.Module):
         C = dct_matrix(F.shape[2]).to(F)
         return guess + C.T @ (scale[:, None].clamp_max(LARGEST) * (C @ F))
 
+    def error(self, abar: Tensor) -> Tensor:
+        """Mean square of what the linear guess misses, where the training set's spread is right.
+
+        Shapes: abar (b,) -> (b,).
+        """
+        return self._coefficients(abar, len(self.spread))[1].square().mean((1, 2))
+
     def _coefficients(self, abar: Tensor, f: int) -> tuple[Tensor, Tensor]:
         # A shorter window knows fewer frequencies: take those it has from the fitted ones.
         rows = (torch.arange(f, device=abar.device) * len(self.spread)) // f

@@ -161,6 +161,7 @@ def tcdiffpp_losses(
     weights: LossWeights | None = None,
     present: Tensor | None = None,
     joints_0: Tensor | None = None,
+    weight: Tensor | None = None,
 ) -> dict[str, Tensor]:
     r"""All terms, unweighted and by name, and their weighted sum "total".
 
@@ -169,7 +170,8 @@ def tcdiffpp_losses(
     on the adapted output.  A term of weight 0 is reported and costs no backward pass.
 
     Shapes: x_raw, x_hat, x_0 (b, n, f, d) normalised; joints_0 (b, n, f, j, 3) metres, if the true
-    joints are known already -> dict of scalars.
+    joints are known already; weight (b,) of each group in every term, see
+    `dancediff.training.loop.level_weights` -> dict of scalars.
 
     >>> norm = Normalizer(-torch.ones(151), torch.ones(151))
     >>> x = torch.rand(1, 2, 8, 151)
@@ -183,6 +185,11 @@ def tcdiffpp_losses(
         contact_0, root_0, pose_0 = unpack(normalizer.unnormalize(x_0.float()))
         joints_0 = forward_kinematics(pose_0, root_0) if joints_0 is None else joints_0
     hard = None if weights.soft_contact else 0.5
+    if weight is not None:  # every term is quadratic in these
+        root_of = weight.sqrt()[:, None, None, None]
+        x_raw, x_hat, x_0 = x_raw * root_of, x_hat * root_of, x_0 * root_of
+        root, root_0 = root * root_of, root_0 * root_of
+        joints, joints_0 = joints * root_of[..., None], joints_0 * root_of[..., None]
     terms = {
         "simple": 0.5 * (l_simple(x_raw, x_0, present) + l_simple(x_hat, x_0, present)),
         "vel": l_vel(x_hat, x_0, present),
@@ -192,7 +199,7 @@ def tcdiffpp_losses(
         "joint_vel": l_fk(joints.diff(dim=2) * FPS, joints_0.diff(dim=2) * FPS, present),
         "slide": l_contact(joints * FPS, contact_0, present),
     }
-    used = {name: weight for name, weight in weights.terms().items() if weight}
+    used = {name: w for name, w in weights.terms().items() if w}
     terms["total"] = sum((w * terms[name] for name, w in used.items()), x_hat.new_zeros(()))
     return terms
 

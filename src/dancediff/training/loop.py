@@ -17,7 +17,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 import torch
-from torch import nn
+from torch import Tensor, nn
 from tqdm.auto import tqdm
 
 from dancediff.diffusion.schedule import q_sample
@@ -48,6 +48,7 @@ class TrainConfig:
     seed: int = 0
     save_every: int = 500  # steps
     preview_every: int = 0  # steps; 0: never
+    level_weight: float = 0.0  # largest of `level_weights`; 0: all levels count the same
     max_minutes: float | None = None  # end in this time, learning rate and all; see `schedule_step`
     weights: LossWeights = field(default_factory=LossWeights)
 
@@ -71,6 +72,8 @@ class TrainConfig:
             raise ValueError(f"decay={self.decay} is a share of the run; choose 0 to 1")
         if not 0 <= self.ema < 1:
             raise ValueError(f"ema={self.ema} never moves or overshoots; choose 0 to below 1")
+        if not self.level_weight >= 0:
+            raise ValueError(f"level_weight={self.level_weight} must be 0 (off) or above, as 50")
         for name in ("steps", "lr", "fusion_lr", "clip", "save_every", "accumulate"):
             if not getattr(self, name) > 0:
                 raise ValueError(f"{name}={getattr(self, name)} must be above 0")
@@ -88,6 +91,25 @@ def learning_rate(step: int, config: TrainConfig) -> float:
     rise = (step + 1) / config.warmup if config.warmup else 1.0
     fall = (config.steps - step) / max(config.decay * config.steps, 1)
     return config.lr * max(0.0, min(1.0, rise, fall))
+
+
+def level_weights(error: Tensor, largest: float) -> Tensor:
+    r"""How much a noise level counts in the losses: the less is missed there, the more.
+
+    $$w_t = \min\Big(\frac{\mathbb E_s\, e_s}{e_t},\, w_\text{max}\Big)$$
+
+    e is the mean square error of the linear guess. Where nearly everything is noise it is a hundred
+    times larger than where nearly nothing is; counted the same, as in the papers, the last steps,
+    which decide whether a foot stands still, are hardly trained.
+
+    Source: EDM section 5 (there $1 / c_\text{out}^2$).  Differs: not above ``largest``.
+
+    Shapes: error (T,) -> (T,).
+
+    >>> level_weights(torch.tensor([0.001, 0.01, 0.1]), largest=20.0)
+    tensor([20.0000,  3.7000,  0.3700])
+    """
+    return (error.mean() / error).clamp_max(largest)
 
 
 def schedule_step(step: int, seconds: float, config: TrainConfig) -> int:
@@ -135,6 +157,10 @@ def train(
     first = 0
     if resume and checkpoint.exists():
         first = load_checkpoint(checkpoint, model=model, ema=ema, optimizer=optimizer)
+    levels = None
+    if config.level_weight:
+        error = model.decoder.precondition.error(model.abar.float())
+        levels = level_weights(error, config.level_weight)
     forward = torch.compile(model) if compile_model else model
     model.train()
     settings = {"train": asdict(config), "model": asdict(model.config)}
@@ -161,7 +187,9 @@ def train(
             if at >= config.steps:
                 break  # time is up
             lr = learning_rate(at, config)
-            row = train_step(forward, model, optimizer, data, step, config, lr=lr, world=world)
+            row = train_step(
+                forward, model, optimizer, data, step, config, lr=lr, world=world, levels=levels
+            )
             ema.update(model)
             log.write(step, row)
             if step % 20 == 0:
@@ -213,13 +241,14 @@ def train_step(
     *,
     lr: float | None = None,
     world: World | None = None,
+    levels: Tensor | None = None,
 ) -> dict[str, float]:
     """One update of the weights from all batches of a step; returns the named losses' means."""
     world = world or World()
     optimizer.zero_grad(set_to_none=True)
     total: dict = {}
     for number in world.share(step, config.accumulate):
-        terms = losses_of(forward, model, data.batch(number), number, config)
+        terms = losses_of(forward, model, data.batch(number), number, config, levels)
         (terms["total"] / config.accumulate).backward()
         for name, value in terms.items():
             total[name] = total.get(name, 0.0) + value.detach().float() / config.accumulate
@@ -237,7 +266,9 @@ def train_step(
     return {name: value.item() for name, value in total.items()}
 
 
-def losses_of(forward, model, batch, number: int, config: TrainConfig) -> dict:
+def losses_of(
+    forward, model, batch, number: int, config: TrainConfig, levels: Tensor | None = None
+) -> dict:
     """Noise a batch, guess, compare; everything random follows from the seed and its number."""
     device = model.abar.device
     x_raw, M_raw, S = (part.to(device) for part in batch)
@@ -255,5 +286,10 @@ def losses_of(forward, model, batch, number: int, config: TrainConfig) -> dict:
         with torch.autocast(device.type, torch.bfloat16, enabled=config.precision == "bf16"):
             guess, adapted = forward(x_t, t, M, S, keep=keep)
     return tcdiffpp_losses(
-        guess.float(), adapted.float(), x_0, model.normalizer, weights=config.weights
+        guess.float(),
+        adapted.float(),
+        x_0,
+        model.normalizer,
+        weights=config.weights,
+        weight=None if levels is None else levels[t],
     )
