@@ -19,9 +19,10 @@ class FusionProjection(nn.Module):
     Every place in the row has its own weights: this is where left and right become different, and
     also where a group of five and a group of three become one problem. Absent dancers are zeros.
 
-    Source: TCDiff++ eq. 8; no residual and no norm, as in the released code.  Differs: the papers
-    train one model per group size; ours is as wide as ``max_dancers`` and is theirs exactly when
-    ``max_dancers`` equals the group size.
+    Source: TCDiff++ eq. 8; no residual and no norm, as in the released code. With ``residual``
+    (ours) the mixed dancers are added to their own tokens.  Differs: the papers train one model per
+    group size; ours is as wide as ``max_dancers`` and is theirs exactly when ``max_dancers`` equals
+    the group size.
 
     Shapes: h (b, n, f, d), n <= max_dancers -> (b, n, f, d).
 
@@ -33,12 +34,13 @@ class FusionProjection(nn.Module):
     True
     """
 
-    def __init__(self, max_dancers: int, d_model: int, hidden: int):
+    def __init__(self, max_dancers: int, d_model: int, hidden: int, *, residual: bool = False):
         """Learned: three maps, started so that the signal keeps its size (He et al. 2015).
 
         Nothing leads around this block, so what torch's default start would shrink here is lost.
         """
         super().__init__()
+        self.residual = residual
         self.into = nn.Linear(max_dancers * d_model, hidden)
         self.middle = nn.Linear(hidden, hidden)
         self.back = nn.Linear(hidden, max_dancers * d_model)
@@ -56,4 +58,5 @@ class FusionProjection(nn.Module):
         x = F.relu(F.linear(row, self.into.weight[:, : n * d], self.into.bias))
         x = F.relu(self.middle(x))
         row = F.linear(x, self.back.weight[: n * d], self.back.bias[: n * d])
-        return rearrange(row, "b f (n d) -> b n f d", n=n)
+        mixed = rearrange(row, "b f (n d) -> b n f d", n=n)
+        return h + mixed if self.residual else mixed

@@ -49,7 +49,11 @@ class GroupDanceDecoder(nn.Module):
         self.motion_dim, self.music_dim = c.motion_dim, c.music_dim
         self.embed = nn.Linear(c.motion_dim, d)
         self.dpe = DancerPositioning(c.max_dancers, d) if c.dpe else None
-        self.fp = FusionProjection(c.max_dancers, d, c.fusion_hidden) if c.fp else None
+        self.fp = (
+            FusionProjection(c.max_dancers, d, c.fusion_hidden, residual=c.fusion_residual)
+            if c.fp
+            else None
+        )
         self.swap_mode = SwapModeEmbedding(c.max_dancers, d) if c.swap_mode else None
         self.timestep = TimestepEncoder(d)
         self.music = MusicEncoder(

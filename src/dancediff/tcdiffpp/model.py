@@ -55,6 +55,7 @@ class TCDiffPPConfig:
     fp: bool = True
     fa: bool = True
     swap_mode: bool = True
+    fusion_residual: bool = False  # ours: see FusionProjection
     footwork_residual: bool = True  # ours: see FootworkAdaptor
     precondition: bool = True  # ours: see diffusion.precondition
 
