@@ -3,7 +3,7 @@ from dataclasses import replace
 import torch
 
 from dancediff.motion.mirror import _PAIRS, mirror_features
-from dancediff.motion.representation import pack, unpack
+from dancediff.motion.representation import LODGE, pack, unpack
 from dancediff.motion.rotation import axis_angle_to_matrix
 from dancediff.motion.skeleton import SMPL24, forward_kinematics
 
@@ -30,3 +30,11 @@ def test_left_and_right_contacts_change_places():
     x = torch.zeros(151)
     x[0] = 1
     assert mirror_features(x)[:4].tolist() == [0, 1, 0, 0]
+
+
+def test_without_hands_everything_else_is_mirrored_alike():
+    generator = torch.Generator().manual_seed(0)
+    pose = axis_angle_to_matrix(torch.randn(5, 24, 3, generator=generator))
+    x = pack(torch.rand(5, 4, generator=generator), torch.randn(5, 3, generator=generator), pose)
+    short = x[:, : LODGE.dim]
+    assert torch.equal(mirror_features(short, LODGE), mirror_features(x)[:, : LODGE.dim])

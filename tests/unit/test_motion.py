@@ -25,6 +25,20 @@ def test_features_round_trip():
     assert torch.equal(again.contact, motion.contact)
 
 
+def test_lodge_features_keep_every_joint_in_its_place():
+    motion = random_motion()
+    x = motion.features("lodge")
+    again = Motion.from_features(x, name="lodge")
+    assert x.shape == (2, 12, 139) and again.pose.shape == motion.pose.shape
+    assert torch.allclose(again.joints(), motion.joints(), atol=1e-5)
+    assert torch.equal(again.contact, motion.contact)
+    assert torch.equal(again.pose[:, :, 22:], torch.eye(3).expand(2, 12, 2, 3, 3))
+    with pytest.raises(ValueError, match="139 features"):
+        Motion.from_features(x)
+    with pytest.raises(ValueError, match="'tcdiffpp', 'lodge'"):
+        motion.features("edge")
+
+
 @pytest.mark.parametrize("contact", [True, False])
 def test_file_round_trip(tmp_path, contact):
     motion = random_motion(contact=contact)

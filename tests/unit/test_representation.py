@@ -1,8 +1,18 @@
 import pytest
 import torch
 
-from dancediff.motion.representation import TCDIFFPP, Normalizer, pack, unpack
+from dancediff.motion.representation import (
+    LODGE,
+    TCDIFFPP,
+    Normalizer,
+    joints_of,
+    pack,
+    spec_named,
+    unpack,
+    whole_pose,
+)
 from dancediff.motion.rotation import axis_angle_to_matrix
+from dancediff.motion.skeleton import SMPL24
 
 
 def test_slices_cover_151_channels_once():
@@ -50,3 +60,24 @@ def test_normalizer_is_fitted_once_not_per_clip():
 
 def test_normalizer_is_saved_with_a_model():
     assert set(Normalizer(torch.zeros(3), torch.ones(3)).state_dict()) == {"low", "high"}
+
+
+def test_slices_of_lodge_cover_139_channels_once():
+    taken = [*range(139)[LODGE.contact], *range(139)[LODGE.root], *range(139)[LODGE.rot6d]]
+    assert taken == list(range(139)) and LODGE.dim == 139
+
+
+def test_the_joints_that_lodge_leaves_out_are_the_hands():
+    assert SMPL24.names[LODGE.num_joints :] == ("lhand", "rhand")
+    pose = axis_angle_to_matrix(torch.randn(3, 24, 3, generator=torch.Generator().manual_seed(0)))
+    x = pack(torch.zeros(3, 4), torch.randn(3, 3), pose)
+    short = x[:, : LODGE.dim]
+    assert torch.equal(joints_of(short, LODGE), joints_of(x))  # hands end a chain
+    assert torch.equal(whole_pose(unpack(short, LODGE)[2])[:, 22:], torch.eye(3).expand(3, 2, 3, 3))
+
+
+def test_unknown_vectors_are_named():
+    with pytest.raises(ValueError, match=r"'edge'.*'tcdiffpp', 'lodge'"):
+        spec_named("edge")
+    with pytest.raises(ValueError, match=r"151 features.*lodge"):
+        unpack(torch.zeros(2, 151), LODGE)

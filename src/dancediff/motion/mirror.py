@@ -27,6 +27,9 @@ def mirror_features(x: Tensor, spec: MotionSpec = TCDIFFPP) -> Tensor:
     >>> x = torch.randn(5, 151)
     >>> torch.equal(mirror_features(mirror_features(x)), x)
     True
+    >>> from dancediff.motion.representation import LODGE
+    >>> mirror_features(torch.randn(5, 139), LODGE).shape                  # without the hands
+    torch.Size([5, 139])
     """
     swap = list(range(spec.num_joints))
     for a, b in _PAIRS:

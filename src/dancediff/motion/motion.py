@@ -21,7 +21,7 @@ import torch
 from torch import Tensor
 
 from dancediff.motion.contact import foot_contact
-from dancediff.motion.representation import TCDIFFPP, pack, unpack
+from dancediff.motion.representation import pack, spec_named, unpack, whole_pose
 from dancediff.motion.rotation import matrix_to_rot6d, rot6d_to_matrix
 from dancediff.motion.skeleton import SMPL24, Skeleton, forward_kinematics
 
@@ -111,21 +111,27 @@ class Motion:
         return replace(self, pose=self.pose[k : k + 1], root=self.root[k : k + 1], contact=contact)
 
     def features(self, name: str = "tcdiffpp") -> Tensor:
-        """The vectors a network sees, (n, f, 151), not normalised.
+        """The vectors a network sees, not normalised: (n, f, 151), or (n, f, 139) for "lodge".
 
-        Contacts are computed from the joints where the motion carries none.
+        Contacts are computed from the joints where the motion carries none. "lodge" leaves out how
+        the two hands are turned; no joint's position depends on it.
         Raises: ValueError for an unknown name.
         """
-        if name != TCDIFFPP.name:
-            raise ValueError(f"features({name!r}) is unknown; available: 'tcdiffpp'")
+        spec = spec_named(name)
         contact = foot_contact(self.joints()) if self.contact is None else self.contact
-        return pack(contact, self.root, self.pose)
+        return pack(contact, self.root, self.pose[:, :, : spec.num_joints])
 
     @classmethod
-    def from_features(cls, x: Tensor, fps: float = 30.0, meta: dict | None = None) -> "Motion":
-        """Inverse of `features` for x (n, f, 151); contacts are cut to [0, 1]."""
-        contact, root, pose = unpack(x.detach().cpu().float())
-        return cls(pose, root, fps, contact=contact.clamp(0, 1), meta=meta or {})
+    def from_features(
+        cls, x: Tensor, fps: float = 30.0, meta: dict | None = None, *, name: str = "tcdiffpp"
+    ) -> "Motion":
+        """Inverse of `features` for x (n, f, d); contacts are cut to [0, 1].
+
+        Joints that the vector leaves out are not turned.
+        Raises: ValueError for an unknown name, or another d than that name's.
+        """
+        contact, root, pose = unpack(x.detach().cpu().float(), spec_named(name))
+        return cls(whole_pose(pose), root, fps, contact=contact.clamp(0, 1), meta=meta or {})
 
     def save(self, path, song=None) -> Path:
         """Write the dance; the suffix decides: .npz (this class), .mp4 .gif .png (pictures).

@@ -3,10 +3,10 @@ r"""The vector a network sees for one dancer in one frame, and its scaling to [-
 Read first: notebook 01 · TCDiff++ section 3.1.
 
 Symbols (axes: n dancers · f frames · d motion features)
-    x        contact, root and 6-D rotations side by side     (..., 151)
+    x        contact, root and 6-D rotations side by side     (..., 151) or, in Lodge, (..., 139)
     contact  x[0:4]     0 or 1: left ankle, right ankle, left toe, right toe
     root     x[4:7]     metres: x lateral, y height, z depth
-    rot6d    x[7:151]   24 joints x first two rows of the rotation matrix
+    rot6d    x[7:]      24 joints (Lodge 22) x first two rows of the rotation matrix
 """
 
 from dataclasses import dataclass
@@ -15,6 +15,7 @@ import torch
 from torch import Tensor, nn
 
 from dancediff.motion.rotation import matrix_to_rot6d, rot6d_to_matrix
+from dancediff.motion.skeleton import SMPL24, forward_kinematics
 
 
 @dataclass(frozen=True)
@@ -54,6 +55,22 @@ class MotionSpec:
 
 
 TCDIFFPP = MotionSpec("tcdiffpp", num_joints=24)  # the 151-d vector of EDGE, TCDiff and TCDiff++
+LODGE = MotionSpec("lodge", num_joints=22)  # 139-d: the same without the two hands
+_SPECS = {spec.name: spec for spec in (TCDIFFPP, LODGE)}
+
+
+def spec_named(name: str) -> MotionSpec:
+    """A motion vector by name.
+
+    Raises: ValueError naming those that exist.
+
+    >>> spec_named("lodge").dim
+    139
+    """
+    if name not in _SPECS:
+        known = ", ".join(map(repr, _SPECS))
+        raise ValueError(f"features({name!r}) is unknown; available: {known}")
+    return _SPECS[name]
 
 
 def pack(contact: Tensor, root: Tensor, pose: Tensor) -> Tensor:
@@ -78,6 +95,33 @@ def unpack(x: Tensor, spec: MotionSpec = TCDIFFPP) -> tuple[Tensor, Tensor, Tens
         raise ValueError(f"x has {x.shape[-1]} features a frame; {spec.name} needs {spec.dim}")
     rot6d = x[..., spec.rot6d].unflatten(-1, (spec.num_joints, 6))
     return x[..., spec.contact], x[..., spec.root], rot6d_to_matrix(rot6d)
+
+
+def whole_pose(pose: Tensor) -> Tensor:
+    """Give a pose the joints that its vector leaves out, not turned.
+
+    Shapes: pose (..., j, 3, 3) -> (..., 24, 3, 3).
+
+    >>> whole_pose(torch.eye(3).expand(2, 22, 3, 3)).shape
+    torch.Size([2, 24, 3, 3])
+    """
+    missing = SMPL24.num_joints - pose.shape[-3]
+    hands = torch.eye(3, dtype=pose.dtype, device=pose.device)
+    return torch.cat([pose, hands.expand(*pose.shape[:-3], missing, 3, 3)], dim=-3)
+
+
+def joints_of(x: Tensor, spec: MotionSpec = TCDIFFPP) -> Tensor:
+    """Joint positions of motion vectors, by forward kinematics.
+
+    The hands that Lodge's vector leaves out end a chain: no position depends on them.
+
+    Shapes: x (..., d) metres and 6-D rotations -> (..., 24, 3) metres.
+
+    >>> joints_of(torch.randn(2, 9, 139), LODGE).shape
+    torch.Size([2, 9, 24, 3])
+    """
+    _, root, pose = unpack(x, spec)
+    return forward_kinematics(whole_pose(pose), root)
 
 
 class Normalizer(nn.Module):

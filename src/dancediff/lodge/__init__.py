@@ -1,0 +1,1 @@
+"""Lodge: long dances from coarse to fine, component by component."""

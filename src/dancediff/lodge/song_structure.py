@@ -1,0 +1,81 @@
+r"""Which parts of a song come back later.
+
+Read first: Lodge section 3.1, third choreographic rule · `dancediff.data.choreographer.structure`.
+
+Symbols (axes: f frames · m = 35 music features · q phrases)
+    M   music features, raw                          (f, m)
+    S   how alike two phrases sound, -1 ... 1        (q, q)
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from dancediff.data.choreographer.structure import PHRASE, Section
+from dancediff.music.beats import beat_frames
+from dancediff.music.features import PEAKS
+
+ALIKE = 0.7  # two phrases are the same material from here on
+
+
+def find_sections(M: Tensor, *, alike: float = ALIKE) -> list[Section]:
+    """Sections of a song, from what its features repeat; starts and stops are frames.
+
+    Phrases of 8 beats are compared as a whole. Alike phrases in a row are one section, so a loop
+    that never changes is no repetition; one that returns after something else is.
+
+    Source: ours; the paper asks for it ("the arrangement of dance should align with the structure
+    of the music") and names no method; the released code has none.
+
+    Shapes: M (f, 35), raw.  A song with less than two phrases of beats has no sections.
+
+    >>> find_sections(torch.zeros(900, 35))
+    []
+    """
+    beats = beat_frames(M)
+    if len(beats) <= 2 * PHRASE:
+        return []
+    S = phrase_similarity(M, beats)
+    labels = [0]
+    for q in range(1, len(S)):
+        nearest = int(S[q, :q].argmax())
+        labels.append(labels[nearest] if S[q, nearest] >= alike else q)
+    return sections_of(labels, beats[: len(S) * PHRASE + 1 : PHRASE].tolist())
+
+
+def phrase_similarity(M: Tensor, beats: np.ndarray) -> Tensor:
+    r"""Cosine between phrases, each the features of its 8 beats, standardised over the song.
+
+    Shapes: M (f, 35), beats (k,) frames -> (q, q) with q = (k - 1) // 8.
+
+    >>> M = torch.rand(80, 35).repeat(2, 1)                          # all of it twice
+    >>> phrase_similarity(M, np.arange(0, 161, 10)).round(decimals=3).tolist()
+    [[1.0, 1.0], [1.0, 1.0]]
+    """
+    sound = M[:, : PEAKS.start]
+    per_beat = torch.stack([sound[a:b].mean(0) for a, b in pairwise(beats)])
+    per_beat = (per_beat - per_beat.mean(0)) / per_beat.std(0).clamp_min(1e-6)
+    q = len(per_beat) // PHRASE
+    phrases = per_beat[: q * PHRASE].reshape(q, -1)
+    phrases = torch.nn.functional.normalize(phrases, dim=-1)
+    return phrases @ phrases.T
+
+
+def sections_of(labels: Sequence, borders: Sequence[int]) -> list[Section]:
+    """Join neighbours with the same label, and count how often a label came before.
+
+    >>> [(s.start, s.stop, s.times) for s in sections_of("aaba", [0, 10, 20, 30, 40])]
+    [(0, 20, 0), (20, 30, 0), (30, 40, 1)]
+    """
+    sections: list[Section] = []
+    for label, (start, stop) in zip(map(str, labels), pairwise(borders), strict=True):
+        if sections and sections[-1].label == label:
+            sections[-1] = replace(sections[-1], stop=stop)
+        else:
+            times = sum(s.label == label for s in sections)
+            sections.append(Section(start, stop, label, times))
+    return sections

@@ -1,0 +1,132 @@
+import pytest
+import torch
+
+from dancediff.lodge.primitives import (
+    DISCRETE,
+    LAYOUT,
+    Layout,
+    at_origin,
+    expressive,
+    primitive_frames,
+    primitives_of,
+    spread_evenly,
+)
+from dancediff.motion.representation import LODGE, joints_of
+
+
+def swinging(frames=1024, period=40, f0=0, walk=0.0):
+    """One arm that swings: it comes to rest every half period, for one at frame f0."""
+    x = torch.zeros(frames, LODGE.dim)
+    angle = torch.cos((torch.arange(frames) - f0) * 2 * torch.pi / period)
+    eye = torch.tensor([1.0, 0, 0, 0, 1, 0])
+    x[:, LODGE.rot6d] = eye.repeat(LODGE.num_joints)
+    x[:, LODGE.joint_channels([16])[:2]] = torch.stack([angle.cos(), angle.sin()], 1)
+    x[:, LODGE.joint_channels([16])[3:5]] = torch.stack([-angle.sin(), angle.cos()], 1)
+    x[:, LODGE.root] = torch.arange(frames)[:, None] * walk * torch.tensor([1.0, 0, -2])
+    x[:, 5] = 0.9
+    return x
+
+
+def test_sizes_of_the_paper():
+    assert (LAYOUT.locals_per_global, LAYOUT.num_primitives, LAYOUT.num_frames) == (4, 13, 104)
+    assert LAYOUT.offsets.tolist() == [-4, -3, -2, -1, 0, 1, 2, 3]
+    assert Layout(256, 128).num_frames == 56  # AIST++
+
+
+@pytest.mark.parametrize(
+    ("sizes", "word"),
+    [
+        ({"global_frames": 1000}, "no multiple"),
+        ({"length": 7}, "even"),
+        ({"local_frames": 0}, "at least 1"),
+        ({"local_frames": 32, "global_frames": 64}, "too short"),
+        ({"local_frames": 128, "stride": 4}, "too short"),
+    ],
+)
+def test_layouts_that_cannot_work_are_refused(sizes, word):
+    with pytest.raises(ValueError, match=word):
+        Layout(**sizes)
+
+
+@pytest.mark.parametrize("stride", [1, 4])
+def test_key_motions_are_where_the_body_comes_to_rest(stride):
+    layout = Layout(stride=stride)
+    primitives, frames = primitives_of(swinging(f0=7), layout=layout)
+    middles = frames[:, 4]
+    soft = [m for k, m in enumerate(middles.tolist()) if k % 3]
+    assert all((m - 7) % 20 == 0 for m in soft)
+    assert [sum(a <= m < a + 256 for m in soft) for a in range(0, 1024, 256)] == [2] * 4
+    assert middles[::3].tolist() == [4 * stride, 256, 512, 768, 1024 - 4 * stride]
+    assert (frames.diff(dim=1) == stride).all() and frames.min() == 0
+    assert primitives.shape == (13, 8, 139)
+
+
+def test_primitives_are_pieces_of_the_clip_and_start_at_the_origin():
+    x = swinging(walk=0.01)
+    primitives, frames = primitives_of(x)
+    assert torch.equal(primitives[..., 7:], x[frames][..., 7:])
+    assert torch.equal(primitives[..., 5], x[frames][..., 5])  # heights stay
+    assert (primitives[:, 0, [4, 6]] == 0).all()
+    steps = primitives[..., [4, 6]].diff(dim=1)
+    assert torch.allclose(steps, torch.tensor([0.01, -0.02]).expand_as(steps), atol=1e-5)
+
+
+def test_one_shift_for_all_soft_primitives_and_none_for_hard_ones():
+    x, seen = swinging(), set()
+    _, still = primitives_of(x)
+    for seed in range(40):
+        _, frames = primitives_of(x, torch.Generator().manual_seed(seed))
+        moved = (frames - still)[:, 0]
+        assert (moved[::3] == 0).all()
+        (shift,) = {int(m) for k, m in enumerate(moved) if k % 3}
+        seen.add(shift)
+    assert seen == {-2, -1, 0, 1, 2}
+    unmoved = [primitives_of(x, torch.Generator().manual_seed(k), max_shift=0)[1] for k in range(9)]
+    assert all(torch.equal(frames, unmoved[0]) for frames in unmoved)
+
+
+@pytest.mark.parametrize("layout", [LAYOUT, DISCRETE, Layout(512, 128), Layout(512, 256)])
+@pytest.mark.parametrize("shift", [-2, 0, 2])
+def test_no_frame_is_taken_twice(layout, shift):
+    generator = torch.Generator().manual_seed(3)
+    for share in (0.0, 0.005, 0.02, 0.2, 1.0):
+        beats = (torch.rand(layout.global_frames, generator=generator) < share).nonzero()[:, 0]
+        # the tightest places: right after the first hard primitive, right before the last one
+        close = int(1.5 * layout.span)
+        beats = [close, *beats.tolist(), layout.global_frames - close]
+        frames = primitive_frames(beats, layout, shift=shift)
+        low, high = frames[:, 0], frames[:, -1]
+        assert frames.min() >= 0 and frames.max() < layout.global_frames
+        assert (low[1:] > high[:-1]).all()  # in order of time, and apart
+
+
+def test_few_and_many_candidates():
+    assert spread_evenly(range(0, 257, 10), 4, 0, 256, margin=8, apart=8) == [40, 100, 160, 220]
+    assert spread_evenly([30, 200], 4, 0, 256, margin=8, apart=8) == [30, 72, 115, 200]
+    assert spread_evenly([100, 103, 106, 109], 2, 0, 256, margin=8, apart=8) == [100, 109]
+    assert spread_evenly([3, 253], 2, 0, 256, margin=8, apart=8) == [64, 192]  # all too close
+
+
+def test_expressive_frames_are_those_around_rests():
+    x = swinging(200, f0=10)
+    mask = expressive(joints_of(x, LODGE), sigma=2)
+    rests = [30, 50, 70, 90, 110, 130, 150, 170]
+    for b in rests:
+        assert mask[b - 4 : b + 4].all() and not mask[b + 4] and not mask[b - 5]
+    assert 0.3 < mask.float().mean() < 0.5
+    assert not expressive(torch.zeros(50, 24, 3)).any()
+
+
+def test_a_clip_of_another_length_is_refused():
+    with pytest.raises(ValueError, match=r"\(1023, 139\).*1024"):
+        primitives_of(torch.zeros(1023, 139))
+
+
+def test_each_clip_of_a_batch_is_moved_by_itself():
+    x = torch.randn(3, 5, 139)
+    source = x.clone()
+    y = at_origin(x)
+    assert torch.equal(x, source)
+    assert (y[:, 0, [4, 6]] == 0).all() and torch.equal(y[..., 7:], x[..., 7:])
+    steps = y[..., LODGE.root].diff(dim=1)
+    assert torch.allclose(steps, x[..., LODGE.root].diff(dim=1), atol=1e-6)
