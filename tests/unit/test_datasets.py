@@ -8,12 +8,13 @@ from test_prepare import tiny
 from torch.utils.data import DataLoader
 
 from dancediff.data.augment import rotate_features
-from dancediff.data.datasets import LODGE, Augmentation, GroupDanceDataset, LongDanceDataset
+from dancediff.data.datasets import Augmentation, GroupDanceDataset, LongDanceDataset
 from dancediff.data.prepare import prepare
 from dancediff.data.prepared import PreparedData
 from dancediff.data.take import Job
 from dancediff.data.windows import rank_left_to_right
 from dancediff.motion.mirror import mirror_features
+from dancediff.motion.representation import LODGE
 
 SHAPES = {  # name: dancers, frames, split
     "a": (1, 200, "train"),

@@ -22,9 +22,7 @@ from dancediff.data.packed import PackedTakes
 from dancediff.data.prepared import PreparedData
 from dancediff.data.windows import rank_left_to_right
 from dancediff.motion.mirror import mirror_features
-from dancediff.motion.representation import MotionSpec
-
-LODGE = MotionSpec("lodge", num_joints=22)  # the 139-d vector: the 151-d one without hands
+from dancediff.motion.representation import LODGE
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,76 @@
+import pytest
+import torch
+
+from dancediff.lodge.trunk import SoloLayer, Trunk, check_shapes
+from dancediff.nn.decoder import DecoderLayer
+
+
+def make(**options):
+    torch.manual_seed(0)
+    sizes = {"motion_dim": 139, "music_dim": 35, "music_frames": 24}
+    return Trunk(16, 2, 2, 32, **sizes | options).eval()
+
+
+def test_layer_is_the_decoder_layer_of_one_dancer():
+    torch.manual_seed(0)
+    solo = SoloLayer(16, num_heads=2, ff_dim=32)
+    group = DecoderLayer(16, num_heads=2, ff_dim=32)
+    group.load_state_dict(solo.state_dict())
+    h, memory, cond = torch.randn(2, 9, 16), torch.randn(2, 5, 16), torch.randn(2, 16)
+    frames, memory_frames = torch.arange(9), torch.arange(5)
+    torch.testing.assert_close(
+        solo(h, memory, cond, frames, memory_frames),
+        group(h[:, None], memory, cond, memory_frames)[:, 0],
+    )
+
+
+def test_layer_knows_how_far_apart_tokens_are():
+    layer = SoloLayer(16, num_heads=2, ff_dim=32)
+    h, memory, cond = torch.randn(1, 6, 16), torch.randn(1, 4, 16), torch.randn(1, 16)
+    near, there = torch.arange(6), torch.arange(4)
+    shifted = layer(h, memory, cond, near + 50, there + 50)
+    torch.testing.assert_close(layer(h, memory, cond, near, there), shifted, atol=1e-4, rtol=1e-4)
+    spread_out = layer(h, memory, cond, 7 * near, there)
+    assert (spread_out - shifted).abs().max() > 1e-3
+
+
+@pytest.mark.parametrize(("pool", "tokens"), [(1, 24), (4, 6), (24, 1)])
+def test_pooled_music_has_fewer_tokens_in_the_middle_of_their_frames(pool, tokens):
+    trunk = make(pool=pool)
+    music, steps, cond = trunk.conditions(torch.randn(2, 24, 35), torch.tensor([3, 700]))
+    assert music.shape == (2, tokens, 16) and steps.shape == (2, 2, 16) and cond.shape == (2, 16)
+    middles = torch.arange(24.0).reshape(tokens, pool).mean(1)
+    assert torch.equal(trunk.token_frames, middles)
+
+
+def test_a_pooled_token_keeps_the_frame_of_a_beat():
+    trunk, t = make(pool=4), torch.tensor([500])
+    M = torch.zeros(2, 24, 35)
+    M[0, 8, 34], M[1, 10, 34] = 1, 1  # two beats that share a token
+    music, *_ = trunk.conditions(M, t.expand(2))
+    assert (music[0] - music[1]).abs().max() > 1e-3
+
+
+def test_without_music_nothing_of_it_is_heard():
+    trunk, t = make(), torch.tensor([10, 900])
+    none = torch.zeros(2, dtype=torch.bool)
+    a, b = (trunk.conditions(torch.randn(2, 24, 35), t, none) for _ in range(2))
+    for x, y in zip(a, b, strict=True):
+        assert torch.equal(x, y)
+
+
+def test_music_is_heard_row_by_row():
+    trunk, t = make(), torch.tensor([10, 900])
+    M, keep = torch.randn(2, 24, 35), torch.tensor([True, False])
+    music, _, _ = trunk.conditions(M, t, keep)
+    assert torch.equal(music[1], trunk.null_music[0])
+    torch.testing.assert_close(music[0], trunk.conditions(M, t)[0][0])
+
+
+def test_errors():
+    with pytest.raises(ValueError, match="pool=5 must divide music_frames=24"):
+        make(pool=5)
+    with pytest.raises(ValueError, match=r"M has shape None; expected \(2,\)"):
+        check_shapes(M=(None, (2,)))
+    with pytest.raises(ValueError, match=r"style has shape \(2,\); expected None"):
+        check_shapes(style=(torch.zeros(2), None))
