@@ -176,3 +176,20 @@ def test_slide_uses_the_true_contacts():
     flying = x.clone()
     flying[..., :4] = 0.0
     assert tcdiffpp_losses(sliding, sliding, flying, norm)["slide"].item() == 0
+
+
+def test_a_group_of_weight_two_counts_twice_in_every_term():
+    torch.manual_seed(0)
+    x_0, x_raw, x_hat = (motion(b=2, seed=k) for k in range(3))
+    weights = LossWeights(joint_vel=0.1, slide=0.1)
+
+    def terms(part, weight=None):
+        guess = x_raw[part], x_hat[part], x_0[part]
+        return tcdiffpp_losses(*guess, NORM, weights=weights, weight=weight)
+
+    both = terms(slice(None), torch.tensor([2.0, 0.5]))
+    first, second = terms(slice(0, 1)), terms(slice(1, 2))
+    for name in both:
+        assert both[name].item() == pytest.approx(
+            (2 * first[name] + 0.5 * second[name]).item() / 2, rel=1e-4
+        )

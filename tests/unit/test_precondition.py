@@ -1,5 +1,6 @@
 """`dancediff.diffusion.precondition`."""
 
+import pytest
 import torch
 
 from dancediff.diffusion.precondition import Preconditioning, dct_matrix, linear_coefficients
@@ -83,3 +84,17 @@ def test_weights_count_like_repeats():
     repeated.fit([a, b, b, b])
     torch.testing.assert_close(weighted.spread, repeated.spread)
     torch.testing.assert_close(weighted.mean, repeated.mean)
+
+
+def test_error_is_what_the_linear_guess_misses():
+    """Over motion with the spread that was fitted, at every noise level."""
+    torch.manual_seed(0)
+    spread = 2.0 / (1 + torch.arange(30.0))[:, None].expand(30, 4)
+    precondition = Preconditioning(num_frames=30, dim=4)
+    precondition.spread.copy_(spread)
+    x_0 = dct_matrix(30).T @ (spread * torch.randn(400, 1, 30, 4))
+    abar = cosine_abar().float()
+    for t in (10, 300, 900):
+        x_t = q_sample(x_0, t, abar, torch.randn(x_0.shape))
+        missed = (precondition.linear_guess(x_t, abar[[t]]) - x_0).square().mean()
+        assert missed.item() == pytest.approx(precondition.error(abar[[t]]).item(), rel=0.05)
