@@ -207,4 +207,4 @@ def test_overlap_raises_tif_step_by_step(bodies):
         for a in (0, 0.3, 0.6, 0.8, 1)
     ]
     assert values == sorted(values)
-    assert values[0] < 1 < values[2] < values[-1] == 15  # five dances of three pairs
+    assert values[0] < 0.3 < values[2] < values[-1] == 15  # five dances of three pairs

@@ -177,8 +177,8 @@ def without_group(config: EDGEConfig) -> TCDiffPPConfig:
     >>> without_group(EDGEConfig()).max_dancers
     1
     """
-    group = {"dpe": False, "fp": False, "fa": False, "swap_mode": False, "ssm": "none"}
-    return TCDiffPPConfig(**asdict(config) | {"max_dancers": 1} | group)
+    off = dict.fromkeys(("dpe", "fp", "fa", "swap_mode", "foot_cues"), False)
+    return TCDiffPPConfig(**asdict(config) | {"max_dancers": 1, "ssm": "none"} | off)
 
 
 def solo_takes(takes: list[Take]) -> list[Take]:

@@ -24,7 +24,7 @@ from dancediff.diffusion.samplers import ddim_times, sample
 from dancediff.motion.motion import Motion
 from dancediff.motion.representation import pack, unpack
 from dancediff.motion.rotation import slerp
-from dancediff.tcdiffpp.generate import cut_music, denoise_segments, generate
+from dancediff.tcdiffpp.generate import cut_music, denoise_segments, generate, largest_guess
 from dancediff.tcdiffpp.wish import Wish
 
 AT_ONCE = 8  # segments that go through the network together: memory stays that of 20 s
@@ -131,6 +131,7 @@ def draw_naively(model, song, wish: Wish, *, report=None, dtype=None, ramp: bool
         sampler=wish.sampler,
         steps=wish.steps,
         eta=wish.eta,
+        clamp=largest_guess(model),
         generator=torch.Generator().manual_seed(wish.seed),
         pin=Consistency(wish.overlap),
         callback=report and (lambda i, total, _: report(i + 1, total)),

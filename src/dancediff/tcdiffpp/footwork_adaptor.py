@@ -93,8 +93,12 @@ class FootworkAdaptor(nn.Module):
         spec: MotionSpec = TCDIFFPP,
         joints=LOWER_BODY,
         residual: bool = False,
+        cues: int = 0,
     ):
-        """Three `ConcatSquashLinear` layers; with ``residual`` (ours) they add a correction."""
+        """Three `ConcatSquashLinear` layers; with ``residual`` (ours) they add a correction.
+
+        ``cues`` (ours): how many more numbers a frame they listen to, see `foot_cues`.
+        """
         super().__init__()
         self.residual = residual
         self.spec = spec
@@ -103,7 +107,7 @@ class FootworkAdaptor(nn.Module):
         )
         sizes = (spec.dim, hidden, hidden, spec.dim)
         self.layers = nn.ModuleList(
-            ConcatSquashLinear(d_in, d_out, 2) for d_in, d_out in pairwise(sizes)
+            ConcatSquashLinear(d_in, d_out, 2 + cues) for d_in, d_out in pairwise(sizes)
         )
         if residual:
             self.start_small()
@@ -142,17 +146,18 @@ class FootworkAdaptor(nn.Module):
         third.weight[self.channels, plus] = carry
         third.weight[self.channels, minus] = -carry
 
-    def adapt(self, x_raw: Tensor) -> Tensor:
+    def adapt(self, x_raw: Tensor, cues: Tensor | None = None) -> Tensor:
         """The adapted motion $x_a$, all channels."""
         v = ground_velocity(x_raw, self.spec)
+        v = v if cues is None else torch.cat([v, cues], dim=-1)
         first, second, third = self.layers
         x = F.leaky_relu(first(x_raw, v), LEAK)
         x = F.leaky_relu(second(x, v), LEAK)
         return x_raw + third(x, v) if self.residual else third(x, v)
 
-    def forward(self, x_raw: Tensor) -> Tensor:
+    def forward(self, x_raw: Tensor, cues: Tensor | None = None) -> Tensor:
         """x_raw with adapted legs; in float32, because a degree at the hip is centimetres below."""
         with torch.autocast(x_raw.device.type, enabled=False):
             x_raw = x_raw.float()
-            adapted = self.adapt(x_raw)
+            adapted = self.adapt(x_raw, cues)
         return x_raw.index_copy(-1, self.channels, adapted[..., self.channels])

@@ -152,6 +152,7 @@ def segments(model, song, wish: Wish, *, report=None, dtype=None) -> Iterator[Te
         sampler=wish.sampler,
         steps=wish.steps,
         eta=wish.eta,
+        clamp=largest_guess(model),
         generator=torch.Generator().manual_seed(wish.seed),
         progress=report,
         device=device,
@@ -159,6 +160,14 @@ def segments(model, song, wish: Wish, *, report=None, dtype=None) -> Iterator[Te
     )
     for x in pieces:
         yield model.normalizer.unnormalize(x).cpu()
+
+
+def largest_guess(model) -> float | None:
+    """Where guesses are cut: at the training range, as published, or nowhere.
+
+    A preconditioned guess does not run away, and places on the floor may lie beyond +-1.
+    """
+    return None if model.config.precondition else 1.0
 
 
 def _redo(wish: Wish) -> int:

@@ -13,6 +13,8 @@ features)
     x_raw    the guess                             (b, n, f, d)
 """
 
+from collections.abc import Callable
+
 import torch
 from torch import Tensor, nn
 
@@ -20,6 +22,7 @@ from dancediff.diffusion.precondition import Preconditioning
 from dancediff.diffusion.schedule import cosine_abar
 from dancediff.nn.decoder import MusicEncoder
 from dancediff.nn.timestep import TimestepEncoder
+from dancediff.tcdiffpp.foot_cues import NUM_CUES
 from dancediff.tcdiffpp.fusion import FusionProjection
 from dancediff.tcdiffpp.positioning import DancerPositioning
 from dancediff.tcdiffpp.sequence_decoder import SequenceDecoder
@@ -48,6 +51,7 @@ class GroupDanceDecoder(nn.Module):
         self.max_dancers, self.num_frames = c.max_dancers, c.num_frames
         self.motion_dim, self.music_dim = c.motion_dim, c.music_dim
         self.embed = nn.Linear(c.motion_dim, d)
+        self.embed_feet = nn.Linear(NUM_CUES, d) if c.foot_cues else None
         self.dpe = DancerPositioning(c.max_dancers, d) if c.dpe else None
         self.fp = (
             FusionProjection(c.max_dancers, d, c.fusion_hidden, residual=c.fusion_residual)
@@ -93,8 +97,11 @@ class GroupDanceDecoder(nn.Module):
         *,
         keep: Tensor | None = None,
         present: Tensor | None = None,
+        foot_cues: Callable[[Tensor], Tensor] | None = None,
     ) -> Tensor:
         """Guess the clean motion of everybody at once.
+
+        ``foot_cues(guess)`` (ours): see that module; needed by a decoder that was built for them.
 
         Raises: ValueError naming the argument whose shape does not fit.
         """
@@ -104,7 +111,7 @@ class GroupDanceDecoder(nn.Module):
             guess = self.precondition.linear_guess(x_t, abar)
         memory, cond = self.conditions(t, M, S, keep=keep, present=present)
         h = self.decoder(
-            self.tokens(x_t, present, guess),
+            self.tokens(x_t, present, guess, foot_cues),
             memory,
             cond,
             music_start=0 if self.swap_mode is None else 1,
@@ -117,7 +124,11 @@ class GroupDanceDecoder(nn.Module):
         return x_raw if present is None else x_raw * present[:, :, None, None]
 
     def tokens(
-        self, x_t: Tensor, present: Tensor | None = None, guess: Tensor | None = None
+        self,
+        x_t: Tensor,
+        present: Tensor | None = None,
+        guess: Tensor | None = None,
+        foot_cues: Callable[[Tensor], Tensor] | None = None,
     ) -> Tensor:
         """Embed the noisy motion, mark the ranks (DPE), mix the dancers (FP).
 
@@ -127,6 +138,8 @@ class GroupDanceDecoder(nn.Module):
         h = self.embed(x_t)
         if guess is not None:
             h = h + self.embed_guess(guess)
+        if self.embed_feet is not None:
+            h = h + self.embed_feet(foot_cues(x_t if guess is None else guess))
         h = h if self.dpe is None else self.dpe(h)
         h = h * here  # absent dancers are zeros to the fusion ...
         h = h if self.fp is None else self.fp(h) * here  # ... and stay zeros after it

@@ -72,6 +72,7 @@ def iter_long_group_sample(
     steps: int = 50,
     eta: float = 1.0,
     resample: int = 1,
+    clamp: float | None = 1.0,
     generator: torch.Generator | None = None,
     progress: Callable[[int, int], None] | None = None,
     device: torch.device | str,
@@ -93,7 +94,7 @@ def iter_long_group_sample(
     - ``redo``: so many shared frames are danced again instead of kept, so that a constraint shortly
       behind a segment's end is not noticed too late.
     - ``seam``: "copy" keeps the shared frames, "fade" blends both versions (a key of `SEAMS`).
-    - ``sampler``, ``steps``, ``eta``, ``resample``: see `sample`.
+    - ``sampler``, ``steps``, ``eta``, ``resample``, ``clamp``: see `sample`.
     - ``progress(done, total)`` counts denoising steps over the whole dance.
 
     Shapes: segments_music (k, f, m) standardised, segment i starting at frame i (f - overlap)
@@ -133,6 +134,7 @@ def iter_long_group_sample(
             steps=steps,
             eta=eta,
             resample=resample,
+            clamp=clamp,
             generator=generator,
             x_T=noise[None],
             pin=pin,

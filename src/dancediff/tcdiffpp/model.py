@@ -9,6 +9,7 @@ Symbols (axes: b batch · n dancers · f frames · d motion, m music features)
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import torch
 from torch import Tensor, nn
@@ -17,6 +18,7 @@ from dancediff.diffusion.schedule import cosine_abar
 from dancediff.motion.motion import Motion
 from dancediff.motion.representation import Normalizer
 from dancediff.music.features import MusicNormalizer
+from dancediff.tcdiffpp.foot_cues import NUM_MOVING, foot_cues
 from dancediff.tcdiffpp.footwork_adaptor import FootworkAdaptor
 from dancediff.tcdiffpp.generate import generate, stream
 from dancediff.tcdiffpp.group_dance_decoder import GroupDanceDecoder
@@ -55,8 +57,9 @@ class TCDiffPPConfig:
     fp: bool = True
     fa: bool = True
     swap_mode: bool = True
-    fusion_residual: bool = False  # ours: see FusionProjection
+    fusion_residual: bool = True  # ours: see FusionProjection
     footwork_residual: bool = True  # ours: see FootworkAdaptor
+    foot_cues: bool = False  # ours: see foot_cues; on in configs
     precondition: bool = True  # ours: see diffusion.precondition
 
     @classmethod
@@ -70,7 +73,9 @@ class TCDiffPPConfig:
             "fusion_hidden": 1024,
             "ssm": "mamba",
             "dropout": 0.1,
+            "fusion_residual": False,
             "footwork_residual": False,
+            "foot_cues": False,
             "precondition": False,
         }
         return cls(**sizes | changes)
@@ -102,7 +107,11 @@ class TCDiffPP(nn.Module):
         self.config = config = config or TCDiffPPConfig()
         self.decoder = GroupDanceDecoder(config)
         self.footwork = (
-            FootworkAdaptor(config.footwork_hidden, residual=config.footwork_residual)
+            FootworkAdaptor(
+                config.footwork_hidden,
+                residual=config.footwork_residual,
+                cues=NUM_MOVING if config.foot_cues else 0,
+            )
             if config.fa
             else None
         )
@@ -129,10 +138,11 @@ class TCDiffPP(nn.Module):
         present: Tensor | None = None,
     ) -> tuple[Tensor, Tensor]:
         """Guess the clean dance, without and with the Footwork Adaptor."""
-        x_raw = self.decoder(x_t, t, M, S, keep=keep, present=present)
+        cues = partial(foot_cues, normalizer=self.normalizer) if self.config.foot_cues else None
+        x_raw = self.decoder(x_t, t, M, S, keep=keep, present=present, foot_cues=cues)
         if self.footwork is None:
             return x_raw, x_raw
-        x_hat = self.footwork(x_raw)
+        x_hat = self.footwork(x_raw, None if cues is None else cues(x_raw)[..., -NUM_MOVING:])
         return x_raw, x_hat if present is None else x_hat * present[:, :, None, None]
 
     def generate(

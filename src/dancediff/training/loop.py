@@ -277,7 +277,12 @@ def losses_of(
     b = len(x_raw)
     x_0 = model.normalizer.normalize(x_raw)
     M = model.music_normalizer.normalize(M_raw)
-    t = torch.randint(model.config.num_steps, (b,), generator=g).to(device)
+    if levels is None:
+        t = torch.randint(model.config.num_steps, (b,), generator=g).to(device)
+    else:  # levels that count more are drawn more often, and count less each time
+        odds = levels.sqrt().cpu()
+        t = torch.multinomial(odds, b, replacement=True, generator=g).to(device)
+        levels = levels / odds.to(device) * odds.mean()
     eps = torch.randn(x_0.shape, generator=g).to(device)
     keep = (torch.rand(b, generator=g) >= model.config.cond_drop).to(device)
     x_t = q_sample(x_0, t, model.abar, eps).to(x_0.dtype)

@@ -11,13 +11,14 @@ from dancediff.baselines.edge import EDGE, EDGEConfig, solo_takes
 from dancediff.data.corpus import choreographed_corpus
 from dancediff.data.packed import PackedTakes
 from dancediff.data.windows import GroupDanceWindows, Take
-from dancediff.motion.representation import Normalizer
+from dancediff.motion.representation import TCDIFFPP, Normalizer
 from dancediff.music.features import MusicNormalizer
 from dancediff.tcdiffpp.losses import LossWeights
 from dancediff.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 from dancediff.training.distributed import World
 from dancediff.training.loop import TrainConfig, train
 
+FLOOR_UNIT = 1.0  # metres; with a unit as wide as the stage, the noise of the last steps is 17 cm
 MIN_SPAN = 0.2  # of a channel's range, in metres or matrix entries
 MODELS = {"TCDiffPP": (TCDiffPP, TCDiffPPConfig), "EDGE": (EDGE, EDGEConfig)}
 _CORPUS = {"folder", "songs", "first_seed", "seconds", "workers"}
@@ -77,6 +78,8 @@ def fit_statistics(
     """
     stack = torch.cat([take.x.flatten(0, 1) for take in takes])
     model.normalizer = Normalizer.fit(stack, min_span=MIN_SPAN)
+    on_floor = [TCDIFFPP.root.start, TCDIFFPP.root.start + 2]
+    model.normalizer.low[on_floor], model.normalizer.high[on_floor] = -FLOOR_UNIT, FLOOR_UNIT
     songs = {take.M.data_ptr(): take.M for take in takes}
     model.music_normalizer = MusicNormalizer.fit(list(songs.values()))
     if model.decoder.precondition is not None:

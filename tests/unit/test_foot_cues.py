@@ -1,0 +1,55 @@
+import numpy as np
+import torch
+
+from dancediff.data.choreographer import choreograph
+from dancediff.motion.representation import TCDIFFPP, Normalizer
+from dancediff.motion.skeleton import FOOT_JOINTS
+from dancediff.tcdiffpp.foot_cues import FPS, NUM_CUES, NUM_MOVING, SLOW, foot_cues
+from dancediff.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
+
+NORM = Normalizer(-2 * torch.ones(151), 3 * torch.ones(151))
+SIZES = {"d_model": 16, "num_layers": 1, "ff_dim": 32, "fusion_hidden": 48, "head_dim": 8}
+
+
+def test_cues_are_forward_kinematics():
+    dance, _ = choreograph(np.arange(0.2, 4, 0.5), dancers=2, seed=3, seconds=3)
+    cues = foot_cues(NORM.normalize(dance.features())[None], NORM)[0]
+    feet = dance.joints()[:, :, FOOT_JOINTS]
+    seen, heights, v, slow = cues.split([12, 4, 12, 12], dim=-1)
+    expected = (feet - dance.root[:, :, None]).flatten(-2)
+    torch.testing.assert_close(seen, expected, atol=1e-4, rtol=1e-4)
+    torch.testing.assert_close(heights, 5 * feet[..., 1], atol=1e-3, rtol=1e-3)
+    step = FPS * feet.diff(dim=1).flatten(-2)
+    torch.testing.assert_close(v[:, :-1], step, atol=1e-2, rtol=1e-3)
+    assert (v[:, -1] == 0).all() and torch.equal(slow, (SLOW * v).tanh())
+    assert cues.shape[-1] == NUM_CUES == NUM_MOVING + 12
+
+
+def test_cues_do_not_see_where_on_the_stage_somebody_is():
+    x = torch.randn(1, 2, 6, 151)
+    moved = x.clone()
+    moved[..., TCDIFFPP.root.start] += 0.7
+    torch.testing.assert_close(foot_cues(x, NORM), foot_cues(moved, NORM), atol=1e-3, rtol=1e-3)
+
+
+def test_no_gradient_goes_through():
+    assert not foot_cues(torch.randn(1, 1, 4, 151, requires_grad=True), NORM).requires_grad
+
+
+def test_network_and_adaptor_listen_to_them():
+    """Without the switch neither has weights for them; with it both change what comes out."""
+    torch.manual_seed(0)
+    plain = TCDiffPP(TCDiffPPConfig(**SIZES, foot_cues=False))
+    assert not any("feet" in name for name in plain.state_dict())
+    model = TCDiffPP(TCDiffPPConfig(**SIZES, foot_cues=True))
+    x_t, t = torch.randn(1, 2, 8, 151), torch.tensor([300])
+    M, S = torch.randn(1, 8, 35), torch.arange(2)[None]
+    x_raw, _ = model(x_t, t, M, S)
+    with torch.no_grad():
+        model.decoder.embed_feet.weight.mul_(3)
+    assert not torch.allclose(model(x_t, t, M, S)[0], x_raw)
+    cues = foot_cues(x_raw, model.normalizer)[..., -NUM_MOVING:]
+    with torch.no_grad():
+        for layer in model.footwork.layers:
+            layer.gate.weight.normal_()
+    assert not torch.allclose(model.footwork(x_raw, cues), model.footwork(x_raw, 0 * cues))
