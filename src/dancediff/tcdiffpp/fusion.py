@@ -20,9 +20,9 @@ class FusionProjection(nn.Module):
     also where a group of five and a group of three become one problem. Absent dancers are zeros.
 
     Source: TCDiff++ eq. 8; no residual and no norm, as in the released code. With ``residual``
-    (ours) the mixed dancers are added to their own tokens, which learns faster.  Differs: the papers train one model per
-    group size; ours is as wide as ``max_dancers`` and is theirs exactly when ``max_dancers`` equals
-    the group size.
+    (ours) the mixed dancers are added to their own tokens, which learns faster.  Differs: the
+    papers train one model per group size; ours is as wide as ``max_dancers`` and is theirs exactly
+    when ``max_dancers`` equals the group size.
 
     Shapes: h (b, n, f, d), n <= max_dancers -> (b, n, f, d).
 
