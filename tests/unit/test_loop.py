@@ -9,8 +9,16 @@ from torch import nn
 from dancediff.diffusion.schedule import cosine_abar
 from dancediff.motion.representation import Normalizer
 from dancediff.tcdiffpp.fusion import FusionProjection
-from dancediff.training import loss_log
-from dancediff.training.loop import TrainConfig, make_optimizer, schedule_step, train, train_step
+from dancediff.training import loop, loss_log
+from dancediff.training.loop import (
+    TrainConfig,
+    level_weights,
+    losses_of,
+    make_optimizer,
+    schedule_step,
+    train,
+    train_step,
+)
 from dancediff.training.loss_log import LossLog
 
 
@@ -226,3 +234,40 @@ def test_previews_see_the_averaged_model_at_their_steps(tmp_path):
     )
     assert [step for step, _ in seen] == [3, 6]
     assert seen[0][1] != model.gain.item() and averaged is not model
+
+
+class Scaled(Toy):
+    """A toy whose levels can be weighed; it remembers nothing but the levels it was asked for."""
+
+    def __init__(self):
+        super().__init__()
+        self.decoder = SimpleNamespace(precondition=SimpleNamespace(error=lambda abar: 1 - abar))
+
+
+def test_heavy_levels_are_drawn_more_often_and_count_as_much_as_they_should():
+    """The share of a level in all losses is its weight, however often it is drawn."""
+    model, weights = Scaled(), level_weights(1 - cosine_abar().float(), 50.0)
+    counted = []
+
+    def note(*_, weight=None, **__):
+        counted.append(weight)
+        return {"total": weight.sum()}
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(loop, "tcdiffpp_losses", note)
+        for number in range(200):
+            losses_of(model, model, Data(b=64).batch(number), number, TrainConfig(), weights)
+    t, counted = torch.cat([t for t, _ in model.heard]), torch.cat(counted)
+    low, odds = t < 100, weights.sqrt() / weights.sqrt().sum()
+    assert low.float().mean().item() == pytest.approx(odds[:100].sum().item(), abs=0.02)
+    assert low.float().mean() > 0.2
+    share = (counted * low).sum() / counted.sum()
+    assert share.item() == pytest.approx((weights[:100].sum() / weights.sum()).item(), abs=0.03)
+    assert counted.mean().item() == pytest.approx(weights.mean().item(), rel=0.05)
+
+
+def test_level_weight_needs_preconditioning(tmp_path):
+    model = Toy()
+    model.decoder = SimpleNamespace(precondition=None)
+    with pytest.raises(ValueError, match=r"level_weight=50.* needs a model with precondition=True"):
+        train(model, Data(), TrainConfig(steps=1, level_weight=50.0), tmp_path)

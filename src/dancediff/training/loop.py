@@ -159,6 +159,10 @@ def train(
         first = load_checkpoint(checkpoint, model=model, ema=ema, optimizer=optimizer)
     levels = None
     if config.level_weight:
+        if model.decoder.precondition is None:
+            raise ValueError(
+                f"level_weight={config.level_weight} needs a model with precondition=True; use 0"
+            )
         error = model.decoder.precondition.error(model.abar.float())
         levels = level_weights(error, config.level_weight)
     forward = torch.compile(model) if compile_model else model
