@@ -25,6 +25,7 @@ from dancediff.motion.motion import Motion
 from dancediff.motion.representation import pack, unpack
 from dancediff.motion.rotation import slerp
 from dancediff.tcdiffpp.generate import cut_music, denoise_segments, generate, largest_guess
+from dancediff.tcdiffpp.planting import Planting
 from dancediff.tcdiffpp.wish import Wish
 
 AT_ONCE = 8  # segments that go through the network together: memory stays that of 20 s
@@ -134,6 +135,7 @@ def draw_naively(model, song, wish: Wish, *, report=None, dtype=None, ramp: bool
         clamp=largest_guess(model),
         generator=torch.Generator().manual_seed(wish.seed),
         pin=Consistency(wish.overlap),
+        bend=Planting(model.normalizer) if wish.feet == "planted" else None,
         callback=report and (lambda i, total, _: report(i + 1, total)),
         device=device,
     )

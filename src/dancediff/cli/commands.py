@@ -39,6 +39,8 @@ class Generate:
     """Denoising steps."""
     guidance: float = 2.0
     """How much the music matters: 0 not at all, 1 as learned, 2 exaggerated."""
+    feet: Literal["planted", "free"] = "planted"
+    """Keep feet in place that stand, or leave them as the network draws them."""
     swap: tuple[int, ...] | None = None
     """Order at the end: the dancers (counted 0.. from the left at the start), left to right."""
     out: Path = Path("out")
@@ -65,6 +67,7 @@ class Generate:
             seed=self.seed,
             steps=self.steps,
             guidance=self.guidance,
+            feet=self.feet,
             swap=None if self.swap is None else list(self.swap),
             progress=not self.json,
         )

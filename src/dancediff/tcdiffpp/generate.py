@@ -146,6 +146,7 @@ def segments(model, song, wish: Wish, *, report=None, dtype=None) -> Iterator[Te
         pinning=wish.pinning,
         spread=model.spread,
         constraint=known,
+        plant_with=model.normalizer if wish.feet == "planted" else None,
         numbers=wish.numbers,
         redo=_redo(wish),
         seam=wish.seam,
@@ -178,7 +179,17 @@ def _redo(wish: Wish) -> int:
 def _meta(model, song, wish: Wish) -> dict:
     meta = {
         key: getattr(wish, key)
-        for key in ("seed", "seconds", "steps", "sampler", "guidance", "eta", "overlap", "pinning")
+        for key in (
+            "seed",
+            "seconds",
+            "steps",
+            "sampler",
+            "guidance",
+            "eta",
+            "overlap",
+            "pinning",
+            "feet",
+        )
     }
     meta |= {"model": getattr(model, "name", "tcdiffpp"), "song": song.name}
     # the frames in which a segment takes over from the one before; metrics look for faults there

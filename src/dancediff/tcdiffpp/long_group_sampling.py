@@ -25,6 +25,8 @@ from dancediff.diffusion.constraint import Constraint
 from dancediff.diffusion.pinning import MODES, Pinning
 from dancediff.diffusion.samplers import sample
 from dancediff.diffusion.schedule import gaussian
+from dancediff.motion.representation import Normalizer
+from dancediff.tcdiffpp.planting import Planting, held_legs, one_after_the_other
 from dancediff.tcdiffpp.swap_mode import check_order, left_to_right
 
 
@@ -65,6 +67,7 @@ def iter_long_group_sample(
     t_star: int | None = None,
     spread: Tensor | None = None,
     constraint: Constraint | None = None,
+    plant_with: Normalizer | None = None,
     numbers: Tensor | None = None,
     redo: int = 0,
     seam: str = "copy",
@@ -89,6 +92,7 @@ def iter_long_group_sample(
     - ``spread`` (k, d), of each frequency in the training set: with it "renoise" also bends every
       guess so that it sets out from the known frames (`Constraint`); None is RePaint as published.
     - ``constraint``: what is known of the dance beforehand, frame by frame (n, F, d); needs spread.
+    - ``plant_with``: the normaliser of the motion, to plant feet (`Planting`); None: leave them.
     - ``numbers``: the dancers from left to right at the first frame, when the caller has numbered
       them; else they are numbered from the left.
     - ``redo``: so many shared frames are danced again instead of kept, so that a constraint shortly
@@ -138,7 +142,7 @@ def iter_long_group_sample(
             generator=generator,
             x_T=noise[None],
             pin=pin,
-            bend=told and partial(told.dancers(order).bend, spread=spread),
+            bend=_bend(told and told.dancers(order), spread, plant_with, known, (dancers, f)),
             callback=progress and (lambda j, n, _, i=i: progress(i * n + j + 1, segments * n)),
             device=device,
             dtype=dtype,
@@ -174,6 +178,15 @@ def _told(
         return here
     told.mask[:, :k] = False  # they are danced already
     return here.over(told)
+
+
+def _bend(told, spread, normalizer, known: Tensor | None, shape: tuple) -> Callable | None:
+    """What is done to every guess of a segment."""
+    plant = None
+    if normalizer is not None:
+        held = held_legs(told, 0 if known is None else known.shape[1], *shape)
+        plant = Planting(normalizer, held.to(normalizer.low.device))
+    return one_after_the_other(told and partial(told.bend, spread=spread), plant)
 
 
 def relative_order(target: Tensor, order: Tensor) -> Tensor:

@@ -161,6 +161,7 @@ class TCDiffPP(nn.Module):
         overlap: int = 75,
         pinning: str = "renoise",
         seam: str = "copy",
+        feet: str = "planted",
         start=None,
         end=None,
         constraints=(),
@@ -179,6 +180,8 @@ class TCDiffPP(nn.Module):
           from the left in the end; ``swap_at``: when, in seconds (default: at the end).
         - ``overlap``, ``pinning``, ``seam``: how segments of 5 s are joined, see
           `dancediff.tcdiffpp.long_group_sampling`.
+        - ``feet``: "planted" keeps feet in place that stand (`dancediff.motion.foot_planting`);
+          "free" leaves them as the network draws them.
         - ``start``, ``end``: formations, one (x, z) in metres a dancer.  ``constraints``: what
           else must hold (`dancediff.tcdiffpp.control`): paths, parts of another dance.
         - ``progress``: True for a bar, or a function (done, total).
@@ -203,6 +206,7 @@ class TCDiffPP(nn.Module):
             overlap=overlap,
             pinning=pinning,
             seam=seam,
+            feet=feet,
             start=start,
             end=end,
             constraints=constraints,

@@ -16,6 +16,7 @@ from torch import Tensor
 from dancediff.diffusion.pinning import MODES
 from dancediff.tcdiffpp import control
 from dancediff.tcdiffpp.long_group_sampling import SEAMS
+from dancediff.tcdiffpp.planting import FEET
 from dancediff.tcdiffpp.swap_mode import check_order
 
 FPS = 30
@@ -49,6 +50,7 @@ class Wish:
     overlap: int = 75
     pinning: str = "renoise"
     seam: str = "copy"
+    feet: str = "planted"
     start: Any = None
     end: Any = None
     constraints: Any = ()
@@ -65,6 +67,7 @@ class Wish:
         one_of("sampler", self.sampler, ("ddim", "ddpm"))
         one_of("pinning", self.pinning, MODES)
         one_of("seam", self.seam, tuple(SEAMS))
+        one_of("feet", self.feet, FEET)
         if self.swap is not None:
             self.swap = check_order(self.swap, self.dancers)
         elif self.swap_at is not None:

@@ -53,6 +53,7 @@ class Sample:
     overlap: int = 75
     pinning: str = "renoise"
     seam: str = "copy"
+    feet: str = "planted"
     long: str = "lgds"  # or "naive": see `dancediff.baselines.naive_long_sampling`
 
     def __post_init__(self):

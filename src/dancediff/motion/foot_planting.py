@@ -1,0 +1,109 @@
+r"""Foot planting: move the legs of a dance so that a foot which is said to stand does stand.
+
+Read first: notebook 09.
+
+Symbols (axes: f frames · j the ankle and the toe of one foot)
+    x       motion vectors, metres and 6-D rotations                       (..., f, d)
+    p       ankle and toe                                                  (..., f, j, 3)
+    c       how sure it is that they are planted until the next frame      (..., f, j)
+    u       how far the foot is moved                                      (..., f, 3)
+    held    frames whose legs must stay as they are                        (..., f) bool
+"""
+
+import torch
+from torch import Tensor
+
+from dancediff.motion.ik import two_bone_knee
+from dancediff.motion.representation import TCDIFFPP, unpack
+from dancediff.motion.rotation import matrix_to_rot6d, rotation_between
+from dancediff.motion.skeleton import SMPL24, forward_kinematics, world_rotations
+
+STAND = 1e4  # what a step of a planted foot costs; moving a foot by as much costs 1
+SMOOTH = 20.0  # what a change of u from frame to frame costs: u fades within 4 or 5 frames
+HELD = 1e8  # what moving a foot costs where the legs must stay
+STRAIGHT = 0.02  # metres; a knee bent less than that keeps to the front of the thigh
+LOWEST = (0.05, 0.01)  # metres over the floor: ankle, toe; retargeted dances keep to the same
+
+
+def plant_feet(x: Tensor, held: Tensor | None = None) -> Tensor:
+    r"""Let the legs follow feet that stand where x itself says that they stand.
+
+    The feet are moved as little as that takes (`planting_shift`) and keep their direction; hips,
+    knees and ankles follow by two-bone inverse kinematics. The root and everything above it stay
+    as they are, so that a foot out of the leg's reach still slides.
+
+    Source: ours. PhysDiff (Yuan et al. 2023) puts a projection to physically possible motion at
+    the same place, between the network's guess and the next step of sampling.
+
+    Shapes: x (..., f, 151), held (..., f) -> (..., f, 151).
+
+    >>> from dancediff.motion.representation import pack
+    >>> slide = torch.zeros(30, 3)
+    >>> slide[:, 0], slide[:, 1] = torch.linspace(0, 0.2, 30), 0.93    # 20 cm to the left, upright
+    >>> x = pack(torch.ones(30, 4), slide, torch.eye(3).expand(30, 24, 3, 3))
+    >>> _, root, pose = unpack(plant_feet(x))
+    >>> bool(forward_kinematics(pose, root)[:, 7].diff(dim=0).norm(dim=-1).max() < 0.001)
+    True
+    """
+    contact, root, pose = unpack(x)
+    joints, Q = forward_kinematics(pose, root), world_rotations(pose)
+    planted = x.clone()
+    for k, side in enumerate("lr"):
+        leg = [SMPL24.index(side + part) for part in ("hip", "knee", "ankle", "toe")]
+        hip, knee, ankle, toe = joints[..., leg, :].unbind(-2)
+        u = planting_shift(torch.stack([ankle, toe], -2), contact[..., [k, k + 2]], held)
+        bent = _leg(hip, knee, ankle, ankle + u, Q, leg)
+        for joint, R in zip(leg, bent, strict=False):  # the toe stays as it is on the foot
+            planted[..., TCDIFFPP.joint_channels([joint])] = matrix_to_rot6d(R)
+    if held is not None:
+        planted = torch.where(held[..., None], x, planted)
+    return planted
+
+
+def planting_shift(p: Tensor, c: Tensor, held: Tensor | None = None) -> Tensor:
+    r"""How far to move a foot in every frame so that it stands while it is planted.
+
+    $$\min_u \sum_i \Big[\lVert u_i \rVert^2 + S\,\lVert \Delta u_i \rVert^2
+      + H \sum_j c_{ij}\,\lVert \Delta p_{ij} + \Delta u_i \rVert^2\Big]$$
+
+    A stance is moved as a whole to its middle, and in the air the shift fades from one stance to
+    the next. Then feet below the floor are lifted onto it.
+
+    Source: ours.
+
+    Shapes: p (..., f, j, 3) metres, c (..., f, j), held (..., f) -> (..., f, 3) metres.
+
+    >>> slides = torch.linspace(0, 0.1, 5)[:, None, None] * torch.tensor([1.0, 0.0, 0.0]) + 0.05
+    >>> u = planting_shift(slides, torch.ones(5, 1))
+    >>> [round(x, 3) for x in (slides[:, 0] + u)[:, 0].tolist()]      # it stands in the middle
+    [0.1, 0.1, 0.1, 0.1, 0.1]
+    """
+    f = p.shape[-3]
+    w = STAND * c.double().clamp(0, 1)[..., :-1, :]
+    step = p.double().diff(dim=-3)
+    D = torch.eye(f, dtype=w.dtype, device=p.device).diff(dim=0)
+    stay = torch.ones(p.shape[:-2], dtype=w.dtype, device=p.device)
+    if held is not None:
+        stay = stay.masked_fill(held, HELD)
+    A = D.mT @ ((w.sum(-1) + SMOOTH)[..., None] * D) + torch.diag_embed(stay)
+    u = torch.linalg.solve(A, -D.mT @ (w[..., None] * step).sum(-2)).to(p)
+    lowest = p.new_tensor(LOWEST[: p.shape[-2]])
+    lift = (lowest - p[..., 1] - u[..., None, 1]).amax(-1).clamp_min(0)
+    if held is not None:
+        lift = lift.masked_fill(held, 0)
+    return u + lift[..., None] * u.new_tensor([0.0, 1.0, 0.0])
+
+
+def _leg(hip: Tensor, knee: Tensor, ankle: Tensor, target: Tensor, Q: Tensor, leg: list) -> tuple:
+    """Rotations of hip, knee and ankle on their parents that bring the ankle to ``target``.
+
+    Thigh and shin are turned by the shortest way, so they keep their twist; the foot keeps its
+    rotation in the world.
+    """
+    thigh, shin = (SMPL24.offsets[j].norm().item() for j in leg[1:3])
+    front = STRAIGHT * Q[..., leg[0], :, 2]
+    at, reached = two_bone_knee(hip, target, knee - hip + front, thigh, shin)
+    Q_hip = rotation_between(knee - hip, at - hip) @ Q[..., leg[0], :, :]
+    Q_knee = rotation_between(ankle - knee, reached - at) @ Q[..., leg[1], :, :]
+    Q_ankle = Q[..., leg[2], :, :]
+    return Q[..., 0, :, :].mT @ Q_hip, Q_hip.mT @ Q_knee, Q_knee.mT @ Q_ankle

@@ -1,0 +1,131 @@
+"""Foot planting: feet stand, and nothing else moves."""
+
+import numpy as np
+import pytest
+import torch
+
+from dancediff.data.choreographer import choreograph
+from dancediff.metrics.physical import fsr
+from dancediff.motion.foot_planting import (
+    LOWEST,
+    SMOOTH,
+    STAND,
+    plant_feet,
+    planting_shift,
+)
+from dancediff.motion.representation import TCDIFFPP, joints_of, pack, unpack
+from dancediff.motion.skeleton import FOOT_JOINTS, SMPL24, world_rotations
+
+LEGS = [SMPL24.index(side + part) for side in "lr" for part in ("hip", "knee", "ankle")]
+
+
+@pytest.fixture(scope="module")
+def dance():
+    """Two dancers who step, (2, 150, 151)."""
+    return choreograph(np.arange(0.3, 5.5, 0.5), dancers=2, seed=3, seconds=5)[0].features()
+
+
+@pytest.fixture(scope="module")
+def sliding(dance):
+    """The same with a root that wanders 6 cm to and fro: every foot slides."""
+    x = dance.clone()
+    wave = torch.sin(torch.linspace(0, 40, dance.shape[1]))
+    x[..., 4] += 0.06 * wave
+    return x
+
+
+def test_the_shift_minimises_its_equation():
+    """The closed form against a general least-squares solver."""
+    g = torch.Generator().manual_seed(0)
+    p, c = torch.randn(12, 2, 3, generator=g) + 5, torch.rand(12, 2, generator=g)
+    f = len(p)
+    D = torch.eye(f, dtype=torch.float64).diff(dim=0)
+    rows, right = [torch.eye(f, dtype=torch.float64)], [torch.zeros(f, 3, dtype=torch.float64)]
+    rows.append(SMOOTH**0.5 * D)
+    right.append(torch.zeros(f - 1, 3, dtype=torch.float64))
+    for j in range(2):
+        weight = (STAND * c[:-1, j].double()).sqrt()[:, None]
+        rows.append(weight * D)
+        right.append(-weight * p[:, j].double().diff(dim=0))
+    wanted = torch.linalg.lstsq(torch.cat(rows), torch.cat(right)).solution
+    assert torch.allclose(planting_shift(p, c).double(), wanted, atol=1e-5)
+
+
+def test_sliding_feet_come_to_stand(dance, sliding):
+    """Of feet that all slide hardly one still does."""
+    before, after = fsr(joints_of(sliding)), fsr(joints_of(plant_feet(sliding)))
+    assert before > 0.5
+    assert after < fsr(joints_of(dance)) + 0.03
+
+
+def test_only_legs_move(sliding):
+    """Contacts, root, back and arms are the same bits; so are the toes on their feet."""
+    others = [c for c in range(TCDIFFPP.dim) if c not in TCDIFFPP.joint_channels(LEGS)]
+    planted = plant_feet(sliding)
+    assert torch.equal(planted[..., others], sliding[..., others])
+    assert not torch.equal(planted, sliding)
+
+
+def test_feet_keep_their_direction(sliding):
+    """The ankle's rotation in the world is what it was."""
+    ankles = [SMPL24.index("lankle"), SMPL24.index("rankle")]
+    before = world_rotations(unpack(sliding)[2])[..., ankles, :, :]
+    after = world_rotations(unpack(plant_feet(sliding))[2])[..., ankles, :, :]
+    assert torch.allclose(before, after, atol=1e-4)
+
+
+def test_a_dance_whose_feet_stand_stays_as_it_is(dance):
+    """Nothing to do: no joint moves by more than a centimetre, most by under a millimetre."""
+    moved = (joints_of(plant_feet(dance)) - joints_of(dance)).norm(dim=-1)
+    assert moved.max() < 0.03
+    assert moved.median() < 0.001
+
+
+def test_without_contact_nothing_is_planted(sliding):
+    """Where no foot is said to stand, legs stay."""
+    free = sliding.clone()
+    free[..., TCDIFFPP.contact] = 0
+    moved = (joints_of(plant_feet(free)) - joints_of(free)).norm(dim=-1)
+    assert moved.max() < 0.003  # two_bone_knee keeps a thousandth of the leg in reserve
+
+
+def test_held_frames_stay_and_the_next_sets_out_from_there(sliding):
+    """Legs that are known are the same bits; the foot does not jump beside them."""
+    held = torch.zeros(2, 150, dtype=torch.bool)
+    held[:, :60] = True
+    planted = plant_feet(sliding, held)
+    assert torch.equal(planted[:, :60], sliding[:, :60])
+    feet = joints_of(planted)[:, :, FOOT_JOINTS]
+    own = joints_of(sliding)[:, :, FOOT_JOINTS]
+    jump = (feet[:, 60] - feet[:, 59]).norm(dim=-1)
+    assert (jump < (own[:, 60] - own[:, 59]).norm(dim=-1) + 0.01).all()
+
+
+def test_feet_under_the_floor_are_lifted(dance):
+    """A body that sank 10 cm stands on the floor again, on bent knees."""
+    low = dance.clone()
+    low[..., 5] -= 0.1
+    lowest = joints_of(plant_feet(low))[:, :, FOOT_JOINTS, 1].amin()
+    assert joints_of(low)[:, :, FOOT_JOINTS, 1].amin() < -0.05
+    assert lowest > min(LOWEST) - 0.01
+
+
+def test_a_foot_out_of_reach_slides_along():
+    """A root that leaves at 3 m/s drags its feet; nothing breaks, no leg gets longer."""
+    root = torch.zeros(60, 3)
+    root[:, 0], root[:, 1] = torch.linspace(0, 6, 60), 0.93
+    x = pack(torch.ones(60, 4), root, torch.eye(3).expand(60, 24, 3, 3))
+    joints = joints_of(plant_feet(x))
+    assert joints.isfinite().all()
+    shin = (joints[:, 7] - joints[:, 4]).norm(dim=-1)
+    assert torch.allclose(shin, SMPL24.offsets[7].norm().expand(60), atol=1e-4)
+
+
+def test_gradients_are_finite(sliding):
+    """Also where a leg is straight, as in the rest pose."""
+    x = torch.cat([sliding[:1, :20], sliding[:1, :20]])
+    rest = torch.eye(3)[:2].flatten().repeat(24)
+    x[1, :, TCDIFFPP.rot6d] = rest
+    x.requires_grad_()
+    plant_feet(x).square().sum().backward()
+    assert x.grad.isfinite().all()
