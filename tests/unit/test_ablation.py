@@ -16,6 +16,7 @@ from dancediff.tcdiffpp.model import TCDiffPP
 from dancediff.training import ablation
 from dancediff.training.ablation import run_ablation
 from dancediff.training.ablation_config import TRUTH, read_ablation
+from dancediff.training.ablation_table import mean_of_seeds
 from dancediff.training.run import MODELS
 
 TINY = Path(__file__).parents[2] / "configs" / "ablate_tiny.toml"
@@ -313,3 +314,45 @@ def test_command_line(config, tmp_path, capsys, monkeypatch):
     assert "device='toaster'" in capsys.readouterr().err
     assert cli.main(["ablate", "missing.toml"]) == 2
     assert "'missing.toml' does not exist" in capsys.readouterr().err
+
+
+# ---- seeds ----
+
+
+def test_every_variant_is_trained_and_sampled_with_every_seed(config):
+    path = config("[variants.full]\n[variants.naive]\nsample = {long = 'naive'}\n")
+    path.write_text("seeds = [3, 5]\n" + path.read_text())
+    variants = read_ablation(path)
+    assert [v.name for v in variants] == [
+        f"{name}-seed-{seed}" for name in ("full", "naive") for seed in (3, 5)
+    ]
+    assert [v.tables["train"]["seed"] for v in variants] == [3, 5, 3, 5]
+    assert variants[0].training == variants[2].training != variants[1].training
+    assert variants[0].sample.seed != variants[1].sample.seed
+    assert {v.of for v in variants} == {"full", "naive"}
+
+
+@pytest.mark.parametrize("seeds", ["[]", "[1, 1]", "['a']", "3", "[0.5]"])
+def test_seeds_that_are_none_are_refused(config, seeds):
+    path = config("[variants.full]\n")
+    path.write_text(f"seeds = {seeds}\n" + path.read_text())
+    with pytest.raises(ValueError, match="seeds="):
+        read_ablation(path)
+
+
+def test_the_table_has_one_row_for_all_seeds(config, tmp_path):
+    path = config("[variants.full]\n")
+    path.write_text("seeds = [0, 1]\n" + path.read_text())
+    rows = run_ablation(path, tmp_path / "out", evaluate=Judge())
+    values = [row["scores"]["x"]["value"] for row in rows[1:]]
+    assert len(values) == 2 and values[0] != values[1]
+    lines = (tmp_path / "out" / "results.md").read_text().splitlines()
+    mean, low, high = (f"{v:.3g}" for v in (sum(values) / 2, min(values), max(values)))
+    assert lines[3] == f"| full | {mean} [{low}, {high}] |" and len(lines) == 4
+
+
+def test_a_seed_that_failed_is_left_out():
+    good = {"variant": "a-1", "of": "a", "scores": {"x": {"value": 2.0}}}
+    bad = {"variant": "a-0", "of": "a", "failed": "training: no luck"}
+    assert mean_of_seeds([bad, good])[0]["scores"]["x"]["value"] == 2.0
+    assert mean_of_seeds([bad])[0]["failed"] == "training: no luck"

@@ -59,9 +59,7 @@ def test_legs_that_were_asked_for_are_kept(dance_with):
 
 def test_planted_feet_do_not_move_at_a_seam():
     """Known frames are held, so that a long dance takes over where the segment before ended."""
-    dance = dd.load("tcdiffpp").generate(
-        dd.packaged_song(), dancers=2, seconds=10, steps=8, seed=1
-    )
+    dance = dd.load("tcdiffpp").generate(dd.packaged_song(), dancers=2, seconds=10, steps=8, seed=1)
     step = 100 * dance.joints()[:, :, [7, 8, 10, 11]].diff(dim=1).norm(dim=-1)
     seams = [seam - 1 for seam in dance.meta["seams"] if seam < dance.num_frames]
     assert seams

@@ -196,12 +196,16 @@ class Ablate:
         """Train what is missing, dance, measure."""
         from dancediff import hub
         from dancediff.training.ablation import run_ablation
-        from dancediff.training.ablation_table import table
+        from dancediff.training.ablation_table import mean_of_seeds, table
 
         check_folder(self.out)
         devices = tuple(name.strip() for name in self.devices.split(",") if name.strip())
         rows = run_ablation(self.config, self.out, devices=devices, save=hub.save_model)
-        tell(self.json, {"rows": rows}, [table(rows), f"table: {self.out / 'results.md'}"])
+        tell(
+            self.json,
+            {"rows": rows},
+            [table(mean_of_seeds(rows)), f"table: {self.out / 'results.md'}"],
+        )
 
 
 @dataclass

@@ -33,7 +33,7 @@ from dancediff.motion.motion import Motion
 from dancediff.music.synth import synth_song
 from dancediff.tcdiffpp.generate import usable_device
 from dancediff.training.ablation_config import TRUTH, HeldOut, Variant, key_of, read_ablation
-from dancediff.training.ablation_table import metric_scores, table, write_text
+from dancediff.training.ablation_table import mean_of_seeds, metric_scores, table, write_text
 from dancediff.training.run import prepared_takes, train_from_config
 
 _own_device: list[str] = []  # of a worker process
@@ -55,9 +55,9 @@ def run_ablation(
       `Motion` and `Music`; default `dancediff.training.ablation_table.metric_scores`.
     - ``save(model, folder)`` keeps each trained model, for instance `dancediff.hub.save_model`.
 
-    A row is {"variant", "training", "scores"}, or has "failed" (why) instead of scores; a variant
-    that failed does not stop the others, and is tried again next time. The first row is the
-    choreographer's own dances to the same songs.
+    A row is {"variant", "training", "scores"}, with "of" if it is one of several seeds. It has
+    "failed" (why) instead of scores where something went wrong; that does not stop the others, and
+    is tried again next time. The first row is the choreographer's own dances to the same songs.
     Raises: ValueError for a bad config or device, before anything is done.
     """
     variants, out = read_ablation(path), Path(out)
@@ -76,6 +76,7 @@ def run_ablation(
     rows = [{"variant": TRUTH, "scores": _scores(out / "variants" / TRUTH, key, truth, measure)}]
     for variant in variants:
         row = {"variant": variant.name, "training": variant.training}
+        row |= {"of": variant.of} if variant.of else {}
         if variant.name in failed:
             row["failed"] = failed[variant.name]
         else:
@@ -83,7 +84,7 @@ def run_ablation(
             row["scores"] = _scores(folder, variant.key, _dances(variant, out), measure)
         rows.append(row)
     write_text(out / "results.json", json.dumps(rows, indent=2) + "\n")
-    write_text(out / "results.md", table(rows))
+    write_text(out / "results.md", table(mean_of_seeds(rows)))
     return rows
 
 

@@ -2,11 +2,12 @@ r"""What an ablation compares: one TOML file with the tables of a training confi
 
 ``held_out`` says which songs are danced to in the end (`HeldOut`), ``sample`` how (`Sample`), and
 ``variants.NAME`` which keys of ``model``, ``train``, ``weights`` and ``sample`` a variant changes.
+``seeds = [0, 1, 2]`` at the top trains and samples every variant that often.
 A variant that switches to another ``class`` of model keeps the sizes that both have.
 """
 
 import json
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields, replace
 from hashlib import sha256
 
 from dancediff.data.corpus import SIZES
@@ -14,6 +15,7 @@ from dancediff.training.loop import TrainConfig
 from dancediff.training.run import MODELS, check_tables, read_toml
 
 SHORTEST = 3.0  # seconds in which every synthetic song has the beats a dance needs
+SEED_STRIDE = 100_000  # more than there are held-out songs: no song meets the same noise twice
 TRUTH = "choreographer"  # the row of the dances that were made, not learned
 _CHANGEABLE = ("model", "train", "weights", "sample")  # all are measured on the same songs
 
@@ -70,6 +72,7 @@ class Variant:
     tables: dict = field(repr=False)
     sample: Sample
     held_out: HeldOut
+    of: str = ""  # what several seeds are seeds of
 
     @property
     def training(self) -> str:
@@ -98,6 +101,9 @@ def read_ablation(path) -> list[Variant]:
     """
     config, source = read_toml(path), repr(str(path))
     variants = config.pop("variants", {})
+    seeds = config.pop("seeds", None)
+    if seeds is not None and not (isinstance(seeds, list) and seeds and _different(seeds)):
+        raise ValueError(f"{source}: seeds={seeds!r} must be different whole numbers, as [0, 1, 2]")
     if not isinstance(variants, dict) or not variants:
         raise ValueError(f"{source} has no [variants.NAME]; add one, it may be empty")
     for name, changes in variants.items():
@@ -109,10 +115,23 @@ def read_ablation(path) -> list[Variant]:
             if table not in _CHANGEABLE:
                 allowed = ", ".join(_CHANGEABLE)
                 raise ValueError(f"{source}: variant {name!r} changes {table!r}, not {allowed}")
-    return [
+    found = [
         _variant(name, changes, config, f"{source}, variant {name!r}")
         for name, changes in variants.items()
     ]
+    return found if seeds is None else [_seeded(v, seed) for v in found for seed in seeds]
+
+
+def _different(seeds: list) -> bool:
+    return len(set(seeds)) == len(seeds) and all(type(seed) is int for seed in seeds)
+
+
+def _seeded(variant: Variant, seed: int) -> Variant:
+    """The variant, trained and sampled with other random numbers."""
+    tables = variant.tables | {"train": variant.tables["train"] | {"seed": seed}}
+    sample = replace(variant.sample, seed=variant.sample.seed + SEED_STRIDE * seed)
+    name = f"{variant.name}-seed-{seed}"
+    return replace(variant, name=name, tables=tables, sample=sample, of=variant.name)
 
 
 def _variant(name: str, changes: dict, config: dict, source: str) -> Variant:

@@ -54,6 +54,37 @@ def table(rows: list[dict]) -> str:
     return text + ("\n" + "\n".join(notes) + "\n" if notes else "")
 
 
+def mean_of_seeds(rows: list[dict]) -> list[dict]:
+    """One row for all seeds of a variant: the mean, from the lowest to the highest seed.
+
+    Seeds that failed are left out; a variant without any that did not has failed.
+
+    >>> rows = [{"variant": f"full-{k}", "of": "full", "scores": {"BAS": {"value": v}}}
+    ...         for k, v in enumerate((0.2, 0.6))]
+    >>> mean_of_seeds(rows)[0]["scores"]["BAS"]
+    {'value': 0.4, 'low': 0.2, 'high': 0.6}
+    """
+    groups: dict[str, list[dict]] = {}
+    for row in rows:
+        groups.setdefault(row.get("of", row["variant"]), []).append(row)
+    return [same[0] if "of" not in same[0] else _mean(name, same) for name, same in groups.items()]
+
+
+def _mean(name: str, rows: list[dict]) -> dict:
+    done = [row["scores"] for row in rows if "scores" in row]
+    if not done:
+        return {"variant": name, "failed": rows[0]["failed"]}
+    scores = {}
+    for metric in done[0]:
+        values = [score[metric]["value"] for score in done]
+        known = [value for value in values if value is not None]
+        interval = {"value": None, "low": None, "high": None}
+        if known:
+            interval = {"value": sum(known) / len(known), "low": min(known), "high": max(known)}
+        scores[metric] = done[0][metric] | interval
+    return {"variant": name, "scores": scores}
+
+
 _ARROWS = {"down": "↓", "up": "↑"}
 
 
