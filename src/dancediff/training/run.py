@@ -16,6 +16,7 @@ from dancediff.music.features import MusicNormalizer
 from dancediff.tcdiffpp.losses import LossWeights
 from dancediff.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 from dancediff.training.distributed import World
+from dancediff.training.lodge import train_lodge
 from dancediff.training.loop import TrainConfig, train
 
 MIN_SPAN = 0.2  # of a channel's range, in metres or matrix entries
@@ -136,9 +137,16 @@ def train_from_config(
     ``world`` and ``preview``: see `dancediff.training.loop.train`; a world brings its own device.
 
     ``data``, else ``folder`` in the config, is a prepared folder whose training split replaces the
-    choreographed corpus; ``takes`` does so directly. Raises: ValueError for a bad config or folder.
+    choreographed corpus; ``takes`` does so directly. With ``class = "Lodge"`` all of it is up to
+    `dancediff.training.lodge.train_lodge`, and ``takes`` are of its class `Solo`.
+
+    Raises: ValueError for a bad config or folder.
     """
-    config = read_config(path)
+    raw = read_toml(path)
+    if raw.get("model", {}).get("class") == "Lodge":
+        options = {"device": device, "world": world, "preview": preview, "resume": resume}
+        return train_lodge(raw, out, source=repr(str(path)), solos=takes, data=data, **options)
+    config = check_tables(raw, repr(str(path)))
     settings = TrainConfig(**config["train"], weights=LossWeights(**config["weights"]))
     model_class, config_class = MODELS[config["model"].pop("class", "TCDiffPP")]
     sizes = config_class(**config["model"])
