@@ -1,6 +1,6 @@
 r"""Lodge: a long song in, a long dance out.
 
-Read first: notebook 13 · Lodge section 3 · `dancediff.lodge.parallel`.
+Read first: notebook 12 · Lodge section 3 · `dancediff.lodge.parallel`.
 
 Symbols (axes: n dancers · F frames of the dance · d motion features)
     global stage   music of 34 s -> primitives, see `dancediff.lodge.global_diffusion`

@@ -72,7 +72,8 @@ class Critic:
 
     Source: Lodge section 3.4, eq. 9.  Differs: the released code trains it beside the generator in
     every step; alternating (ours) takes half the time, and it learns faster than the generator
-    anyway. Its moments are not kept when a run is stopped, its weights are.
+    anyway. Its moments are not kept when a run is stopped, its weights are; of several processes
+    each has its own.
 
     ``file``: where its weights are kept; with ``resume`` they are read from there.
     """

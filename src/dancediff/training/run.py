@@ -54,7 +54,7 @@ def check_tables(config: dict, source: str) -> dict:
     """
     kind = config.get("model", {}).get("class", "TCDiffPP")
     if kind not in MODELS:
-        raise ValueError(f"{source}: class {kind!r} is not one of {', '.join(MODELS)}")
+        raise ValueError(f"{source}: class {kind!r} is not one of {', '.join(MODELS)}, Lodge")
     known = {
         "data": _CORPUS | _WINDOWS,
         "model": {f.name for f in fields(MODELS[kind][1])} | {"class"},
