@@ -238,3 +238,34 @@ def test_two_stages_make_one_model(model):
     whole = Lodge.of(model.global_stage, model.local_stage).eval()
     assert whole.config == model.config
     assert torch.equal(make(whole).pose, make(model).pose)
+
+
+def test_bfloat16_dance_is_close(model):
+    # no noise in between: what differs is rounding alone
+    options = {"steps": 4, "eta": 0.0, "guidance": 1.0}
+    exact, short = make(model, **options), make(model, dtype=torch.bfloat16, **options)
+    far = make(model, seed=9, **options)
+    error = (exact.joints() - short.joints()).norm(dim=-1).mean()
+    assert 0 < error < 0.2 * (exact.joints() - far.joints()).norm(dim=-1).mean()
+
+
+def test_leaves_the_model_and_the_sources_of_chance_as_they_were(model):
+    torch.manual_seed(7)
+    expected = torch.rand(1)
+    torch.manual_seed(7)
+    model.train()
+    make(model)
+    assert torch.equal(torch.rand(1), expected)
+    assert model.training and all(p.requires_grad for p in model.parameters())
+    model.eval()
+
+
+def test_ddpm_takes_all_steps():
+    sizes = LodgeConfig(
+        GlobalConfig(**TINY, music_frames=256, local_frames=64, num_steps=12),
+        LocalConfig(**TINY, num_frames=64, num_steps=12),
+    )
+    seen = []
+    small = Lodge(sizes).eval()
+    make(small, sampler="ddpm", steps=5, progress=lambda i, n: seen.append((i, n)))
+    assert seen == [(k, 24) for k in range(1, 25)]
