@@ -294,3 +294,17 @@ def test_the_class_in_the_file_decides(solos, tmp_path):
     model = train_from_config(path, tmp_path / "run", takes=solos)
     assert isinstance(model, Lodge)
     assert model.abar.equal(cosine_abar(1000))
+
+
+def test_stages_can_be_trained_one_at_a_time(solos, tmp_path):
+    whole = train_lodge(TABLES, tmp_path / "whole", solos=solos)
+    others = {"global": {"local", "fine_tune"}, "local": {"global", "fine_tune"}}
+    for stage in ("global", "local", "fine_tune"):
+        off = others.get(stage, {"global", "local"})
+        tables = TABLES | {f"train_{name}": {"steps": 0} for name in off}
+        model = train_lodge(tables, tmp_path / "parts", solos=solos)
+    for name, value in whole.state_dict().items():
+        assert torch.equal(model.state_dict()[name], value), name
+    (tmp_path / "parts" / "global" / "checkpoint.safetensors").write_bytes(b"damaged")
+    with pytest.raises(ValueError, match=r"checkpoint\.safetensors is no checkpoint"):
+        train_lodge(tables, tmp_path / "parts", solos=solos)

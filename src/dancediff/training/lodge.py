@@ -5,7 +5,8 @@ Tables of the file
     [model]                   class = "Lodge"
     [global_stage]            see GlobalConfig;  [local_stage]  see LocalConfig
     [train]                   see TrainConfig, for all stages
-    [train_global], [train_local], [train_fine_tune]        what differs from it
+    [train_global], [train_local], [train_fine_tune]        what differs from it; with steps = 0 a
+                              stage is not trained, and taken from its folder if it is there
     [weights_global], [weights_local], [weights_fine_tune]  see LodgeWeights
     [discriminator]           see DiscriminatorConfig; only with this table there is one
 """
@@ -25,6 +26,7 @@ from dancediff.lodge.model import Lodge, LodgeConfig
 from dancediff.lodge.parallel import layout_of
 from dancediff.motion.representation import Normalizer
 from dancediff.music.features import MusicNormalizer
+from dancediff.training.checkpoint import load_average
 from dancediff.training.distributed import World
 from dancediff.training.lodge_data import Solo, SoloWindows, prepared_solos, solos_of
 from dancediff.training.lodge_losses import Critic, lodge_losses_of
@@ -142,8 +144,6 @@ def train_lodge(
     windows = _windows(tables, solos, sizes)
     fit_stage(model, windows)
     for stage in ("local", "fine_tune"):
-        if settings[stage] is None:
-            continue
         critic = _critic(tables, sizes, settings[stage], out / stage, common)
         losses = lodge_losses_of(clean=stage == "fine_tune", critic=critic)
         show = preview and (lambda made, step: preview(Lodge.of(first, made).eval(), step))
@@ -188,7 +188,7 @@ def _windows(
 
 
 def _critic(tables, sizes: LodgeConfig, settings, folder: Path, common: dict) -> Critic | None:
-    if "discriminator" not in tables:
+    if "discriminator" not in tables or settings is None:
         return None
     fixed = {"num_frames": sizes.num_frames, "genres": sizes.genres}
     return Critic(
@@ -206,7 +206,8 @@ def _run(model, windows, settings, folder: Path, losses, common: dict, preview=N
     """Train one stage; returns the averaged model, ready to be trained on."""
     model = model.to(common["device"])
     if settings is None:
-        return model
+        kept = folder / "checkpoint.safetensors"
+        return load_average(kept, model) if kept.exists() else model
     averaged = train(
         model,
         windows,
