@@ -9,8 +9,8 @@ from dancediff import hub
 from dancediff.lodge.global_diffusion import GlobalConfig
 from dancediff.lodge.group import canon_delays, in_group, late, nearest, places
 from dancediff.lodge.local_diffusion import LocalConfig
-from dancediff.lodge.model import Lodge, LodgeConfig, genre_for
-from dancediff.lodge.style import GENRES
+from dancediff.lodge.model import Lodge, LodgeConfig
+from dancediff.lodge.style import GENRES, genre_for
 from dancediff.motion.mirror import mirror_features
 from dancediff.motion.representation import LODGE, Normalizer
 from dancediff.music.song import Music

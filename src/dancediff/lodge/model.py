@@ -7,7 +7,6 @@ Symbols (axes: n dancers · F frames of the dance · d motion features)
     local stage    music of 8.5 s and cues -> dance, see `dancediff.lodge.local_diffusion`
 """
 
-import math
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -15,14 +14,13 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from dancediff.data.choreographer.genres import GENRES as TEMPOS
 from dancediff.lodge.global_diffusion import GlobalConfig, GlobalDenoiser
 from dancediff.lodge.group import RELATIONS, canon_delays, in_group, places
 from dancediff.lodge.guidance import guided_steps
 from dancediff.lodge.local_diffusion import LocalConfig, LocalDenoiser
 from dancediff.lodge.parallel import Sampling, dance, layout_of
 from dancediff.lodge.stitch import plan
-from dancediff.lodge.style import GENRES, genre_number
+from dancediff.lodge.style import genre_for, genre_number
 from dancediff.motion.motion import Motion
 from dancediff.motion.representation import LODGE, pack, unpack, whole_pose
 from dancediff.music.beats import beat_frames
@@ -30,34 +28,6 @@ from dancediff.tcdiffpp.generate import generate
 from dancediff.tcdiffpp.wish import Wish, one_of
 
 MAX_DANCERS = 5  # for whom there are formations
-
-
-def genres() -> list[str]:
-    """Names of the genres that a Lodge model with default sizes knows.
-
-    >>> genres()[:3]
-    ['hiphop', 'popping', 'locking']
-    """
-    return list(GENRES)
-
-
-def genre_for(tempo: float, genres: tuple[str, ...]) -> str:
-    """The genre whose usual tempos have their middle nearest, as a ratio, to the song's.
-
-    Genres whose tempo nobody wrote down are not chosen, unless there is no other; without a beat
-    (``tempo`` nan) it is the first.
-
-    >>> genre_for(125.0, GENRES), genre_for(80.0, GENRES), genre_for(float("nan"), GENRES)
-    ('house', 'contemporary', 'hiphop')
-    """
-    known = [name for name in genres if name in TEMPOS]
-    if not known or math.isnan(tempo):
-        return (known or genres)[0]
-
-    def far(name: str) -> float:
-        return abs(math.log(tempo / (sum(TEMPOS[name].tempo) / 2)))
-
-    return min(known, key=far)
 
 
 @dataclass
