@@ -110,12 +110,7 @@ def row_noise(like: Tensor, generators) -> Tensor:
     >>> torch.equal(row_noise(x, new())[1:], row_noise(x[1:], new()[1:]))
     True
     """
-    options = {"device": like.device, "dtype": like.dtype}
-    if generators is None or isinstance(generators, torch.Generator):
-        return gaussian(like.shape, generator=generators, **options)
-    if len(generators) != len(like):
-        raise ValueError(f"{len(generators)} generators for {len(like)} rows; give one each")
-    return torch.stack([gaussian(like.shape[1:], generator=g, **options) for g in generators])
+    return gaussian(like.shape, generator=generators, device=like.device, dtype=like.dtype)
 
 
 @dataclass

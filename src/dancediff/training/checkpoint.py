@@ -54,5 +54,19 @@ def load_checkpoint(path, *, model: nn.Module, ema: EMA, optimizer) -> int:
         raise ValueError(f"{path} is no checkpoint of this model: {err}") from err
 
 
+def load_average(path, model: nn.Module) -> nn.Module:
+    """Put a checkpoint's averaged weights into a model; returns it.
+
+    Raises: ValueError naming the file when it is no checkpoint of this model.
+    """
+    try:
+        with safe_open(path, "pt") as file:
+            tensors = {k: file.get_tensor(k) for k in file.keys() if k.startswith("ema.")}
+        model.load_state_dict(_part(tensors, "ema."))
+    except (SafetensorError, OSError, RuntimeError) as err:
+        raise ValueError(f"{path} is no checkpoint of this model: {err}") from err
+    return model
+
+
 def _part(tensors: dict, prefix: str) -> dict:
     return {k.removeprefix(prefix): v for k, v in tensors.items() if k.startswith(prefix)}
