@@ -11,8 +11,10 @@ from safetensors.torch import load_file
 
 from dancediff.lodge.global_diffusion import GlobalConfig, GlobalDenoiser
 from dancediff.lodge.local_diffusion import LocalConfig
+from dancediff.lodge.losses import l_critic, l_genre
 from dancediff.lodge.model import Lodge, LodgeConfig
 from dancediff.lodge.parallel import GLOBALS, Sampling, sample_rows, style_tokens
+from dancediff.metrics.rows import ALIKE, METRICS
 from dancediff.training import lodge
 from dancediff.training.lodge_data import Solo
 
@@ -58,6 +60,16 @@ def test_l09_adan_at_1e_4_can_be_asked_for(solos, tmp_path):
     assert 0 < moved.abs().max() < 1e-3
 
 
+def test_l11_the_hinge_is_content_with_a_margin():
+    """Paper: the logarithm of eq. 9, whose gradient never ends."""
+    for form, rest in (({}, 0.0), ({"form": "log"}, 0.2)):
+        real, made = torch.tensor([1.5]), torch.tensor([-1.5]).requires_grad_()
+        l_critic(real, made, **form).backward()
+        assert made.grad.item() == pytest.approx(rest, abs=0.05)
+    made = torch.tensor([3.0])
+    assert l_genre(made).item() == -3.0 and l_genre(made, form="log").item() > 0
+
+
 def test_l21_the_averaged_weights_are_danced_with(solos, tmp_path):
     """The released code averages too, and then dances with the last weights."""
     model = lodge.train_lodge(TABLES, tmp_path, solos=solos)
@@ -66,6 +78,15 @@ def test_l21_the_averaged_weights_are_danced_with(solos, tmp_path):
         weight = part.trunk.embed.weight
         assert torch.equal(weight, kept["ema.trunk.embed.weight"])
         assert not torch.equal(weight, kept["model.trunk.embed.weight"])
+
+
+def test_l22_diversity_is_right_where_the_reference_has_it():
+    """The paper calls the highest the best; noise has a higher one than any dance."""
+    dances = torch.randn(40, 32, generator=torch.Generator().manual_seed(0))
+    for name in ("Div_k", "Div_g"):
+        metric = next(metric for metric in METRICS if metric.name == name)
+        assert metric.arrow == ALIKE
+        assert metric.compare(3 * dances, dances) > 2 * metric.compare(dances, dances)
 
 
 def test_l23_fine_tuning_sees_whole_locals(solos, tmp_path, monkeypatch):
