@@ -114,6 +114,20 @@ def test_soft_cues_pull_the_more_the_longer_they_are_held(stages):
     assert miss(1.0) < miss(0.0)
 
 
+def test_a_long_dance_stays_where_it_is(stages):
+    """Without ``home`` every segment goes on from where the last one got to."""
+    fine = LocalDenoiser(LocalConfig(**TINY, num_frames=n))
+    fine.precondition.spread.copy_(1 / (1 + torch.arange(n))[:, None] ** 2)  # slow parts are large
+    walk = torch.linspace(0, 1, n)[None, :, None]
+    fine.forward = lambda x_t, t, M, style, *, keep: 2 * (walk.expand(*x_t.shape),)
+    ends = {
+        home: make((stages[0], fine), 9 * n, home=home)[n - 1 :: n, [4, 6]].abs()
+        for home in (True, False)
+    }
+    assert ends[True].max() < 0.3
+    assert ends[False].max() > 8
+
+
 def test_one_style_for_all_segments(stages):
     how = Sampling(seed=4)
     a = style_tokens(stages[1], 2, 3, how)

@@ -136,6 +136,7 @@ class Lodge(nn.Module):
         seed: int = 0,
         genre: str | None = None,
         soft: float = 1.0,
+        home: bool = True,
         mirror: bool = True,
         beat_align: bool = True,
         steps: int = 50,
@@ -154,6 +155,7 @@ class Lodge(nn.Module):
         - ``song``: a `Music`.  ``seconds``: how much of it, from its start; default all.
         - ``genre``: one of ``config.genres``; default: by the song's tempo, see `genre_for`.
         - ``soft``: for which share of the steps the dance is held at its soft cues, 0 to 1.
+        - ``home``: come back to the same place every 8.5 s; without it a dancer may walk off.
         - ``mirror``: dance each soft cue a second time, mirrored.  ``beat_align``: on beats.
         - ``dancers``: 1 to 5, all with the same solo, in a ``formation`` ("line", "V", ...);
           ``relation`` "unison", "canon" (each 4 beats later than the one to her left) or "mirror".
@@ -180,6 +182,7 @@ class Lodge(nn.Module):
             formation=formation,
             relation=relation,
             soft=soft,
+            home=bool(home),
             mirror=bool(mirror),
             beat_align=bool(beat_align),
         )
@@ -204,6 +207,7 @@ class Lodge(nn.Module):
         motion.meta |= {
             "genre": genre or genre_for(song.tempo, self.config.genres),
             "soft": soft,
+            "home": bool(home),
             "mirror": bool(mirror),
             "beat_align": bool(beat_align),
             "seams": self.seams(song, motion, relation),

@@ -195,9 +195,10 @@ def sample_locals(
     how: Sampling,
     *,
     soft: float = 1.0,
+    home: bool = True,
     callback: Callable[[], None] | None = None,
 ) -> Tensor:
-    """Second stage: dance from cue to cue.
+    """Second stage: dance from cue to cue; with ``home`` each segment ends where it began.
 
     Shapes: M (l, f, m) raw, cues in metres, style (l, d_model) -> (l, f, d) metres, on the CPU.
     Raises: ValueError for ``soft`` outside 0 ... 1.
@@ -212,6 +213,7 @@ def sample_locals(
         soft=soft,
         channels=cues.channels,
         spread=model.spread,
+        home=model.normalizer.normalize(cues.value.new_zeros(LODGE.dim)) if home else None,
         generators=how.generators(SOFT_CUES, len(M)),
     )
     M = model.music_normalizer.normalize(M.to(model.abar.device))
@@ -240,6 +242,7 @@ def dance(
     genre: int,
     how: Sampling | None = None,
     soft: float = 1.0,
+    home: bool = True,
     mirror: bool = True,
     beat_align: bool = True,
     report: Callable[[int, int], None] | None = None,
@@ -247,7 +250,9 @@ def dance(
     """Both stages, and what lies around and between them.
 
     ``soft``: share of the steps in which soft cues are held.  ``mirror``, ``beat_align``: see
-    `make_cues`.  ``report(done, total)`` counts denoising steps.
+    `make_cues`.  ``home``: every segment ends where it began, so that a long dance stays on the
+    stage; a model without preconditioning cannot be asked to.  ``report(done, total)`` counts
+    denoising steps.
 
     Source: Lodge "Parallel Inference".  Differs: songs of any length (`plan`), beats and sections
     of the song place and repeat the cues, and the root goes on over the seams (`stitch`).
@@ -281,6 +286,7 @@ def dance(
         style_tokens(local_stage, genre, L, how),
         how,
         soft=soft,
+        home=home,
         callback=tick,
     )
     return stitch(x)[:frames]
