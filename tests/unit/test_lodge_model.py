@@ -163,8 +163,8 @@ def test_unison_is_the_solo_on_each_place(model):
 
 def test_canon_is_late_by_four_beats_and_has_more_seams(model):
     solo, group = make(model), make(model, dancers=2, relation="canon")
-    assert torch.allclose(group.pose[1, 60:], solo.pose[0, :-60], atol=1e-6)
-    assert torch.allclose(group.pose[1, :60], solo.pose[0, :1].expand(60, -1, -1, -1), atol=1e-6)
+    assert torch.allclose(group.pose[1, 68:], solo.pose[0, 8:-60], atol=1e-6)
+    assert torch.allclose(group.pose[1, :52], solo.pose[0, :1].expand(52, -1, -1, -1), atol=1e-6)
     assert solo.meta["seams"] == [64, 128]
     assert group.meta["seams"] == [64, 124, 128]  # 64 + 60; 128 + 60 is past the end
 
@@ -189,7 +189,20 @@ def test_formations_grow_until_nobody_collides():
 
 def test_late_never_runs_out():
     x = torch.arange(3.0)[:, None]
-    assert late(x, 99).flatten().tolist() == [0.0, 0.0, 0.0]
+    assert late(x, 99, ease=0).flatten().tolist() == [0.0, 0.0, 0.0]
+    assert late(x, 99).flatten().tolist() == [0.0, 0.125, 0.5]
+    assert torch.equal(late(x, 0), x)
+
+
+def test_late_dancers_get_going_without_a_jerk():
+    """Held still and let go at once, the first step of a walk is a jump of its speed."""
+    walk = torch.arange(99.0)[:, None]
+    jerk = {ease: late(walk, 30, ease=ease).diff(n=2, dim=0).abs().max() for ease in (0, 8)}
+    assert jerk[0] == 1 and jerk[8] < 0.1
+    assert torch.equal(late(walk, 30)[38:], walk[8:-30])
+
+
+def test_nobody_is_late_forever():
     assert canon_delays(2, np.array([4])) == [0, 60]
 
 

@@ -4,6 +4,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from safetensors.torch import load_file
 
 from dancediff import hub
 from dancediff.data.choreographed import make_choreographed
@@ -16,6 +17,7 @@ from dancediff.lodge.model import Lodge
 from dancediff.lodge.primitives import LAYOUT, Layout, primitives_of
 from dancediff.motion.mirror import mirror_features
 from dancediff.motion.representation import LODGE, Normalizer
+from dancediff.training.checkpoint import load_extra
 from dancediff.training.lodge import (
     check_lodge_tables,
     fit_stage,
@@ -222,16 +224,6 @@ def test_the_discriminator_learns_every_second_time_and_only_from_its_own_loss()
     assert terms["critic"] < 0.5, "black from white must be told apart; it starts near 1"
 
 
-def test_the_discriminator_is_kept(tmp_path):
-    c = critic(file=tmp_path / "d.safetensors")
-    with torch.no_grad():
-        next(c.D.parameters()).fill_(0.5)
-    c.save()
-    again = critic(file=tmp_path / "d.safetensors", resume=True)
-    assert next(again.D.parameters()).eq(0.5).all()
-    assert [p.name for p in tmp_path.iterdir()] == ["d.safetensors"]
-
-
 TABLES = {
     "data": {"windows_per_batch": 2, "mirror": 0.5},
     "model": {"class": "Lodge"},
@@ -258,7 +250,10 @@ def test_all_stages_are_trained_and_make_one_model(solos, tmp_path):
         logged(tmp_path / "local")[0]
     )
     assert "genre" not in logged(tmp_path / "global")[0]
-    assert (tmp_path / "fine_tune" / "discriminator.safetensors").exists()
+    for stage in ("local", "fine_tune"):
+        kept = load_extra(tmp_path / stage / "checkpoint.safetensors")
+        assert {name.split(".")[0] for name in kept} == {"weights", "moments"}
+    assert load_extra(tmp_path / "global" / "checkpoint.safetensors") == {}
     hub.save_model(model, tmp_path / "model", card="tiny", dtype=torch.float32)
     again = hub.load(tmp_path / "model")
     for name, value in model.state_dict().items():
@@ -271,6 +266,30 @@ def test_a_finished_run_is_not_done_again(solos, tmp_path):
     for name, value in first.state_dict().items():
         assert torch.equal(again.state_dict()[name], value), name
     assert len(logged(tmp_path / "local")) == 2
+
+
+def test_a_stopped_run_goes_on_bit_by_bit_with_its_discriminator(solos, tmp_path):
+    """Weights and moments of both networks; the discriminator's were lost before."""
+    steps = {"steps": 4, "preview_every": 2, "save_every": 2}
+    tables = TABLES | {"discriminator": TINY, "train_local": steps}
+    tables |= {"train_global": {"steps": 0}, "train_fine_tune": {"steps": 0}}
+
+    def stop(made, step):
+        raise KeyboardInterrupt
+
+    train_lodge(tables, tmp_path / "whole", solos=solos)
+    with pytest.raises(KeyboardInterrupt):
+        train_lodge(tables, tmp_path / "parts", solos=solos, preview=stop)
+    train_lodge(tables, tmp_path / "parts", solos=solos, resume=True)
+    whole, parts = (
+        load_file(tmp_path / k / "local" / "checkpoint.safetensors") for k in ("whole", "parts")
+    )
+    assert whole.keys() == parts.keys() and any(name.startswith("extra.moments") for name in whole)
+    for name, value in whole.items():
+        assert torch.equal(value, parts[name]), name
+    other = tables | {"discriminator": TINY | {"d_model": 32}}
+    with pytest.raises(ValueError, match="no discriminator of this config"):
+        train_lodge(other, tmp_path / "parts", solos=solos, resume=True)
 
 
 def test_level_weights_and_bf16(solos, tmp_path):

@@ -19,6 +19,7 @@ from dancediff.motion.mirror import mirror_features
 from dancediff.motion.representation import LODGE
 
 RELATIONS = ("unison", "canon", "mirror")
+EASE = 8  # frames before and after a late start in which a dancer gets going
 CANON_BEATS = 4  # between one dancer's start and the next one's
 WITHOUT_BEATS = 60  # frames; four beats at 120 a minute
 WIDEST = 3.0  # times the formation's size
@@ -55,8 +56,8 @@ def canon_delays(dancers: int, beats: np.ndarray) -> list[int]:
 def in_group(x: Tensor, slots: np.ndarray, *, relation: str = "unison", delay=None) -> Tensor:
     """Copies of a solo on their places.
 
-    "unison": all the same. "canon": each ``delay`` frames later, standing in the first pose until
-    then. "mirror": dancers on the right are the mirror images of those on the left.
+    "unison": all the same. "canon": each ``delay`` frames later, in the first pose until then and
+    slowly out of it. "mirror": dancers on the right are the mirror images of those on the left.
 
     A solo that travels may bring copies closer than the 0.75 m at which the choreographer keeps its
     dancers, where they do not travel alike; the formation is then made wider, up to three times.
@@ -83,14 +84,28 @@ def in_group(x: Tensor, slots: np.ndarray, *, relation: str = "unison", delay=No
     return y
 
 
-def late(x: Tensor, frames: int) -> Tensor:
-    """Start later, and end before the dance does; (F, d) -> (F, d).
+def late(x: Tensor, frames: int, *, ease: int = EASE) -> Tensor:
+    r"""Start later, and end before the dance does.
 
-    >>> late(torch.arange(4.0)[:, None], 2).flatten().tolist()
-    [0.0, 0.0, 0.0, 1.0]
+    $$\tau = \begin{cases} 0 & t \le -E \\ (t + E)^2 / 4E & -E < t < E \\ t & t \ge E \end{cases}$$
+
+    At t frames after her turn she is where the first dancer was in frame tau: she sets out E =
+    ``ease`` frames early and slowly, and is exactly ``frames`` late from E frames after on. Feet
+    step where the first dancer's did.
+
+    Shapes: (F, d) -> (F, d).
+
+    >>> late(torch.arange(8.0)[:, None], 4, ease=2).flatten().tolist()
+    [0.0, 0.0, 0.0, 0.125, 0.5, 1.125, 2.0, 3.0]
     """
     frames = min(frames, len(x) - 1)
-    return torch.cat([x[:1].expand(frames, -1), x[: len(x) - frames]])
+    ease = min(ease, frames)
+    t = torch.arange(len(x), dtype=torch.float64) - frames
+    if ease:
+        t = torch.where(t < ease, (t + ease).clamp_min(0) ** 2 / (4 * ease), t)
+    before = t.clamp_min(0).floor().long()
+    after, w = (before + 1).clamp_max(len(x) - 1), (t.clamp_min(0) - before).to(x)[:, None]
+    return x[before] * (1 - w) + x[after] * w
 
 
 def _wide_enough(path: Tensor, home: Tensor) -> float:

@@ -150,9 +150,8 @@ def train_lodge(
         critic = _critic(tables, sizes, settings[stage], out / stage, common)
         losses = lodge_losses_of(clean=stage == "fine_tune", critic=critic)
         show = preview and (lambda made, step: preview(Lodge.of(first, made).eval(), step))
-        model = _run(model, windows, settings[stage], out / stage, losses, common, show)
-        if critic is not None:
-            critic.save()
+        extra = critic and critic.state
+        model = _run(model, windows, settings[stage], out / stage, losses, common, show, extra)
     return Lodge.of(first, model).eval()
 
 
@@ -198,14 +197,12 @@ def _critic(tables, sizes: LodgeConfig, settings, folder: Path, common: dict) ->
         DiscriminatorConfig(**fixed | tables["discriminator"]),
         lr=settings.lr,
         weight=settings.weights.critic,
-        file=folder / "discriminator.safetensors",
-        resume=common["resume"],
-        save_every=settings.save_every,
+        checkpoint=folder / "checkpoint.safetensors" if common["resume"] else None,
         device=common["device"],
     )
 
 
-def _run(model, windows, settings, folder: Path, losses, common: dict, preview=None):
+def _run(model, windows, settings, folder: Path, losses, common: dict, preview=None, extra=None):
     """Train one stage; returns the averaged model, ready to be trained on."""
     model = model.to(common["device"])
     if settings is None:
@@ -220,5 +217,6 @@ def _run(model, windows, settings, folder: Path, losses, common: dict, preview=N
         world=common["world"],
         preview=preview,
         losses=losses,
+        extra=extra,
     )
     return averaged.requires_grad_(True)

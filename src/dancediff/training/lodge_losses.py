@@ -12,13 +12,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 import torch
-from safetensors.torch import load_file, save_file
 from torch import Tensor
 
 from dancediff.lodge.genre_discriminator import DiscriminatorConfig, GenreDiscriminator
 from dancediff.lodge.global_diffusion import GlobalDenoiser
 from dancediff.lodge.guidance import clean_borders
 from dancediff.lodge.losses import l_critic, l_diversity, l_focus, l_genre, lodge_losses
+from dancediff.training.checkpoint import load_extra
 from dancediff.training.noise import noised, settled, to_network
 
 
@@ -72,10 +72,9 @@ class Critic:
 
     Source: Lodge section 3.4, eq. 9.  Differs: the released code trains it beside the generator in
     every step; alternating (ours) takes half the time, and it learns faster than the generator
-    anyway. Its moments are not kept when a run is stopped, its weights are; of several processes
-    each has its own.
+    anyway. Of several processes each has its own.
 
-    ``file``: where its weights are kept; with ``resume`` they are read from there.
+    ``checkpoint``: read its weights and moments from there, if it exists; `state` is what to keep.
     """
 
     def __init__(
@@ -84,16 +83,37 @@ class Critic:
         *,
         lr: float,
         weight: float = 0.1,
-        file: Path | None = None,
-        resume: bool = False,
-        save_every: int = 500,
+        checkpoint: Path | None = None,
         device="cpu",
     ):
         self.D = GenreDiscriminator(config).to(device)
-        self.file, self.save_every, self.weight = file, save_every, weight
-        if resume and file is not None and file.exists():
-            self.D.load_state_dict(load_file(file))
+        self.weight = weight
         self.optimizer = torch.optim.AdamW(self.D.parameters(), lr=lr, betas=(0.5, 0.99))
+        if checkpoint is not None and checkpoint.exists():
+            self._load(load_extra(checkpoint), checkpoint)
+
+    def state(self) -> dict[str, Tensor]:
+        """Weights and moments, by name."""
+        kept = {f"weights.{k}": v for k, v in self.D.state_dict().items()}
+        for i, moments in self.optimizer.state_dict()["state"].items():
+            kept |= {f"moments.{i}.{k}": torch.as_tensor(v) for k, v in moments.items()}
+        return kept
+
+    def _load(self, kept: dict[str, Tensor], source: Path) -> None:
+        weights, moments = {}, {}
+        for name, value in kept.items():
+            kind, key = name.split(".", 1)
+            if kind == "weights":
+                weights[key] = value
+            else:
+                i, key = key.split(".", 1)
+                moments.setdefault(int(i), {})[key] = value
+        try:
+            self.D.load_state_dict(weights)
+        except RuntimeError as err:
+            raise ValueError(f"{source} holds no discriminator of this config: {err}") from err
+        groups = self.optimizer.state_dict()["param_groups"]
+        self.optimizer.load_state_dict({"state": moments, "param_groups": groups})
 
     def terms(
         self, x_hat: Tensor, x_0: Tensor, M: Tensor, genre: Tensor, number: int, g: torch.Generator
@@ -102,8 +122,6 @@ class Critic:
         terms = {}
         if number % 2:
             terms["critic"] = self.learn(x_hat.detach(), x_0, M, genre)
-            if (number + 1) % self.save_every == 0:
-                self.save()
         self.D.requires_grad_(False)  # the generator's gradient goes through it, not into it
         logits = self.D.logits(x_hat, M)
         self.D.requires_grad_(True)
@@ -123,15 +141,3 @@ class Critic:
         torch.nn.utils.clip_grad_norm_(self.D.parameters(), 1.0)
         self.optimizer.step()
         return loss.detach()
-
-    def save(self) -> None:
-        """Write its weights, whole or not at all."""
-        if self.file is None:
-            return
-        self.file.parent.mkdir(parents=True, exist_ok=True)
-        part = self.file.with_name(f".{self.file.name}.part")
-        try:
-            save_file({k: v.contiguous() for k, v in self.D.state_dict().items()}, part)
-            part.replace(self.file)
-        finally:
-            part.unlink(missing_ok=True)

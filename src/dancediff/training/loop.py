@@ -139,6 +139,7 @@ def train(
     world: World | None = None,
     preview: Callable | None = None,
     losses: Callable | None = None,
+    extra: Callable[[], dict[str, Tensor]] | None = None,
 ):
     """Train ``model`` in place on ``data.batch(number)``; returns the averaged model.
 
@@ -146,7 +147,8 @@ def train(
     TensorBoard is installed. With ``resume`` it goes on from the checkpoint there, if there is one.
     The model may be on any device; batches follow it. ``world``: the processes that share the work;
     the first of them writes. ``preview(averaged model, step)`` is called every
-    ``config.preview_every`` steps. ``losses``: what to do with a batch instead of `losses_of`.
+    ``config.preview_every`` steps. ``losses``: what to do with a batch instead of `losses_of`;
+    ``extra()``: what it must remember, kept in the checkpoint.
 
     Raises: RuntimeError naming the step when the gradient is not finite; the weights are then
     those before that step.
@@ -176,7 +178,13 @@ def train(
             return
         log.flush()  # first, so that the log never lacks a step which the checkpoint has
         save_checkpoint(
-            checkpoint, model=model, ema=ema, optimizer=optimizer, step=step, config=settings
+            checkpoint,
+            model=model,
+            ema=ema,
+            optimizer=optimizer,
+            step=step,
+            config=settings,
+            extra=None if extra is None else extra(),
         )
 
     with LossLog(out / "losses.csv" if world.first else None, first) as log:
