@@ -17,6 +17,7 @@ _HOME = {
     "Motion": "dancediff.motion.motion",
     "choreograph": "dancediff.data.choreographer",
     "evaluate": "dancediff.metrics.report",
+    "genres": "dancediff.lodge.style",
     "load": "dancediff.hub",
     "packaged_models": "dancediff.hub",
     "packaged_song": "dancediff.hub",

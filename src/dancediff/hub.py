@@ -1,12 +1,13 @@
 r"""Model folders: save, load, and the models and the song that come with the package.
 
 A model folder holds ``config.json`` (class and sizes), ``model.safetensors`` (weights and
-normalisers) and ``card.md``. No pickle is ever read. Files are written under a temporary name and
-renamed, so a stop in between leaves the old file or the new one.
+normalisers) and ``card.md``; a Lodge has ``global.safetensors`` and ``local.safetensors`` instead.
+No pickle is ever read. Files are written under a temporary name and renamed, so a stop in between
+leaves the old file or the new one.
 """
 
 import json
-from dataclasses import asdict, fields
+from dataclasses import asdict, is_dataclass
 from pathlib import Path
 
 import torch
@@ -15,16 +16,25 @@ from safetensors.torch import load_file, save_file
 
 from dancediff import __version__
 from dancediff.baselines.edge import EDGE, EDGEConfig
+from dancediff.lodge.model import Lodge, LodgeConfig
 from dancediff.music.song import Music
 from dancediff.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 
 ASSETS = Path(__file__).parent / "assets"
 SONG = "studio_floor"
-_CLASSES = {"TCDiffPP": (TCDiffPP, TCDiffPPConfig), "EDGE": (EDGE, EDGEConfig)}
+_CLASSES = {
+    "TCDiffPP": (TCDiffPP, TCDiffPPConfig),
+    "EDGE": (EDGE, EDGEConfig),
+    "Lodge": (Lodge, LodgeConfig),
+}
+_FILES = {"Lodge": {"global": "global_stage.", "local": "local_stage."}}  # whose weights lie where
+_ONE_FILE = {"model": ""}
 _LARGEST, _MOST_LAYERS = 4096, 64  # a size beyond is a damaged config, not a model
 
 
-def save_model(model: TCDiffPP | EDGE, folder, *, card: str = "", dtype=torch.float16) -> Path:
+def save_model(
+    model: TCDiffPP | EDGE | Lodge, folder, *, card: str = "", dtype=torch.float16
+) -> Path:
     """Write a model folder; weights in ``dtype``, normalisers always in full precision.
 
     Raises: ValueError when a weight is not finite, or too large for ``dtype``.
@@ -45,8 +55,9 @@ def save_model(model: TCDiffPP | EDGE, folder, *, card: str = "", dtype=torch.fl
     folder.mkdir(parents=True, exist_ok=True)
     part = folder / ".model.part"
     try:
-        save_file(tensors, part)
-        part.replace(folder / "model.safetensors")
+        for name, prefix in _FILES.get(config["class"], _ONE_FILE).items():
+            save_file(_under(tensors, prefix), part)
+            part.replace(folder / f"{name}.safetensors")
         for name, text in (("config.json", json.dumps(config, indent=2) + "\n"), ("card.md", card)):
             part.write_text(text, encoding="utf-8")
             part.replace(folder / name)
@@ -73,7 +84,7 @@ def packaged_song() -> Music:
     return Music.load(ASSETS / "songs" / f"{SONG}.ogg")
 
 
-def load(name, *, device: str = "cpu") -> TCDiffPP | EDGE:
+def load(name, *, device: str = "cpu") -> TCDiffPP | EDGE | Lodge:
     """Load a packaged model by name, or a model folder by path.
 
     Raises: ValueError naming what is wrong with it and which names there are.
@@ -101,13 +112,17 @@ def load(name, *, device: str = "cpu") -> TCDiffPP | EDGE:
         raise ValueError(f"device={device!r} cannot be used here: {err}; choose 'cpu'") from err
 
 
-def _read(folder: Path) -> TCDiffPP | EDGE:
+def _read(folder: Path) -> TCDiffPP | EDGE | Lodge:
     stored = json.loads((folder / "config.json").read_text(encoding="utf-8"))
     if stored["class"] not in _CLASSES:
         raise ValueError(f"class {stored['class']!r} is not one of {', '.join(_CLASSES)}")
     model_class, config_class = _CLASSES[stored["class"]]
-    config = config_class(**_checked(stored["config"], config_class))
-    tensors = load_file(folder / "model.safetensors")
+    config = _config(stored["config"], config_class())
+    tensors = {
+        prefix + key: value
+        for name, prefix in _FILES.get(stored["class"], _ONE_FILE).items()
+        for key, value in load_file(folder / f"{name}.safetensors").items()
+    }
     with torch.device("meta"):  # takes no memory, however much the config asks for
         wanted = model_class(config).state_dict()
     for key in sorted(wanted.keys() | tensors.keys()):
@@ -121,15 +136,32 @@ def _read(folder: Path) -> TCDiffPP | EDGE:
     return model
 
 
-def _checked(config: dict, config_class) -> dict:
-    defaults = {f.name: f.default for f in fields(config_class)}
-    for key, value in config.items():
-        if key not in defaults:
+def _under(tensors: dict, prefix: str) -> dict:
+    return {k.removeprefix(prefix): v for k, v in tensors.items() if k.startswith(prefix)}
+
+
+def _config(stored: dict, defaults):
+    """The config that was stored, of the class of ``defaults``; every entry is checked first."""
+    values = {}
+    for key, value in stored.items():
+        if key not in vars(defaults):
             raise ValueError(f"config has an unknown entry {key!r}")
-        kind = type(defaults[key])
-        if kind is not float and type(value) is not kind:
-            raise ValueError(f"config {key}={value!r} should be {kind.__name__}")
-        largest = _MOST_LAYERS if key == "num_layers" else _LARGEST
-        if kind is int and not 0 < value <= largest:
-            raise ValueError(f"config {key}={value} is not in 1..{largest}")
-    return config
+        default = getattr(defaults, key)
+        if is_dataclass(default):
+            values[key] = _config(value, default)
+        else:
+            values[key] = _checked(key, value, type(default))
+    return type(defaults)(**values)
+
+
+def _checked(key: str, value, kind: type):
+    if kind is tuple:
+        if type(value) is not list or not all(type(name) is str for name in value):
+            raise ValueError(f"config {key}={value!r} should be a list of names")
+        return tuple(value)
+    if kind is not float and type(value) is not kind:
+        raise ValueError(f"config {key}={value!r} should be {kind.__name__}")
+    largest = _MOST_LAYERS if key == "num_layers" else _LARGEST
+    if kind is int and not 0 < value <= largest:
+        raise ValueError(f"config {key}={value} is not in 1..{largest}")
+    return value

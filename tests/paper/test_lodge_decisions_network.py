@@ -43,6 +43,18 @@ def test_l07_label_is_ankle_12_and_toe_5_centimetres():
     assert label_of([0.13, 0.13, 0.06, 0.06]) == [0, 0, 0, 0]
 
 
+def test_l08_music_is_pooled_only_if_asked():
+    """Paper: downsampled by two transformer layers. Released: 1024 tokens."""
+    sizes = {k: v for k, v in SIZES.items() if k != "num_frames"}
+    M, t = torch.randn(1, 64, 35), torch.tensor([9])
+    tokens = {}
+    for asked in ({}, {"pool": 4}):
+        model = GlobalDenoiser(GlobalConfig(**sizes, music_frames=64, local_frames=32, **asked))
+        tokens[model.config.pool] = model.trunk.conditions(M, t, None)[0].shape[1]
+    assert tokens == {1: 64, 4: 16}
+    assert GlobalConfig.paper().pool == 1
+
+
 def test_l10_equations_5_to_7_are_off_until_fine_tuning_and_small_then():
     names = ("jvel", "jacc", "contact")
     for weights in (LodgeWeights.coarse(), LodgeWeights.local()):

@@ -173,3 +173,17 @@ def test_help_does_not_import_torch():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.stderr.strip() == "False"
+
+
+def test_options_of_one_model_are_refused_for_another():
+    class Model:
+        name = "solo"
+
+        def generate(self, song, *, genre=None):
+            """Knows of genres only."""
+
+    from dancediff.cli.commands import possible
+
+    assert possible(Model(), {"genre": "salsa", "soft": None}) == {"genre": "salsa"}
+    with pytest.raises(ValueError, match=r"--soft 0\.5 is not for the model 'solo'"):
+        possible(Model(), {"soft": 0.5})

@@ -13,7 +13,7 @@ from dancediff.motion.foot_planting import (
     plant_feet,
     planting_shift,
 )
-from dancediff.motion.representation import TCDIFFPP, joints_of, pack, unpack
+from dancediff.motion.representation import LODGE, TCDIFFPP, joints_of, pack, unpack
 from dancediff.motion.skeleton import FOOT_JOINTS, SMPL24, world_rotations
 
 LEGS = [SMPL24.index(side + part) for side in "lr" for part in ("hip", "knee", "ankle")]
@@ -64,6 +64,12 @@ def test_only_legs_move(sliding):
     planted = plant_feet(sliding)
     assert torch.equal(planted[..., others], sliding[..., others])
     assert not torch.equal(planted, sliding)
+
+
+def test_lodges_vector_is_planted_like_the_other(sliding):
+    """Without hands, the same legs."""
+    planted = plant_feet(sliding[..., : LODGE.dim], spec=LODGE)
+    assert torch.equal(planted, plant_feet(sliding)[..., : LODGE.dim])
 
 
 def test_feet_keep_their_direction(sliding):

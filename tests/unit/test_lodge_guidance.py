@@ -4,6 +4,7 @@ import torch
 from dancediff.diffusion.samplers import sample
 from dancediff.diffusion.schedule import cosine_abar
 from dancediff.lodge.guidance import (
+    FLOOR,
     CueGuidance,
     clean_borders,
     cue_channels,
@@ -179,6 +180,20 @@ def test_bending_leaves_the_root_and_a_guess_that_is_right():
     assert (bent - x)[..., 7:].abs().max() > 0.1
     torch.testing.assert_close(guidance.bend(guidance.value, 0.5), guidance.value)
     assert torch.equal(cues().bend(x, 0.5), x)  # no spread: the paper's
+
+
+def test_home_is_where_segments_end_and_nothing_else_of_the_root():
+    home = torch.full((LODGE.dim,), 0.25)
+    away = cues(soft=0, spread=spread(), home=home)
+    walk = torch.linspace(0, 3, 64)[None, :, None].expand(2, 64, LODGE.dim)
+    for guess in (away.bend(walk, 0.5), dance(away, lambda x, t: walk, bend=away.bend)):
+        assert (guess[:, [0, -1]][..., FLOOR] - 0.25).abs().max() < 1e-3
+        assert guess[:, :, FLOOR].diff(dim=1).abs().max() < 0.2, "the whole way turns, no jump"
+    height = LODGE.root.start + 1
+    assert torch.equal(away.bend(walk, 0.5)[..., height], walk[..., height])
+    assert (cues(soft=0, spread=spread()).bend(walk, 0.5)[:, -1, FLOOR] == 3).all()
+    first = away.rows(0, 1).bend(walk[:1], 0.5)
+    assert torch.allclose(first, away.bend(walk, 0.5)[:1])
 
 
 def test_soft_cues_bend_in_the_steps_in_which_they_are_held():

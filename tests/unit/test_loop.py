@@ -236,17 +236,9 @@ def test_previews_see_the_averaged_model_at_their_steps(tmp_path):
     assert seen[0][1] != model.gain.item() and averaged is not model
 
 
-class Scaled(Toy):
-    """A toy whose levels can be weighed; it remembers nothing but the levels it was asked for."""
-
-    def __init__(self):
-        super().__init__()
-        self.decoder = SimpleNamespace(precondition=SimpleNamespace(error=lambda abar: 1 - abar))
-
-
 def test_heavy_levels_are_drawn_more_often_and_count_as_much_as_they_should():
     """The share of a level in all losses is its weight, however often it is drawn."""
-    model, weights = Scaled(), level_weights(1 - cosine_abar().float(), 50.0)
+    model, weights = Toy(), level_weights(1 - cosine_abar().float(), 50.0)
     counted = []
 
     def note(*_, weight=None, **__):
@@ -267,7 +259,5 @@ def test_heavy_levels_are_drawn_more_often_and_count_as_much_as_they_should():
 
 
 def test_level_weight_needs_preconditioning(tmp_path):
-    model = Toy()
-    model.decoder = SimpleNamespace(precondition=None)
     with pytest.raises(ValueError, match=r"level_weight=50.* needs a model with precondition=True"):
-        train(model, Data(), TrainConfig(steps=1, level_weight=50.0), tmp_path)
+        train(Toy(), Data(), TrainConfig(steps=1, level_weight=50.0), tmp_path)

@@ -1,6 +1,7 @@
 """The commands, each with its options; torch is imported when one runs."""
 
 import importlib.metadata
+import inspect
 import operator
 import platform
 from dataclasses import dataclass
@@ -43,6 +44,10 @@ class Generate:
     """Keep feet in place that stand, or leave them as the network draws them."""
     swap: tuple[int, ...] | None = None
     """Order at the end: the dancers (counted 0.. from the left at the start), left to right."""
+    genre: str | None = None
+    """Of a Lodge model: what to dance; default: by the song's tempo."""
+    soft: float | None = None
+    """Of a Lodge model: how long, 0 to 1, the dance is held at its key motions; default 1."""
     out: Path = Path("out")
     """Folder for the results."""
     formats: str = ",".join(FORMATS)
@@ -60,6 +65,7 @@ class Generate:
         packaged = self.song in ("packaged", hub.SONG)
         song = hub.packaged_song() if packaged else hub.Music.load(self.song)
         model = hub.load(self.model)
+        wishes = {"swap": self.swap and list(self.swap), "genre": self.genre, "soft": self.soft}
         dance = model.generate(
             song,
             dancers=operator.index(self.dancers),
@@ -68,14 +74,26 @@ class Generate:
             steps=self.steps,
             guidance=self.guidance,
             feet=self.feet,
-            swap=None if self.swap is None else list(self.swap),
             progress=not self.json,
+            **possible(model, wishes),
         )
         files = write_all(self.out, formats, dance, song)
         facts = {"files": files, "dancers": dance.num_dancers, "frames": dance.num_frames}
         who = "1 dancer" if dance.num_dancers == 1 else f"{dance.num_dancers} dancers"
         lines = [f"{who}, {dance.duration:.1f} s, to {song.name!r}:", *(f"  {f}" for f in files)]
         tell(self.json, facts | dance.meta, lines)
+
+
+def possible(model, wishes: dict) -> dict:
+    """The options that were given, if they are for this model.
+
+    Raises: ValueError naming the option and the model.
+    """
+    given = {name: value for name, value in wishes.items() if value is not None}
+    for name, value in given.items():
+        if name not in inspect.signature(model.generate).parameters:
+            raise ValueError(f"--{name} {value} is not for the model {model.name!r}; leave it out")
+    return given
 
 
 @dataclass

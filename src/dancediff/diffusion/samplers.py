@@ -19,7 +19,7 @@ import torch
 from torch import Tensor
 
 from dancediff.diffusion.pinning import Pinning
-from dancediff.diffusion.schedule import abar_at, gaussian
+from dancediff.diffusion.schedule import Generators, abar_at, gaussian
 
 
 def ddim_times(steps: int, num_steps: int = 1000) -> list[int]:
@@ -47,7 +47,7 @@ def ddim_step(
     abar: Tensor,
     *,
     eta: float = 0.0,
-    generator: torch.Generator | None = None,
+    generator: Generators = None,
 ) -> Tensor:
     r"""One reverse step $x_t \to x_{t'}$ with $t' = $ ``t_next`` ($-1$ means "clean").
 
@@ -89,7 +89,7 @@ def ddpm_step(
     t: int,
     abar: Tensor,
     *,
-    generator: torch.Generator | None = None,
+    generator: Generators = None,
 ) -> Tensor:
     r"""One step $x_t \to x_{t-1}$, drawn from the posterior $q(x_{t-1} \mid x_t, \hat x_0)$.
 
@@ -119,22 +119,20 @@ def ddpm_step(
     return mean + _noise(math.sqrt((1 - a_next) / (1 - a) * beta), x_t, generator)
 
 
-def _noise(sigma: float, like: Tensor, generator: torch.Generator | None) -> Tensor | float:
+def _noise(sigma: float, like: Tensor, generator: Generators) -> Tensor | float:
     """Draw sigma z; a sampler without noise leaves the generator untouched."""
     if sigma == 0:
         return 0.0
     return sigma * gaussian(like.shape, generator=generator, device=like.device, dtype=like.dtype)
 
 
-def _forward(
-    x: Tensor, t: int, t_later: int, abar: Tensor, generator: torch.Generator | None
-) -> Tensor:
+def _forward(x: Tensor, t: int, t_later: int, abar: Tensor, generator: Generators) -> Tensor:
     """Noise x from step t up to ``t_later`` (RePaint's way to repeat a step)."""
     a = abar_at(abar, t_later) / abar_at(abar, t)
     return math.sqrt(a) * x + _noise(math.sqrt(1 - a), x, generator)
 
 
-def _first(x_T: Tensor | None, shape: tuple, generator: torch.Generator | None) -> Tensor:
+def _first(x_T: Tensor | None, shape: tuple, generator: Generators) -> Tensor:
     if x_T is None:
         return gaussian(shape, generator=generator)
     if x_T.shape != shape:
@@ -151,7 +149,7 @@ def sample(
     sampler: str = "ddim",
     steps: int = 50,
     eta: float = 1.0,
-    generator: torch.Generator | None = None,
+    generator: Generators = None,
     x_T: Tensor | None = None,
     pin: Pinning | None = None,
     bend: Callable[[Tensor, float], Tensor] | None = None,
@@ -172,6 +170,8 @@ def sample(
     - ``pin``: holds the first frames at known motion (`dancediff.diffusion.pinning.Pinning`).
     - ``bend(x0_hat, abar) -> x0_hat``: brings every guess in line with what is known
       (`dancediff.diffusion.constraint.Constraint.bend`).
+    - ``generator``: one for all noise, or a list of one for each row of the batch, so that rows are
+      the same whatever others are sampled with them.
     - ``resample``: take each step this often, adding its noise back in between, so that pinned and
       free frames have time to agree (RePaint); costs as many times the network calls.
     - ``callback(i, total, x0_hat)`` runs after step i, to draw pictures or a progress bar.

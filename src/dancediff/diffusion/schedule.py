@@ -10,9 +10,12 @@ Symbols (axes: b batch · n dancers · f frames · d motion features; t is ALWAY
 """
 
 import math
+from collections.abc import Sequence
 
 import torch
 from torch import Tensor
+
+Generators = torch.Generator | Sequence[torch.Generator] | None
 
 
 def cosine_abar(num_steps: int = 1000) -> Tensor:
@@ -82,22 +85,30 @@ def q_sample(x_0: Tensor, t: int | Tensor, abar: Tensor, eps: Tensor) -> Tensor:
 def gaussian(
     shape,
     *,
-    generator: torch.Generator | None = None,
+    generator: Generators = None,
     device: torch.device | str = "cpu",
     dtype: torch.dtype = torch.float32,
 ) -> Tensor:
     """Standard normal noise that is the same on every device.
 
     It is drawn on the CPU in float32 and then moved, so a seed means the same dance on a laptop
-    and on a GPU (up to rounding inside the network).
+    and on a GPU (up to rounding inside the network). With a list of generators each draws its own
+    row, so that rows can be sampled together or apart.
 
     Shapes: -> shape.
-    Raises: ValueError for a generator that lives on another device.
+    Raises: ValueError for a generator that lives on another device, or not as many as rows.
 
-    >>> a, b = (gaussian((2, 3), generator=torch.Generator().manual_seed(0)) for _ in range(2))
-    >>> torch.equal(a, b)
+    >>> def new():
+    ...     return [torch.Generator().manual_seed(k) for k in range(3)]
+    >>> together = gaussian((3, 2), generator=new())
+    >>> torch.equal(together[1:], gaussian((2, 2), generator=new()[1:]))
     True
     """
+    if isinstance(generator, Sequence):
+        if len(generator) != shape[0]:
+            raise ValueError(f"{len(generator)} generators for {shape[0]} rows; give one each")
+        rows = [gaussian(shape[1:], generator=g, device=device, dtype=dtype) for g in generator]
+        return torch.stack(rows)
     if generator is not None and generator.device.type != "cpu":
         raise ValueError(f"generator is on {generator.device}; use torch.Generator() (CPU)")
     return torch.randn(tuple(shape), generator=generator).to(device=device, dtype=dtype)

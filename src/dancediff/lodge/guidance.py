@@ -7,6 +7,7 @@ Symbols (axes: l local segments · f frames · d motion features)
     hard_frames   first and last 4 of each segment: held at every step      (l, f) bool
     soft_frames   around beats: held in the first share ``soft`` of steps   (l, f) bool
     channels      which features a cue speaks of: all but the root          (d,) bool
+    home          a place on the floor, normalised, where segments begin and end    (d,), x and z
     soft          $s$: 0 = hard cues only, 1 = at every step but the last
     times         the sampler's steps, from T - 1 down to -1 ("clean")
 """
@@ -24,6 +25,7 @@ from dancediff.diffusion.schedule import abar_at, gaussian, q_sample
 from dancediff.motion.representation import LODGE
 
 BORDER = 4  # frames: half a hard primitive
+FLOOR = [LODGE.root.start, LODGE.root.start + 2]  # features: where on the floor, x and z
 
 
 def cue_channels() -> Tensor:
@@ -110,12 +112,7 @@ def row_noise(like: Tensor, generators) -> Tensor:
     >>> torch.equal(row_noise(x, new())[1:], row_noise(x[1:], new()[1:]))
     True
     """
-    options = {"device": like.device, "dtype": like.dtype}
-    if generators is None or isinstance(generators, torch.Generator):
-        return gaussian(like.shape, generator=generators, **options)
-    if len(generators) != len(like):
-        raise ValueError(f"{len(generators)} generators for {len(like)} rows; give one each")
-    return torch.stack([gaussian(like.shape[1:], generator=g, **options) for g in generators])
+    return gaussian(like.shape, generator=generators, device=like.device, dtype=like.dtype)
 
 
 @dataclass
@@ -136,7 +133,9 @@ class CueGuidance:
     With a ``spread`` (a model with preconditioning) `bend` also turns every guess towards the hard
     cues, in the way a dance could turn (`dancediff.diffusion.constraint.Constraint`), so that the
     free frames run into them without a jump; with ``bend_soft`` towards the soft cues as well, in
-    the steps in which they are held.
+    the steps in which they are held, and with ``home`` towards that place in the first and last
+    frame. Windows begin in the middle of the floor; segments that end there too do not add up to a
+    walk off the stage. It is never pasted: the network sees it coming and steps there.
 
     Source: Lodge section 3.2 and its pseudocode.  Differs: the released code pastes soft cues
     without noise under DDIM, has hard cues only from the second input on, and cannot do a single
@@ -162,6 +161,7 @@ class CueGuidance:
     channels: Tensor = field(default_factory=cue_channels)
     spread: Tensor | None = None
     bend_soft: bool = False
+    home: Tensor | None = None
     generators: Sequence[torch.Generator] | torch.Generator | None = None
 
     def __post_init__(self):
@@ -210,11 +210,18 @@ class CueGuidance:
 
     @cached_property
     def _hard_only(self) -> Constraint:
-        return Constraint(self.hard.cpu(), self.value.cpu())
+        return self._constraint(self.hard)
 
     @cached_property
     def _both(self) -> Constraint:
-        return Constraint((self.hard | self.soft_only).cpu(), self.value.cpu())
+        return self._constraint(self.hard | self.soft_only)
+
+    def _constraint(self, mask: Tensor) -> Constraint:
+        mask, value = mask.cpu().clone(), self.value.cpu().clone()
+        if self.home is not None:
+            for end in (0, -1):
+                mask[:, end, FLOOR], value[:, end, FLOOR] = True, self.home[FLOOR].to(value)
+        return Constraint(mask, value)
 
     def rows(self, start: int, stop: int) -> "CueGuidance":
         """The part for some of the segments, to dance them in chunks."""

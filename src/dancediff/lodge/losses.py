@@ -187,6 +187,7 @@ def lodge_losses(
     *,
     weights: LodgeWeights,
     x_raw: Tensor | None = None,
+    weight: Tensor | None = None,
 ) -> dict[str, Tensor]:
     r"""All terms of eq. 8 but the discriminator's, unweighted and by name, and their sum "total".
 
@@ -194,7 +195,8 @@ def lodge_losses(
     the Foot Refine Block starts from a dance and not from anything it likes; the other terms are
     taken on x_hat. A term of weight 0 is reported and costs no backward pass.
 
-    Shapes: (..., f, d) normalised -> dict of scalars.
+    Shapes: (..., f, d) normalised; weight (b,) of each row in every term, see
+    `dancediff.training.loop.level_weights` -> dict of scalars.
 
     >>> norm = Normalizer(-torch.ones(139), torch.ones(139))
     >>> x = torch.rand(2, 8, 139)
@@ -205,6 +207,12 @@ def lodge_losses(
     contact, root, joints = joints_of(normalizer.unnormalize(x_hat.float()))
     with torch.no_grad():  # the truth needs no graph
         contact_0, root_0, joints_0 = joints_of(normalizer.unnormalize(x_0.float()))
+    if weight is not None:  # every term is quadratic in these; heights alone are not
+        if weights.contact_by == "height":
+            raise ValueError("weight= does not go with contact_by='height'; use 'label'")
+        parts = (x_hat, x_0, x_hat if x_raw is None else x_raw, root, root_0, joints, joints_0)
+        scaled = [x * weight.sqrt().reshape(-1, *(1,) * (x.ndim - 1)) for x in parts]
+        x_hat, x_0, x_raw, root, root_0, joints, joints_0 = scaled
     recon = l_recon(x_hat, x_0)
     if x_raw is not None:
         recon = 0.5 * (recon + l_recon(x_raw, x_0))

@@ -103,7 +103,9 @@ def stitch(x: Tensor, *, blend: int = 8, spec: MotionSpec = LODGE) -> Tensor:
     it is: contacts and rotations meet because both sides hold half of one hard primitive.
 
     Source: ours; the paper says "coherent", the released code only concatenates, and its dancers
-    jump back to the middle every 256 frames.
+    jump back to the middle every 256 frames. That a dance does not walk off the stage is the
+    sampler's affair (``home`` of `dancediff.lodge.guidance.CueGuidance`): moving a finished path
+    would make planted feet slide.
 
     Shapes: x (L, n, d) metres and 6-D rotations -> (L n, d).  Units of velocities: metres a frame.
     Raises: ValueError for a blend outside 0 ... n / 2.

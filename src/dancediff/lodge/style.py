@@ -8,6 +8,8 @@ Symbols (axes: b batch · g genres · d channels)
     style   the token                                        (b, d_model)
 """
 
+import math
+
 import torch
 from torch import Tensor, nn
 
@@ -15,6 +17,34 @@ from dancediff.data.choreographer.genres import GENRES as CHOREOGRAPHED
 
 GENRES = (*CHOREOGRAPHED, "indian")  # those of the choreographer, and of the captured solos
 STYLES = ("mapping", "embedding")
+
+
+def genres() -> list[str]:
+    """Names of the genres that a Lodge model with default sizes knows.
+
+    >>> genres()[:3]
+    ['hiphop', 'popping', 'locking']
+    """
+    return list(GENRES)
+
+
+def genre_for(tempo: float, genres: tuple[str, ...]) -> str:
+    """The genre whose usual tempos have their middle nearest, as a ratio, to the song's.
+
+    Genres whose tempo nobody wrote down are not chosen, unless there is no other; without a beat
+    (``tempo`` nan) it is the first.
+
+    >>> genre_for(125.0, GENRES), genre_for(80.0, GENRES), genre_for(float("nan"), GENRES)
+    ('house', 'contemporary', 'hiphop')
+    """
+    known = [name for name in genres if name in CHOREOGRAPHED]
+    if not known or math.isnan(tempo):
+        return (known or genres)[0]
+
+    def far(name: str) -> float:
+        return abs(math.log(tempo / (sum(CHOREOGRAPHED[name].tempo) / 2)))
+
+    return min(known, key=far)
 
 
 def genre_number(name: str, genres: tuple[str, ...]) -> int:

@@ -14,7 +14,7 @@ import torch
 from torch import Tensor
 
 from dancediff.motion.ik import two_bone_knee
-from dancediff.motion.representation import TCDIFFPP, unpack
+from dancediff.motion.representation import TCDIFFPP, MotionSpec, unpack, whole_pose
 from dancediff.motion.rotation import matrix_to_rot6d, rotation_between
 from dancediff.motion.skeleton import SMPL24, forward_kinematics, world_rotations
 
@@ -25,7 +25,7 @@ STRAIGHT = 0.02  # metres; a knee bent less than that keeps to the front of the 
 LOWEST = (0.05, 0.01)  # metres over the floor: ankle, toe; retargeted dances keep to the same
 
 
-def plant_feet(x: Tensor, held: Tensor | None = None) -> Tensor:
+def plant_feet(x: Tensor, held: Tensor | None = None, spec: MotionSpec = TCDIFFPP) -> Tensor:
     r"""Let the legs follow feet that stand where x itself says that they stand.
 
     The feet are moved as little as that takes (`planting_shift`) and keep their direction; hips,
@@ -35,7 +35,7 @@ def plant_feet(x: Tensor, held: Tensor | None = None) -> Tensor:
     Source: ours. PhysDiff (Yuan et al. 2023) puts a projection to physically possible motion at
     the same place, between the network's guess and the next step of sampling.
 
-    Shapes: x (..., f, 151), held (..., f) -> (..., f, 151).
+    Shapes: x (..., f, d), held (..., f) -> (..., f, d), with the d of ``spec``.
 
     >>> from dancediff.motion.representation import pack
     >>> slide = torch.zeros(30, 3)
@@ -45,7 +45,8 @@ def plant_feet(x: Tensor, held: Tensor | None = None) -> Tensor:
     >>> bool(forward_kinematics(pose, root)[:, 7].diff(dim=0).norm(dim=-1).max() < 0.001)
     True
     """
-    contact, root, pose = unpack(x)
+    contact, root, pose = unpack(x, spec)
+    pose = whole_pose(pose)
     joints, Q = forward_kinematics(pose, root), world_rotations(pose)
     planted = x.clone()
     for k, side in enumerate("lr"):
@@ -54,7 +55,7 @@ def plant_feet(x: Tensor, held: Tensor | None = None) -> Tensor:
         u = planting_shift(torch.stack([ankle, toe], -2), contact[..., [k, k + 2]], held)
         bent = _leg(hip, knee, ankle, ankle + u, Q, leg)
         for joint, R in zip(leg, bent, strict=False):  # the toe stays as it is on the foot
-            planted[..., TCDIFFPP.joint_channels([joint])] = matrix_to_rot6d(R)
+            planted[..., spec.joint_channels([joint])] = matrix_to_rot6d(R)
     if held is not None:
         planted = torch.where(held[..., None], x, planted)
     return planted

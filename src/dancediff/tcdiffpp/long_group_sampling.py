@@ -185,7 +185,7 @@ def _bend(told, spread, normalizer, known: Tensor | None, shape: tuple) -> Calla
     plant = None
     if normalizer is not None:
         held = held_legs(told, 0 if known is None else known.shape[1], *shape)
-        plant = Planting(normalizer, held.to(normalizer.low.device))
+        plant = Planting(normalizer, held)
     return one_after_the_other(told and partial(told.bend, spread=spread), plant)
 
 

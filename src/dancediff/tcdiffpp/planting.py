@@ -9,14 +9,14 @@ Symbols (axes: b batch · n dancers · f frames · d motion features)
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
 
 from dancediff.diffusion.constraint import Constraint
 from dancediff.motion.foot_planting import plant_feet
-from dancediff.motion.representation import TCDIFFPP, Normalizer
+from dancediff.motion.representation import TCDIFFPP, MotionSpec, Normalizer
 from dancediff.motion.skeleton import SMPL24
 
 FEET = ("planted", "free")
@@ -36,13 +36,19 @@ class Planting:
 
     normalizer: Normalizer
     held: Tensor | None = None
+    spec: MotionSpec = TCDIFFPP
 
     def __call__(self, x0_hat: Tensor, abar: float) -> Tensor:
         """Plant the feet of x0_hat."""
         if abar < MORE_SIGNAL:
             return x0_hat
         x = self.normalizer.unnormalize(x0_hat)
-        return self.normalizer.normalize(plant_feet(x, self.held))
+        held = None if self.held is None else self.held.to(x.device)
+        return self.normalizer.normalize(plant_feet(x, held, self.spec))
+
+    def rows(self, part: slice) -> "Planting":
+        """The part for some rows of held, to sample them in chunks."""
+        return self if self.held is None else replace(self, held=self.held[part])
 
 
 def held_legs(told: Constraint | None, known: int, n: int, f: int) -> Tensor:

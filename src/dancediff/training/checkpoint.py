@@ -11,8 +11,17 @@ from torch import nn
 from dancediff.training.ema import EMA
 
 
-def save_checkpoint(path, *, model: nn.Module, ema: EMA, optimizer, step: int, config: dict):
-    """Write weights, averaged weights and optimiser moments.
+def save_checkpoint(
+    path,
+    *,
+    model: nn.Module,
+    ema: EMA,
+    optimizer,
+    step: int,
+    config: dict,
+    extra: dict[str, torch.Tensor] | None = None,
+):
+    """Write weights, averaged weights and optimiser moments; ``extra``: see `load_extra`.
 
     The old file stays until the new one is whole. No random state is kept: a step's randomness
     follows from its number.
@@ -22,6 +31,7 @@ def save_checkpoint(path, *, model: nn.Module, ema: EMA, optimizer, step: int, c
     tensors |= {f"ema.{k}": v for k, v in ema.model.state_dict().items()}
     for i, state in optimizer.state_dict()["state"].items():
         tensors |= {f"optimizer.{i}.{k}": torch.as_tensor(v) for k, v in state.items()}
+    tensors |= {f"extra.{k}": v for k, v in (extra or {}).items()}
     meta = {"step": str(step), "ema_updates": str(ema.updates), "config": json.dumps(config)}
     part = path.with_name(f".{path.name}.part")
     try:
@@ -52,6 +62,33 @@ def load_checkpoint(path, *, model: nn.Module, ema: EMA, optimizer) -> int:
         return int(meta["step"])
     except (SafetensorError, RuntimeError, KeyError, ValueError, TypeError) as err:
         raise ValueError(f"{path} is no checkpoint of this model: {err}") from err
+
+
+def load_extra(path) -> dict[str, torch.Tensor]:
+    """What else was written into a checkpoint, so that both are of the same step.
+
+    Raises: ValueError naming the file when it is no checkpoint.
+    """
+    try:
+        with safe_open(path, "pt") as file:
+            names = [name for name in file.keys() if name.startswith("extra.")]
+            return _part({name: file.get_tensor(name) for name in names}, "extra.")
+    except (SafetensorError, OSError) as err:
+        raise ValueError(f"{path} is no checkpoint: {err}") from err
+
+
+def load_average(path, model: nn.Module) -> nn.Module:
+    """Put a checkpoint's averaged weights into a model; returns it.
+
+    Raises: ValueError naming the file when it is no checkpoint of this model.
+    """
+    try:
+        with safe_open(path, "pt") as file:
+            tensors = {k: file.get_tensor(k) for k in file.keys() if k.startswith("ema.")}
+        model.load_state_dict(_part(tensors, "ema."))
+    except (SafetensorError, OSError, RuntimeError) as err:
+        raise ValueError(f"{path} is no checkpoint of this model: {err}") from err
+    return model
 
 
 def _part(tensors: dict, prefix: str) -> dict:

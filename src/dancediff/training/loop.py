@@ -20,7 +20,7 @@ import torch
 from torch import Tensor, nn
 from tqdm.auto import tqdm
 
-from dancediff.diffusion.schedule import q_sample
+from dancediff.diffusion.precondition import Preconditioning
 from dancediff.tcdiffpp.fusion import FusionProjection
 from dancediff.tcdiffpp.losses import LossWeights, tcdiffpp_losses
 from dancediff.training.adan import Adan
@@ -28,6 +28,7 @@ from dancediff.training.checkpoint import load_checkpoint, save_checkpoint
 from dancediff.training.distributed import World
 from dancediff.training.ema import EMA
 from dancediff.training.loss_log import LossLog
+from dancediff.training.noise import noised, settled, to_network
 
 
 @dataclass(frozen=True)
@@ -137,6 +138,8 @@ def train(
     compile_model: bool = False,
     world: World | None = None,
     preview: Callable | None = None,
+    losses: Callable | None = None,
+    extra: Callable[[], dict[str, Tensor]] | None = None,
 ):
     """Train ``model`` in place on ``data.batch(number)``; returns the averaged model.
 
@@ -144,7 +147,8 @@ def train(
     TensorBoard is installed. With ``resume`` it goes on from the checkpoint there, if there is one.
     The model may be on any device; batches follow it. ``world``: the processes that share the work;
     the first of them writes. ``preview(averaged model, step)`` is called every
-    ``config.preview_every`` steps.
+    ``config.preview_every`` steps. ``losses``: what to do with a batch instead of `losses_of`;
+    ``extra()``: what it must remember, kept in the checkpoint.
 
     Raises: RuntimeError naming the step when the gradient is not finite; the weights are then
     those before that step.
@@ -159,12 +163,12 @@ def train(
         first = load_checkpoint(checkpoint, model=model, ema=ema, optimizer=optimizer)
     levels = None
     if config.level_weight:
-        if model.decoder.precondition is None:
+        known = next((p for p in model.modules() if isinstance(p, Preconditioning)), None)
+        if known is None:
             raise ValueError(
                 f"level_weight={config.level_weight} needs a model with precondition=True; use 0"
             )
-        error = model.decoder.precondition.error(model.abar.float())
-        levels = level_weights(error, config.level_weight)
+        levels = level_weights(known.error(model.abar.float()), config.level_weight)
     forward = torch.compile(model) if compile_model else model
     model.train()
     settings = {"train": asdict(config), "model": asdict(model.config)}
@@ -174,7 +178,13 @@ def train(
             return
         log.flush()  # first, so that the log never lacks a step which the checkpoint has
         save_checkpoint(
-            checkpoint, model=model, ema=ema, optimizer=optimizer, step=step, config=settings
+            checkpoint,
+            model=model,
+            ema=ema,
+            optimizer=optimizer,
+            step=step,
+            config=settings,
+            extra=None if extra is None else extra(),
         )
 
     with LossLog(out / "losses.csv" if world.first else None, first) as log:
@@ -191,9 +201,8 @@ def train(
             if at >= config.steps:
                 break  # time is up
             lr = learning_rate(at, config)
-            row = train_step(
-                forward, model, optimizer, data, step, config, lr=lr, world=world, levels=levels
-            )
+            options = {"lr": lr, "world": world, "levels": levels, "losses": losses}
+            row = train_step(forward, model, optimizer, data, step, config, **options)
             ema.update(model)
             log.write(step, row)
             if step % 20 == 0:
@@ -246,13 +255,15 @@ def train_step(
     lr: float | None = None,
     world: World | None = None,
     levels: Tensor | None = None,
+    losses: Callable | None = None,
 ) -> dict[str, float]:
     """One update of the weights from all batches of a step; returns the named losses' means."""
     world = world or World()
     optimizer.zero_grad(set_to_none=True)
     total: dict = {}
     for number in world.share(step, config.accumulate):
-        terms = losses_of(forward, model, data.batch(number), number, config, levels)
+        batch = data.batch(number)
+        terms = (losses or losses_of)(forward, model, batch, number, config, levels)
         (terms["total"] / config.accumulate).backward()
         for name, value in terms.items():
             total[name] = total.get(name, 0.0) + value.detach().float() / config.accumulate
@@ -274,31 +285,15 @@ def losses_of(
     forward, model, batch, number: int, config: TrainConfig, levels: Tensor | None = None
 ) -> dict:
     """Noise a batch, guess, compare; everything random follows from the seed and its number."""
-    device = model.abar.device
-    x_raw, M_raw, S = (part.to(device) for part in batch)
-    seed = config.seed * 1_000_003 + number
-    g = torch.Generator().manual_seed(seed)  # on the CPU: the same noise on every device
-    b = len(x_raw)
-    x_0 = model.normalizer.normalize(x_raw)
-    M = model.music_normalizer.normalize(M_raw)
-    if levels is None:
-        t = torch.randint(model.config.num_steps, (b,), generator=g).to(device)
-    else:  # levels that count more are drawn more often, and count less each time
-        odds = levels.sqrt().cpu()
-        t = torch.multinomial(odds, b, replacement=True, generator=g).to(device)
-        levels = levels / odds.to(device) * odds.mean()
-    eps = torch.randn(x_0.shape, generator=g).to(device)
-    keep = (torch.rand(b, generator=g) >= model.config.cond_drop).to(device)
-    x_t = q_sample(x_0, t, model.abar, eps).to(x_0.dtype)
-    with torch.random.fork_rng(devices=[device] if device.type == "cuda" else []):
-        torch.manual_seed(seed)  # dropout has no generator argument
-        with torch.autocast(device.type, torch.bfloat16, enabled=config.precision == "bf16"):
-            guess, adapted = forward(x_t, t, M, S, keep=keep)
+    x_0, M, S = to_network(model, batch)
+    x_t, t, keep, weight, _ = noised(model, x_0, number, config, levels)
+    with settled(model, number, config):
+        guess, adapted = forward(x_t, t, M, S, keep=keep)
     return tcdiffpp_losses(
         guess.float(),
         adapted.float(),
         x_0,
         model.normalizer,
         weights=config.weights,
-        weight=None if levels is None else levels[t],
+        weight=weight,
     )

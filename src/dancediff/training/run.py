@@ -16,10 +16,10 @@ from dancediff.music.features import MusicNormalizer
 from dancediff.tcdiffpp.losses import LossWeights
 from dancediff.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 from dancediff.training.distributed import World
+from dancediff.training.lodge import train_lodge
 from dancediff.training.loop import TrainConfig, train
+from dancediff.training.units import FLOOR_UNIT, MIN_SPAN
 
-FLOOR_UNIT = 1.0  # metres; with a unit as wide as the stage, the noise of the last steps is 17 cm
-MIN_SPAN = 0.2  # of a channel's range, in metres or matrix entries
 MODELS = {"TCDiffPP": (TCDiffPP, TCDiffPPConfig), "EDGE": (EDGE, EDGEConfig)}
 _CORPUS = {"folder", "songs", "first_seed", "seconds", "workers"}
 _WINDOWS = {"dancers_per_batch", "mirror", "shift", "rotate", "music", "captured", "swaps"}
@@ -54,7 +54,7 @@ def check_tables(config: dict, source: str) -> dict:
     """
     kind = config.get("model", {}).get("class", "TCDiffPP")
     if kind not in MODELS:
-        raise ValueError(f"{source}: class {kind!r} is not one of {', '.join(MODELS)}")
+        raise ValueError(f"{source}: class {kind!r} is not one of {', '.join(MODELS)}, Lodge")
     known = {
         "data": _CORPUS | _WINDOWS,
         "model": {f.name for f in fields(MODELS[kind][1])} | {"class"},
@@ -139,9 +139,16 @@ def train_from_config(
     ``world`` and ``preview``: see `dancediff.training.loop.train`; a world brings its own device.
 
     ``data``, else ``folder`` in the config, is a prepared folder whose training split replaces the
-    choreographed corpus; ``takes`` does so directly. Raises: ValueError for a bad config or folder.
+    choreographed corpus; ``takes`` does so directly. With ``class = "Lodge"`` all of it is up to
+    `dancediff.training.lodge.train_lodge`, and ``takes`` are of its class `Solo`.
+
+    Raises: ValueError for a bad config or folder.
     """
-    config = read_config(path)
+    raw = read_toml(path)
+    if raw.get("model", {}).get("class") == "Lodge":
+        options = {"device": device, "world": world, "preview": preview, "resume": resume}
+        return train_lodge(raw, out, source=repr(str(path)), solos=takes, data=data, **options)
+    config = check_tables(raw, repr(str(path)))
     settings = TrainConfig(**config["train"], weights=LossWeights(**config["weights"]))
     model_class, config_class = MODELS[config["model"].pop("class", "TCDiffPP")]
     sizes = config_class(**config["model"])

@@ -1,0 +1,284 @@
+r"""Lodge: a long song in, a long dance out.
+
+Read first: notebook 12 · Lodge section 3 · `dancediff.lodge.parallel`.
+
+Symbols (axes: n dancers · F frames of the dance · d motion features)
+    global stage   music of 34 s -> primitives, see `dancediff.lodge.global_diffusion`
+    local stage    music of 8.5 s and cues -> dance, see `dancediff.lodge.local_diffusion`
+"""
+
+from dataclasses import dataclass, field, replace
+from functools import partial
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from dancediff.lodge.global_diffusion import GlobalConfig, GlobalDenoiser
+from dancediff.lodge.group import RELATIONS, canon_delays, in_group, places
+from dancediff.lodge.guidance import guided_steps
+from dancediff.lodge.local_diffusion import LocalConfig, LocalDenoiser
+from dancediff.lodge.parallel import Sampling, dance, layout_of
+from dancediff.lodge.stitch import plan
+from dancediff.lodge.style import genre_for, genre_number
+from dancediff.motion.motion import Motion
+from dancediff.motion.representation import LODGE, pack, unpack, whole_pose
+from dancediff.music.beats import beat_frames
+from dancediff.tcdiffpp.generate import generate
+from dancediff.tcdiffpp.wish import Wish, one_of
+
+MAX_DANCERS = 5  # for whom there are formations
+
+
+@dataclass
+class LodgeConfig:
+    """The sizes of both stages; plain values, so that it can be stored as JSON.
+
+    Raises: ValueError when the stages do not go together.
+
+    >>> LodgeConfig().num_frames, LodgeConfig().genres[0]
+    (256, 'hiphop')
+    """
+
+    global_stage: GlobalConfig = field(default_factory=GlobalConfig)
+    local_stage: LocalConfig = field(default_factory=LocalConfig)
+
+    def __post_init__(self):
+        coarse, fine = self.global_stage, self.local_stage
+        if coarse.local_frames != fine.num_frames:
+            raise ValueError(
+                f"local_frames={coarse.local_frames} of the global stage must be "
+                f"num_frames={fine.num_frames} of the local one"
+            )
+        if coarse.genres and coarse.genres != fine.genres:
+            raise ValueError(f"genres={coarse.genres} differ from the local stage's {fine.genres}")
+        for name in ("motion_dim", "music_dim", "num_steps"):
+            if getattr(coarse, name) != getattr(fine, name):
+                raise ValueError(
+                    f"{name}={getattr(coarse, name)} of the global stage must be that of the "
+                    f"local one, {getattr(fine, name)}"
+                )
+
+    @classmethod
+    def paper(cls) -> "LodgeConfig":
+        """Sizes of Lodge.
+
+        >>> LodgeConfig.paper().global_stage.d_model
+        512
+        """
+        return cls(GlobalConfig.paper(), LocalConfig.paper())
+
+    @property
+    def genres(self) -> tuple[str, ...]:
+        """Names, in the order of their numbers."""
+        return self.local_stage.genres
+
+    @property
+    def max_dancers(self) -> int:
+        """How large a group may be."""
+        return MAX_DANCERS
+
+    @property
+    def num_frames(self) -> int:
+        """Of a local segment."""
+        return self.local_stage.num_frames
+
+    @property
+    def num_steps(self) -> int:
+        """Of the noise schedule."""
+        return self.local_stage.num_steps
+
+
+class Lodge(nn.Module):
+    r"""Both stages together.
+
+    $$\text{primitives} = \text{global}(M), \qquad
+      x = \text{local}(M, \text{cues}(\text{primitives}))$$
+
+    Source: Lodge section 3.  Differs: see the two stages and `dancediff.lodge.parallel`; groups are
+    ours.
+
+    >>> tiny = {"d_model": 16, "num_heads": 2, "num_layers": 1, "ff_dim": 32}
+    >>> model = Lodge(LodgeConfig(GlobalConfig(**tiny), LocalConfig(**tiny)))
+    >>> import dancediff as dd
+    >>> model.generate(dd.packaged_song(), seconds=9, steps=2, dancers=2).num_frames
+    270
+    """
+
+    name = "lodge"  # what dances made with it call it; a loaded folder puts its own name here
+
+    def __init__(self, config: LodgeConfig | None = None):
+        """Random weights; normalisers that change nothing until training fits them."""
+        super().__init__()
+        self.config = config = config or LodgeConfig()
+        self.global_stage = GlobalDenoiser(config.global_stage)
+        self.local_stage = LocalDenoiser(config.local_stage)
+
+    @classmethod
+    def of(cls, global_stage: GlobalDenoiser, local_stage: LocalDenoiser) -> "Lodge":
+        """Put two trained stages together."""
+        with torch.device("meta"):
+            model = cls(LodgeConfig(global_stage.config, local_stage.config))
+        model.global_stage, model.local_stage = global_stage, local_stage
+        return model
+
+    @property
+    def abar(self) -> Tensor:
+        """The noise schedule; it is where the model is."""
+        return self.local_stage.abar
+
+    def generate(
+        self,
+        song,
+        *,
+        dancers: int = 1,
+        seconds: float | None = None,
+        seed: int = 0,
+        genre: str | None = None,
+        soft: float = 1.0,
+        home: bool = True,
+        feet: str = "planted",
+        mirror: bool = True,
+        beat_align: bool = True,
+        steps: int = 50,
+        sampler: str = "ddim",
+        guidance: float = 2.0,
+        eta: float = 1.0,
+        at_once: int | None = None,
+        formation: str = "line",
+        relation: str = "unison",
+        progress=False,
+        device=None,
+        dtype=None,
+    ) -> Motion:
+        """Dance to a song.
+
+        - ``song``: a `Music`.  ``seconds``: how much of it, from its start; default all.
+        - ``genre``: one of ``config.genres``; default: by the song's tempo, see `genre_for`.
+        - ``soft``: for which share of the steps the dance is held at its soft cues, 0 to 1.
+        - ``home``: come back to the same place every 8.5 s; without it a dancer may walk off.
+        - ``feet``: "planted" keeps feet in place that stand (`dancediff.motion.foot_planting`);
+          "free" leaves them as the network draws them.
+        - ``mirror``: dance each soft cue a second time, mirrored.  ``beat_align``: on beats.
+        - ``dancers``: 1 to 5, all with the same solo, in a ``formation`` ("line", "V", ...);
+          ``relation`` "unison", "canon" (each 4 beats later than the one to her left) or "mirror".
+        - ``seed``: the same seed on the same machine gives the same bits.
+        - ``sampler`` "ddim" (``steps``, ``eta``: 0 = no fresh noise) or "ddpm" (all 1000 steps).
+        - ``guidance``: 0 ignores the music, 1 listens, 2 exaggerates (the papers' value).
+        - ``at_once``: segments in memory together, default all; the dance is the same.
+        - ``progress``: True for a bar, or a function (done, total).
+        - ``device``: move the model there first.  ``dtype``: torch.bfloat16 computes with half the
+          digits.
+
+        Raises: ValueError naming the argument, its value and what is allowed; also for a silent
+        song or one under a second.
+        """
+        if genre is not None:
+            genre_number(genre, self.config.genres)
+        soft = _share(soft)
+        one_of("relation", relation, RELATIONS)
+        how = Sampling(at_once=at_once)
+        draw = partial(
+            draw_group,
+            genre=genre,
+            how=how,
+            formation=formation,
+            relation=relation,
+            soft=soft,
+            home=bool(home),
+            mirror=bool(mirror),
+            beat_align=bool(beat_align),
+        )
+        motion = generate(
+            self,
+            song,
+            draw=draw,
+            dancers=dancers,
+            seconds=seconds,
+            seed=seed,
+            steps=steps,
+            sampler=sampler,
+            guidance=guidance,
+            eta=eta,
+            feet=feet,
+            overlap=1,  # not used: segments share nothing but halves of primitives
+            progress=progress,
+            device=device,
+            dtype=dtype,
+        )
+        for name in ("overlap", "pinning"):  # of other ways to make long dances
+            motion.meta.pop(name)
+        motion.meta |= {
+            "genre": genre or genre_for(song.tempo, self.config.genres),
+            "soft": soft,
+            "home": bool(home),
+            "mirror": bool(mirror),
+            "beat_align": bool(beat_align),
+            "seams": self.seams(song, motion, relation),
+        }
+        if motion.num_dancers > 1:
+            motion.meta |= {"formation": formation, "relation": relation}
+        return motion
+
+    def seams(self, song, motion: Motion, relation: str) -> list[int]:
+        """Frames in which somebody passes from one segment to the next."""
+        f, delay = motion.num_frames, [0]
+        if relation == "canon":
+            delay = canon_delays(motion.num_dancers, beat_frames(song.features()))
+        at = plan(f, layout_of(self.global_stage)).seams
+        return sorted({seam + late for seam in at for late in delay if seam + late < f})
+
+
+def draw_group(
+    model: Lodge,
+    song,
+    wish: Wish,
+    *,
+    genre: str | None,
+    how: Sampling,
+    formation: str,
+    relation: str,
+    report=None,
+    dtype=None,
+    **options,
+) -> Tensor:
+    """The ``draw`` of `dancediff.tcdiffpp.generate.generate`: features (n, F, 151) in metres.
+
+    Raises: ValueError for a formation that the dancers do not know.
+    """
+    slots = places(wish.dancers, formation)
+    genre = genre or genre_for(song.tempo, model.config.genres)
+    sampling = ("sampler", "steps", "guidance", "eta", "seed")
+    M = song.features()
+    solo = dance(
+        model.global_stage,
+        model.local_stage,
+        M,
+        wish.frames,
+        genre=genre_number(genre, model.config.genres),
+        how=replace(how, dtype=dtype, **{name: getattr(wish, name) for name in sampling}),
+        report=report,
+        feet=wish.feet,
+        **options,
+    )
+    delay = canon_delays(wish.dancers, beat_frames(M))
+    return with_hands(in_group(solo, np.asarray(slots), relation=relation, delay=delay))
+
+
+def with_hands(x: Tensor) -> Tensor:
+    """Add the two hands that Lodge leaves out, not turned; (..., 139) -> (..., 151).
+
+    >>> with_hands(torch.zeros(2, 9, 139)).shape
+    torch.Size([2, 9, 151])
+    """
+    contact, root, pose = unpack(x, LODGE)
+    return pack(contact, root, whole_pose(pose))
+
+
+def _share(soft) -> float:
+    try:
+        soft = float(soft)
+    except (TypeError, ValueError):
+        raise ValueError(f"soft={soft!r} must be a number in 0 ... 1") from None
+    guided_steps([0, -1], soft)  # refuses what is out of range
+    return soft

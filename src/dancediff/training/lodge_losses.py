@@ -1,0 +1,143 @@
+r"""What Lodge's stages do with a batch in the training loop, and the discriminator beside them.
+
+Read first: notebook 12 · Lodge section 3.4 · `dancediff.training.loop`.
+
+Symbols (axes: b batch · f frames · d = 139 motion features)
+    x_0, x_hat   true and made motion, normalised     (b, f, d)
+    z            noise of the style                   (b, z)
+    D            the discriminator, whose logits say "real"
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import torch
+from torch import Tensor
+
+from dancediff.lodge.genre_discriminator import DiscriminatorConfig, GenreDiscriminator
+from dancediff.lodge.global_diffusion import GlobalDenoiser
+from dancediff.lodge.guidance import clean_borders
+from dancediff.lodge.losses import l_critic, l_diversity, l_focus, l_genre, lodge_losses
+from dancediff.training.checkpoint import load_extra
+from dancediff.training.noise import noised, settled, to_network
+
+
+def lodge_losses_of(*, clean: bool = False, critic: "Critic | None" = None) -> Callable:
+    """The ``losses`` of `dancediff.training.loop.train` for a stage of Lodge.
+
+    ``clean``: fine-tuning, with clean borders (eq. 10).  ``critic``: adds its terms (eq. 9).
+    """
+
+    def losses_of(forward, model, batch, number, config, levels=None) -> dict:
+        x_0, M, genre = to_network(model, batch)
+        x_t, t, keep, weight, g = noised(model, x_0, number, config, levels)
+        x_t = clean_borders(x_t, x_0) if clean else x_t
+        style, z = style_of(model, genre, g)
+        with settled(model, number, config):
+            guess = forward(x_t, t, M, style, keep=keep)
+        x_raw, x_hat = guess if isinstance(guess, tuple) else (None, guess)
+        x_raw, x_hat = (None if x is None else x.float() for x in (x_raw, x_hat))
+        apart = model.clips if isinstance(model, GlobalDenoiser) else lambda x: x
+        terms = lodge_losses(
+            apart(x_hat),
+            apart(x_0),
+            model.normalizer,
+            weights=config.weights,
+            x_raw=None if x_raw is None else apart(x_raw),
+            weight=weight,
+        )
+        if critic is not None:
+            added = critic.terms(x_hat, x_0, M, genre, number, g)
+            if z is not None:
+                other, other_z = style_of(model, genre, g)
+                added["diversity"] = l_diversity(z, other_z, style, other)
+            weights = {name: getattr(config.weights, name) for name in added if name != "critic"}
+            terms["total"] = terms["total"] + sum(w * added[k] for k, w in weights.items())
+            terms |= added
+        return terms
+
+    return losses_of
+
+
+def style_of(model, genre: Tensor, g: torch.Generator) -> tuple[Tensor | None, Tensor | None]:
+    """Style tokens (b, d_model) of a batch and their noise (b, z), where the model has any."""
+    if model.style is None:
+        return None, None
+    z = torch.randn(len(genre), model.style.noise, generator=g).to(genre.device)
+    return model.style(genre, z), None if model.style.mapping is None else z
+
+
+class Critic:
+    r"""The discriminator with its own optimiser; it learns at every second batch.
+
+    Source: Lodge section 3.4, eq. 9.  Differs: the released code trains it beside the generator in
+    every step; alternating (ours) takes half the time, and it learns faster than the generator
+    anyway. Of several processes each has its own.
+
+    ``checkpoint``: read its weights and moments from there, if it exists; `state` is what to keep.
+    """
+
+    def __init__(
+        self,
+        config: DiscriminatorConfig,
+        *,
+        lr: float,
+        weight: float = 0.1,
+        checkpoint: Path | None = None,
+        device="cpu",
+    ):
+        self.D = GenreDiscriminator(config).to(device)
+        self.weight = weight
+        self.optimizer = torch.optim.AdamW(self.D.parameters(), lr=lr, betas=(0.5, 0.99))
+        if checkpoint is not None and checkpoint.exists():
+            self._load(load_extra(checkpoint), checkpoint)
+
+    def state(self) -> dict[str, Tensor]:
+        """Weights and moments, by name."""
+        kept = {f"weights.{k}": v for k, v in self.D.state_dict().items()}
+        for i, moments in self.optimizer.state_dict()["state"].items():
+            kept |= {f"moments.{i}.{k}": torch.as_tensor(v) for k, v in moments.items()}
+        return kept
+
+    def _load(self, kept: dict[str, Tensor], source: Path) -> None:
+        weights, moments = {}, {}
+        for name, value in kept.items():
+            kind, key = name.split(".", 1)
+            if kind == "weights":
+                weights[key] = value
+            else:
+                i, key = key.split(".", 1)
+                moments.setdefault(int(i), {})[key] = value
+        try:
+            self.D.load_state_dict(weights)
+        except RuntimeError as err:
+            raise ValueError(f"{source} holds no discriminator of this config: {err}") from err
+        groups = self.optimizer.state_dict()["param_groups"]
+        self.optimizer.load_state_dict({"state": moments, "param_groups": groups})
+
+    def terms(
+        self, x_hat: Tensor, x_0: Tensor, M: Tensor, genre: Tensor, number: int, g: torch.Generator
+    ) -> dict[str, Tensor]:
+        """Learn, if it is its turn, and say what it thinks of the generator."""
+        terms = {}
+        if number % 2:
+            terms["critic"] = self.learn(x_hat.detach(), x_0, M, genre)
+        self.D.requires_grad_(False)  # the generator's gradient goes through it, not into it
+        logits = self.D.logits(x_hat, M)
+        self.D.requires_grad_(True)
+        made = logits.gather(1, genre[:, None])[:, 0]
+        terms["genre"] = l_genre(made)
+        if logits.shape[1] > 1:
+            step = torch.randint(1, logits.shape[1], genre.shape, generator=g).to(genre)
+            other = (genre + step) % logits.shape[1]
+            terms["focus"] = l_focus(made, logits.gather(1, other[:, None])[:, 0])
+        return terms
+
+    def learn(self, x_hat: Tensor, x_0: Tensor, M: Tensor, genre: Tensor) -> Tensor:
+        """One step on a true and a made batch."""
+        self.optimizer.zero_grad(set_to_none=True)
+        loss = l_critic(self.D(x_0, M, genre), self.D(x_hat, M, genre))
+        (self.weight * loss).backward()
+        torch.nn.utils.clip_grad_norm_(self.D.parameters(), 1.0)
+        self.optimizer.step()
+        return loss.detach()
