@@ -47,7 +47,7 @@ def make(stages, frames, at_once=None, **options):
 @pytest.mark.parametrize("at_once", [1, 2, 7, 16])
 def test_chunks_give_the_same_dance(stages, at_once):
     frames = 16 * n - 5
-    # An untrained model folds legs in ways in which planting multiplies the last digit by thousands.
+    # An untrained model folds legs so that planting multiplies the last digit by thousands.
     for feet, near in (("free", 1e-4), ("planted", 1e-2)):
         whole = make(stages, frames, feet=feet)
         assert whole.shape == (frames, 139) and whole.isfinite().all()
