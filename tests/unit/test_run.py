@@ -9,7 +9,7 @@ from dancediff.data.corpus import choreographed_takes
 from dancediff.data.windows import GroupDanceWindows
 from dancediff.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 from dancediff.training.loop import TrainConfig, train
-from dancediff.training.run import fit_statistics, read_config, train_from_config
+from dancediff.training.run import fit_statistics, read_config, take_over, train_from_config
 
 TINY = {
     "d_model": 32,
@@ -96,3 +96,31 @@ def test_packaged_config_is_valid():
 
     config = read_config(Path(__file__).parents[2] / "configs" / "tcdiffpp_small.toml")
     assert TCDiffPPConfig(**config["model"]).max_dancers == 5 and config["train"]["steps"] > 0
+
+
+def test_training_can_set_out_from_a_model(takes, tmp_path):
+    """What fits is taken over, statistics too; what the model lacks begins anew."""
+    path = tmp_path / "c.toml"
+    sizes = "\n".join(f"{key} = {value}" for key, value in TINY.items())
+    path.write_text(
+        f"[model]\n{sizes}\nhead_dim = 32\nd_state = 4\nbidirectional = true\n"
+        "[train]\nsteps = 1\nlr = 1e-12\nema = 0.0\nweight_decay = 0.0\n"
+        "[data]\ndancers_per_batch = 4\n"
+    )
+    start, _ = fresh(takes)
+    start.normalizer.low += 0.25
+    left_new = take_over(TCDiffPP(read_sizes(path)), start)
+    trained = train_from_config(path, tmp_path / "out", takes=takes, start=start).state_dict()
+    assert left_new and all("backward" in name or "reverse" in name for name in left_new), left_new
+    for name, value in start.state_dict().items():
+        torch.testing.assert_close(trained[name], value, atol=1e-6, rtol=0, msg=name)
+
+
+def test_a_start_that_has_nothing_in_common_is_refused(takes):
+    model, _ = fresh(takes)
+    with pytest.raises(ValueError, match="start, a Conv1d, has no weight"):
+        take_over(model, torch.nn.Conv1d(1, 1, 1))
+
+
+def read_sizes(path):
+    return TCDiffPPConfig(**read_config(path)["model"])

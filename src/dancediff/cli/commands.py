@@ -151,6 +151,8 @@ class Train:
     """A prepared folder; default: the synthetic dances that the config asks for."""
     out: Path = Path("runs/tcdiffpp")
     """Folder for checkpoint, losses and the model."""
+    start: str | None = None
+    """A model's name or folder to set out from; what it lacks begins untrained."""
     resume: bool = False
     """Go on from the checkpoint in the folder, if there is one."""
     device: str = "cpu"
@@ -173,6 +175,7 @@ class Train:
                 self.out,
                 resume=self.resume,
                 data=self.data,
+                start=None if self.start is None else hub.load(self.start),
                 world=world,
                 preview=self.preview,
             )

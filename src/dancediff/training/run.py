@@ -6,6 +6,7 @@ from dataclasses import fields
 from pathlib import Path
 
 import torch
+from torch import nn
 
 from dancediff.baselines.edge import EDGE, EDGEConfig, solo_takes
 from dancediff.data.corpus import choreographed_corpus
@@ -123,6 +124,28 @@ def prepared_takes(
     return takes
 
 
+def take_over(model: nn.Module, start: nn.Module) -> list[str]:
+    """Copy all weights and statistics of ``start`` that fit; returns the names of those left new.
+
+    Raises: ValueError when nothing fits.
+
+    >>> small = nn.Sequential(nn.Linear(2, 3))
+    >>> large = nn.Sequential(nn.Linear(2, 3), nn.Linear(3, 1))
+    >>> take_over(large, small), bool((large[0].weight == small[0].weight).all())
+    (['1.weight', '1.bias'], True)
+    """
+    mine = model.state_dict()
+    fits = {
+        name: value
+        for name, value in start.state_dict().items()
+        if name in mine and mine[name].shape == value.shape
+    }
+    if not fits:
+        raise ValueError(f"start, a {type(start).__name__}, has no weight of the model's shapes")
+    model.load_state_dict(fits, strict=False)
+    return [name for name in mine if name not in fits]
+
+
 def train_from_config(
     path,
     out,
@@ -130,6 +153,7 @@ def train_from_config(
     resume: bool = False,
     takes: list[Take] | None = None,
     data=None,
+    start: nn.Module | None = None,
     device: str = "cpu",
     world: World | None = None,
     preview: Callable | None = None,
@@ -142,10 +166,14 @@ def train_from_config(
     choreographed corpus; ``takes`` does so directly. With ``class = "Lodge"`` all of it is up to
     `dancediff.training.lodge.train_lodge`, and ``takes`` are of its class `Solo`.
 
+    ``start``: a trained model to set out from, see `take_over`; not for Lodge.
+
     Raises: ValueError for a bad config or folder.
     """
     raw = read_toml(path)
     if raw.get("model", {}).get("class") == "Lodge":
+        if start is not None:
+            raise ValueError("start is not for Lodge, whose stages are trained one after the other")
         options = {"device": device, "world": world, "preview": preview, "resume": resume}
         return train_lodge(raw, out, source=repr(str(path)), solos=takes, data=data, **options)
     config = check_tables(raw, repr(str(path)))
@@ -168,6 +196,8 @@ def train_from_config(
     if isinstance(model, EDGE):
         takes = solo_takes(takes)
     fit_statistics(model, takes, corpus.get("captured"))
+    if start is not None:
+        take_over(model, start)
     windows = GroupDanceWindows(
         takes,
         num_frames=model.config.num_frames,
