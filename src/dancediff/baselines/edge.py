@@ -51,6 +51,7 @@ class EDGEConfig:
     dropout: float = 0.0
     cond_drop: float = 0.25
     num_steps: int = 1000
+    beat_waves: bool = False  # ours: see music.beat_phase; on in configs
     precondition: bool = True  # ours: see diffusion.precondition
 
     @classmethod

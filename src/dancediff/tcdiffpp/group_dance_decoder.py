@@ -20,6 +20,7 @@ from torch import Tensor, nn
 
 from dancediff.diffusion.precondition import Preconditioning
 from dancediff.diffusion.schedule import cosine_abar
+from dancediff.music.beat_phase import NUM_WAVES, beat_waves
 from dancediff.nn.decoder import MusicEncoder
 from dancediff.nn.timestep import TimestepEncoder
 from dancediff.tcdiffpp.foot_cues import NUM_CUES
@@ -52,6 +53,7 @@ class GroupDanceDecoder(nn.Module):
         self.motion_dim, self.music_dim = c.motion_dim, c.music_dim
         self.embed = nn.Linear(c.motion_dim, d)
         self.embed_feet = nn.Linear(NUM_CUES, d) if c.foot_cues else None
+        self.embed_beat = nn.Linear(NUM_WAVES, d, bias=False) if c.beat_waves else None
         self.dpe = DancerPositioning(c.max_dancers, d) if c.dpe else None
         self.fp = (
             FusionProjection(c.max_dancers, d, c.fusion_hidden, residual=c.fusion_residual)
@@ -110,13 +112,9 @@ class GroupDanceDecoder(nn.Module):
         if self.precondition is not None:
             guess = self.precondition.linear_guess(x_t, abar)
         memory, cond = self.conditions(t, M, S, keep=keep, present=present)
-        h = self.decoder(
-            self.tokens(x_t, present, guess, foot_cues),
-            memory,
-            cond,
-            music_start=0 if self.swap_mode is None else 1,
-            present=present,
-        )
+        h = self.hear_beats(self.tokens(x_t, present, guess, foot_cues), M, keep, present)
+        start = 0 if self.swap_mode is None else 1
+        h = self.decoder(h, memory, cond, music_start=start, present=present)
         with torch.autocast(h.device.type, enabled=False):  # millimetres need float32
             x_raw = self.out(h.float())
             if self.precondition is not None:
@@ -144,6 +142,25 @@ class GroupDanceDecoder(nn.Module):
         h = h * here  # absent dancers are zeros to the fusion ...
         h = h if self.fp is None else self.fp(h) * here  # ... and stay zeros after it
         return h.float()  # the residual stream stays in float32 under autocast
+
+    def hear_beats(
+        self, h: Tensor, M: Tensor, keep: Tensor | None = None, present: Tensor | None = None
+    ) -> Tensor:
+        r"""Add to every token how far its frame is between two beats, where the config says so.
+
+        $$h_{nf} \leftarrow h_{nf} + W\,\text{waves}(\varphi_f)$$
+
+        Source: ours. A beat is one number in one of 150 music tokens; that a dance rests on beats
+        has to be found out from that through attention alone, which takes thousands of steps.
+
+        Shapes: h (b, n, f, d_model), M (b, f, 35) -> (b, n, f, d_model).
+        """
+        if self.embed_beat is None:
+            return h
+        waves = self.embed_beat(beat_waves(M)).float()
+        if keep is not None:
+            waves = waves * keep[:, None, None]
+        return h + waves[:, None] * (1.0 if present is None else present[:, :, None, None])
 
     def conditions(
         self,

@@ -60,6 +60,7 @@ class TCDiffPPConfig:
     fusion_residual: bool = True  # ours: see FusionProjection
     footwork_residual: bool = True  # ours: see FootworkAdaptor
     foot_cues: bool = False  # ours: see foot_cues; on in configs
+    beat_waves: bool = False  # ours: see music.beat_phase; on in configs
     precondition: bool = True  # ours: see diffusion.precondition
 
     @classmethod
@@ -76,6 +77,7 @@ class TCDiffPPConfig:
             "fusion_residual": False,
             "footwork_residual": False,
             "foot_cues": False,
+            "beat_waves": False,
             "precondition": False,
         }
         return cls(**sizes | changes)
