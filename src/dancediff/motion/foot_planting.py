@@ -19,7 +19,8 @@ from dancediff.motion.rotation import matrix_to_rot6d, rotation_between
 from dancediff.motion.skeleton import SMPL24, forward_kinematics, world_rotations
 
 STAND = 1e4  # what a step of a planted foot costs; moving a foot by as much costs 1
-SMOOTH = 20.0  # what a change of u from frame to frame costs: u fades within 4 or 5 frames
+SMOOTH = 50.0  # what a change of u's speed costs: a foot is hurried no more than dancers do
+UNSURE, SURE = 0.3, 0.7  # contacts from which a foot counts as a little and as fully planted
 HELD = 1e8  # what moving a foot costs where the legs must stay
 STRAIGHT = 0.02  # metres; a knee bent less than that keeps to the front of the thigh
 LOWEST = (0.05, 0.01)  # metres over the floor: ankle, toe; retargeted dances keep to the same
@@ -64,11 +65,13 @@ def plant_feet(x: Tensor, held: Tensor | None = None, spec: MotionSpec = TCDIFFP
 def planting_shift(p: Tensor, c: Tensor, held: Tensor | None = None) -> Tensor:
     r"""How far to move a foot in every frame so that it stands while it is planted.
 
-    $$\min_u \sum_i \Big[\lVert u_i \rVert^2 + S\,\lVert \Delta u_i \rVert^2
-      + H \sum_j c_{ij}\,\lVert \Delta p_{ij} + \Delta u_i \rVert^2\Big]$$
+    $$\min_u \sum_i \Big[\lVert u_i \rVert^2 + S\,\lVert \Delta^2 u_i \rVert^2
+      + H \sum_j s_{ij}\,\lVert \Delta p_{ij} + \Delta u_i \rVert^2\Big], \qquad
+      s_{ij} = \operatorname{clip}\frac{c_{ij} - 0.3}{0.4}$$
 
-    A stance is moved as a whole to its middle, and in the air the shift fades from one stance to
-    the next. Then feet below the floor are lifted onto it.
+    A stance is moved as a whole to its middle, and in the air the shift passes smoothly from one
+    stance to the next: a foot may not wait on the floor and then jump. Then feet below the floor
+    are lifted onto it.
 
     Source: ours.
 
@@ -80,13 +83,14 @@ def planting_shift(p: Tensor, c: Tensor, held: Tensor | None = None) -> Tensor:
     [0.1, 0.1, 0.1, 0.1, 0.1]
     """
     f = p.shape[-3]
-    w = STAND * c.double().clamp(0, 1)[..., :-1, :]
+    w = STAND * ((c.double() - UNSURE) / (SURE - UNSURE)).clamp(0, 1)[..., :-1, :]
     step = p.double().diff(dim=-3)
     D = torch.eye(f, dtype=w.dtype, device=p.device).diff(dim=0)
     stay = torch.ones(p.shape[:-2], dtype=w.dtype, device=p.device)
     if held is not None:
         stay = stay.masked_fill(held, HELD)
-    A = D.mT @ ((w.sum(-1) + SMOOTH)[..., None] * D) + torch.diag_embed(stay)
+    bend = D.diff(dim=0)
+    A = D.mT @ (w.sum(-1)[..., None] * D) + SMOOTH * bend.mT @ bend + torch.diag_embed(stay)
     u = torch.linalg.solve(A, -D.mT @ (w[..., None] * step).sum(-2)).to(p)
     lowest = p.new_tensor(LOWEST[: p.shape[-2]])
     lift = (lowest - p[..., 1] - u[..., None, 1]).amax(-1).clamp_min(0)
