@@ -60,10 +60,10 @@ def test_sliding_feet_come_to_stand(dance, sliding):
 
 
 def test_no_foot_waits_and_then_jumps(dance):
-    """Contacts that flicker while a foot travels do not make it stand and catch up in one frame."""
+    """A little contact all along the way, but in a single frame, must not gather it all there."""
     x = dance.clone()
-    noise = torch.rand(x[..., TCDIFFPP.contact].shape, generator=torch.Generator().manual_seed(0))
-    x[..., TCDIFFPP.contact] = (x[..., TCDIFFPP.contact] + 0.6 * noise).clamp(0, 1)
+    x[..., TCDIFFPP.contact] = x[..., TCDIFFPP.contact].clamp_min(0.05)
+    x[:, ::10, TCDIFFPP.contact] = x[:, ::10, TCDIFFPP.contact].floor()
 
     def fastest(features):
         return joints_of(features)[:, :, FOOT_JOINTS].diff(dim=1).norm(dim=-1).max()
