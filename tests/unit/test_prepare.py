@@ -1,5 +1,6 @@
 """Preparing: the same bytes however often it is stopped, nothing skipped silently, flat memory."""
 
+import gc
 import json
 import os
 import signal
@@ -229,10 +230,13 @@ def test_memory_does_not_grow_with_the_number_of_takes(tmp_path):
 
     def peak(count):
         jobs = [Job(f"t{k:03}", partial(counted, f"t{k:03}", k)) for k in range(count)]
+        gc.collect()
+        gc.freeze()  # what other tests left would put off the collection of what this one leaves
         tracemalloc.start()
         prepare(jobs, tmp_path / str(count), progress=False)
         highest = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
+        gc.unfreeze()
         return highest
 
     few, many = peak(20), peak(200)
