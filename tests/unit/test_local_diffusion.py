@@ -136,3 +136,23 @@ def test_errors():
     }.items():
         with pytest.raises(ValueError, match=f"^{name} has shape"):
             model(*arguments)
+
+
+def test_beat_waves_are_heard_with_the_music_and_only_then():
+    model = make(beat_waves=True)
+    M = torch.zeros(2, 20, 35)
+    M[0, [4, 12], 34] = 1  # the second song has no beat
+    heard = model.hear_beats(M, torch.tensor([True, True]))
+    assert heard[0].abs().amax(-1).min() > 0 and not heard[1].any()
+    assert not model.hear_beats(M, torch.tensor([False, True])).any()
+    assert make().hear_beats(M) is None
+    assert not LocalConfig.paper().beat_waves
+
+
+def test_beat_waves_reach_the_guess():
+    model = make(beat_waves=True)
+    x_t, t, M, style = inputs(model)
+    before = model(x_t, t, M, style)[1]
+    with torch.no_grad():
+        model.embed_beat.weight.zero_()
+    assert (model(x_t, t, M, style)[1] - before).abs().max() > 1e-5

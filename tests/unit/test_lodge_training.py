@@ -184,9 +184,9 @@ def test_weights_of_levels_scale_every_term():
 def test_levels_count_as_often_as_they_are_drawn_too_rarely(solos):
     """Both stages: a row's weight makes up for the odds of its level."""
     model = LocalDenoiser(LocalConfig(**TINY, num_frames=64, genres=GENRES))
-    data, config = windows(solos), TrainConfig(level_weight=50, weights=LodgeWeights.local())
+    data, config = windows(solos), TrainConfig(level_power=0.5, weights=LodgeWeights.local())
     fit_stage(model, data)
-    levels = level_weights(model.precondition.error(model.abar), 50.0)
+    levels = level_weights(model.precondition.error(model.abar), 0.5)
     seen = []
 
     def forward(x_t, t, M, style, *, keep):
@@ -292,8 +292,10 @@ def test_a_stopped_run_goes_on_bit_by_bit_with_its_discriminator(solos, tmp_path
         train_lodge(other, tmp_path / "parts", solos=solos, resume=True)
 
 
-def test_level_weights_and_bf16(solos, tmp_path):
-    tables = TABLES | {"train": {"steps": 1, "level_weight": 50, "precision": "bf16"}}
+def test_level_power_muon_and_bf16(solos, tmp_path):
+    tables = TABLES | {
+        "train": {"steps": 1, "level_power": 0.5, "optimizer": "muon", "precision": "bf16"}
+    }
     model = train_lodge(tables | {"train_fine_tune": {"steps": 0}}, tmp_path, solos=solos)
     assert all(p.isfinite().all() for p in model.parameters())
     assert not (tmp_path / "fine_tune").exists()

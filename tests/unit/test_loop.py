@@ -238,7 +238,7 @@ def test_previews_see_the_averaged_model_at_their_steps(tmp_path):
 
 def test_heavy_levels_are_drawn_more_often_and_count_as_much_as_they_should():
     """The share of a level in all losses is its weight, however often it is drawn."""
-    model, weights = Toy(), level_weights(1 - cosine_abar().float(), 50.0)
+    model, weights = Toy(), level_weights(1.001 - cosine_abar().float(), 1.0)
     counted = []
 
     def note(*_, weight=None, **__):
@@ -258,6 +258,15 @@ def test_heavy_levels_are_drawn_more_often_and_count_as_much_as_they_should():
     assert counted.mean().item() == pytest.approx(weights.mean().item(), rel=0.05)
 
 
-def test_level_weight_needs_preconditioning(tmp_path):
-    with pytest.raises(ValueError, match=r"level_weight=50.* needs a model with precondition=True"):
-        train(Toy(), Data(), TrainConfig(steps=1, level_weight=50.0), tmp_path)
+def test_level_power_needs_preconditioning(tmp_path):
+    with pytest.raises(ValueError, match=r"level_power=0.5 needs a model with precondition=True"):
+        train(Toy(), Data(), TrainConfig(steps=1, level_power=0.5), tmp_path)
+
+
+def test_level_power_goes_from_all_alike_to_all_missed_alike():
+    error = torch.tensor([1e-4, 1e-2, 5e-2])
+    assert torch.equal(level_weights(error, 0.0), torch.ones(3))
+    missed = level_weights(error, 1.0) * error
+    torch.testing.assert_close(missed, error.mean().expand(3))
+    with pytest.raises(ValueError, match=r"level_power=1\.5"):
+        TrainConfig(level_power=1.5)

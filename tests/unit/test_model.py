@@ -22,7 +22,7 @@ def inputs(b=2, n=3, f=20):
 
 
 def test_footwork_is_the_last_step():
-    model, x = make(), inputs()
+    model, x = make(precondition=False), inputs()
     torch.nn.init.normal_(model.footwork.layers[2].linear.bias)
     x_raw, x_hat = model(*x)
     torch.testing.assert_close(x_raw, model.decoder(*x))
@@ -30,6 +30,26 @@ def test_footwork_is_the_last_step():
     assert (x_hat - x_raw).abs().max() > 0.1
     x_raw, x_hat = make(fa=False)(*x)
     assert torch.equal(x_raw, x_hat)
+
+
+def test_footwork_corrects_no_more_than_noise_can_hide():
+    """The correction has the size of what the linear guess misses, at every level of noise."""
+    model, (x_t, _, M, S) = make(), inputs(f=40)
+    model.decoder.precondition.spread[5:] = 2e-4  # data move slowly
+    torch.nn.init.normal_(model.footwork.layers[2].linear.weight)
+    missed, corrected = [], []
+    for step in (2, 20, 200):
+        t = torch.full((2,), step)
+        x_raw, x_hat = model(x_t, t, M, S)
+        added = (x_hat - x_raw)[..., model.footwork.channels]
+        missed.append(model.decoder.precondition.error(model.abar[t].float())[0].sqrt())
+        corrected.append(added.square().mean().sqrt())
+        assert (added.diff(dim=2).abs().mean() < 0.2 * added.abs().mean()).all()
+    small, middle, large = torch.stack(corrected) / torch.stack(missed)
+    assert corrected[0] < corrected[1] < corrected[2]
+    assert 0.5 < small / middle < 2 and 0.3 < large / middle < 2
+    unscaled = model.footwork(x_raw) - x_raw  # as it was: the same at t = 2 as at t = 200
+    assert unscaled.square().mean().sqrt() > 10 * corrected[0]
 
 
 def test_absent_dancers_are_zero_in_both_outputs():

@@ -98,3 +98,33 @@ def test_error_is_what_the_linear_guess_misses():
         x_t = q_sample(x_0, t, abar, torch.randn(x_0.shape))
         missed = (precondition.linear_guess(x_t, abar[[t]]) - x_0).square().mean()
         assert missed.item() == pytest.approx(precondition.error(abar[[t]]).item(), rel=0.05)
+
+
+def test_noise_is_what_was_added_where_the_guess_is_right():
+    x, abar = smooth(w=2)[:, None], torch.tensor([0.999, 0.3])
+    eps = torch.randn(x.shape)
+    x_t = abar.sqrt()[:, None, None, None] * x + (1 - abar).sqrt()[:, None, None, None] * eps
+    assert torch.allclose(Preconditioning(60, 3).noise(x_t, x, abar), eps, atol=1e-3)
+
+
+def test_noise_is_of_one_size_at_every_level():
+    """Hence a network can hear it at the last steps, too, in numbers of three digits."""
+    x = smooth()
+    p = Preconditioning(60, 3)
+    p.fit([x])
+    for t in (2, 50, 500, 990):
+        abar = cosine_abar().float()[t].expand(len(x))
+        g = torch.Generator().manual_seed(t)
+        x_t = q_sample(x, t, cosine_abar(), torch.randn(x.shape, generator=g)).float()[:, None]
+        noise = p.noise(x_t, p.linear_guess(x_t, abar), abar)
+        assert 0.8 < noise.square().mean().sqrt() < 1.1
+
+
+def test_autocast_leaves_it_in_float32():
+    p, x_t, abar = Preconditioning(60, 3), torch.randn(2, 1, 60, 3), torch.tensor([0.99, 0.5])
+    p.fit([smooth()])
+    guess = p.linear_guess(x_t, abar)
+    full = p(x_t, guess, abar)
+    with torch.autocast("cpu", torch.bfloat16):
+        assert torch.equal(p.linear_guess(x_t, abar), guess)
+        assert torch.equal(p(x_t, guess, abar), full)

@@ -112,13 +112,28 @@ class Preconditioning(nn.Module):
         skip, _ = self._coefficients(abar, x_t.shape[2])
         C = dct_matrix(x_t.shape[2]).to(x_t)
         noisy = x_t - abar.sqrt()[:, None, None, None] * self.mean
-        return self.mean + C.T @ (skip[:, None] * (C @ noisy))
+        with torch.autocast(x_t.device.type, enabled=False):  # millimetres need float32
+            return self.mean + C.T @ (skip[:, None] * (C @ noisy))
+
+    def noise(self, x_t: Tensor, guess: Tensor, abar: Tensor) -> Tensor:
+        r"""The noise there is in x_t if a guess is right: what the network listens to besides.
+
+        $$\hat\epsilon = \frac{x_t - \sqrt{\bar\alpha}\,\hat x_0}{\sqrt{1 - \bar\alpha}}$$
+
+        In x_t itself it is a thousandth beside the motion where there is little noise; in bfloat16,
+        with its three digits, nothing of it is left.
+
+        Shapes: x_t and guess (b, n, f, d), abar (b,) -> (b, n, f, d).
+        """
+        abar = abar[:, None, None, None]
+        return (x_t - abar.sqrt() * guess) / (1 - abar).sqrt()
 
     def forward(self, F: Tensor, guess: Tensor, abar: Tensor) -> Tensor:
         """Add the network's part F to the linear guess."""
         _, scale = self._coefficients(abar, F.shape[2])
         C = dct_matrix(F.shape[2]).to(F)
-        return guess + C.T @ (scale[:, None].clamp_max(LARGEST) * (C @ F))
+        with torch.autocast(F.device.type, enabled=False):
+            return guess + C.T @ (scale[:, None].clamp_max(LARGEST) * (C @ F))
 
     def error(self, abar: Tensor) -> Tensor:
         """Mean square of what the linear guess misses, where the training set's spread is right.

@@ -222,7 +222,9 @@ class GlobalDenoiser(nn.Module):
             return self.trunk(x_t, memory, cond, self.frames)
         abar = self.abar[t].float()
         guess = self.precondition.linear_guess(self.clips(x_t), abar)
-        F = self.trunk(x_t, memory, cond, self.frames, guess=guess.flatten(1, 2))
+        noise = self.precondition.noise(self.clips(x_t), guess, abar)
+        linear = {"guess": guess.flatten(1, 2), "noise": noise.flatten(1, 2)}
+        F = self.trunk(x_t, memory, cond, self.frames, **linear)
         return self.precondition(self.clips(F), guess, abar).flatten(1, 2)
 
     def _check(self, x_t: Tensor, t: Tensor, M: Tensor, style: Tensor | None) -> None:

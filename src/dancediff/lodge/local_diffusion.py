@@ -23,6 +23,7 @@ from dancediff.lodge.foot_refine import FootRefine, foot_features, joints_of
 from dancediff.lodge.style import GENRES, StyleToken
 from dancediff.lodge.trunk import Trunk, check_shapes
 from dancediff.motion.representation import Normalizer
+from dancediff.music.beat_phase import NUM_WAVES, beat_waves
 from dancediff.music.features import MusicNormalizer
 
 
@@ -46,6 +47,7 @@ class LocalConfig:
     style_noise: int = 64
     style_film: bool = True  # ours: the style joins the FiLM condition, too
     foot_refine: bool = True
+    beat_waves: bool = False  # ours: see music.beat_phase; on in configs
     floor: float = 0.0  # metres
     dropout: float = 0.0
     cond_drop: float = 0.25
@@ -112,6 +114,9 @@ class LocalDenoiser(nn.Module):
             with_guess=c.precondition,
         )
         self.style = StyleToken(c.d_model, len(c.genres), c.style_noise, c.style)
+        self.embed_beat = None
+        if c.beat_waves:
+            self.embed_beat = nn.Linear(NUM_WAVES, c.d_model, bias=False)
         self.foot_refine = None
         if c.foot_refine:
             self.foot_refine = FootRefine(
@@ -146,19 +151,35 @@ class LocalDenoiser(nn.Module):
     ) -> tuple[Tensor, Tensor]:
         """Guess the clean motion, before and after the feet were looked at."""
         self._check(x_t, t, M, style)
-        abar, guess = self.abar[t].float(), None
+        abar, guess, linear = self.abar[t].float(), None, {}
         if self.precondition is not None:
             guess = self.precondition.linear_guess(x_t[:, None], abar)[:, 0]
+            noise = self.precondition.noise(x_t[:, None], guess[:, None], abar)[:, 0]
+            linear = {"guess": guess, "noise": noise}
         music, steps, cond = self.trunk.conditions(M, t, keep)
         if self.config.style_film:
             cond = cond + style.float()
         memory = [music, steps, style.float()[:, None]]
-        F = self.trunk(x_t, memory, cond, self.frames, guess=guess)
+        waves = self.hear_beats(M, keep)
+        F = self.trunk(x_t, memory, cond, self.frames, waves=waves, **linear)
         x_raw = self._added(F, guess, abar)
         if self.foot_refine is None:
             return x_raw, x_raw
         delta = self.foot_refine(x_raw, self.feet(x_raw), steps, cond)
         return x_raw, self._added(delta, x_raw, abar)
+
+    def hear_beats(self, M: Tensor, keep: Tensor | None = None) -> Tensor | None:
+        """How far each frame is between two beats, embedded, where the config says so.
+
+        Shapes: M (b, f, m) -> (b, f, d_model), zero where there is no music.
+
+        Source: ours; the same as in `dancediff.tcdiffpp.group_dance_decoder`. Not for the global
+        stage, whose soft primitives are moved to a beat only after they are made.
+        """
+        if self.embed_beat is None:
+            return None
+        waves = self.embed_beat(beat_waves(M))
+        return waves if keep is None else waves * keep[:, None, None]
 
     def feet(self, x_raw: Tensor) -> Tensor:
         """`foot_features` of normalised motion (b, f, d), in float32: they are millimetres."""

@@ -95,7 +95,7 @@ class Trunk(nn.Module):
         dropout: float = 0.0,
         with_guess: bool = False,
     ):
-        """``with_guess``: a linear guess is embedded beside the noisy motion (preconditioning)."""
+        """``with_guess``: a linear guess and the noise it leaves are embedded beside the motion."""
         super().__init__()
         if pool < 1 or music_frames % pool:
             raise ValueError(f"pool={pool} must divide music_frames={music_frames}")
@@ -103,6 +103,7 @@ class Trunk(nn.Module):
         self.pool = pool
         self.embed = nn.Linear(motion_dim, d)
         self.embed_guess = nn.Linear(motion_dim, d, bias=False) if with_guess else None
+        self.embed_noise = nn.Linear(motion_dim, d, bias=False) if with_guess else None
         self.timestep = TimestepEncoder(d)
         self.music = MusicEncoder(
             music_dim * pool, d, num_heads=num_heads, ff_dim=ff_dim, dropout=dropout
@@ -141,11 +142,18 @@ class Trunk(nn.Module):
         frames: Tensor,
         *,
         guess: Tensor | None = None,
+        noise: Tensor | None = None,
+        waves: Tensor | None = None,
     ) -> Tensor:
-        """``memory``: the music tokens first, then any that belong to no frame."""
+        """``memory``: the music tokens first, then any that belong to no frame.
+
+        ``waves`` (b, f, d_model), where given, are added to the motion tokens.
+        """
         h = self.embed(x_t)
         if guess is not None:
-            h = h + self.embed_guess(guess)
+            h = h + self.embed_guess(guess) + self.embed_noise(noise)
+        if waves is not None:
+            h = h + waves
         h = h.float()  # the residual stream stays in float32 under autocast
         memory = self.norm_memory(torch.cat(memory, dim=1))
         # Only music belongs to a frame. Frame 0 means "not turned" to the other tokens.

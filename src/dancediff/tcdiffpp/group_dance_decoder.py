@@ -84,10 +84,11 @@ class GroupDanceDecoder(nn.Module):
             bidirectional=c.bidirectional,
         )
         self.out = nn.Linear(d, c.motion_dim)
-        self.precondition = self.embed_guess = None
+        self.precondition = self.embed_guess = self.embed_noise = None
         if c.precondition:
             self.precondition = Preconditioning(c.num_frames, c.motion_dim)
             self.embed_guess = nn.Linear(c.motion_dim, d, bias=False)
+            self.embed_noise = nn.Linear(c.motion_dim, d, bias=False)
         self.register_buffer("abar", cosine_abar(c.num_steps).float(), persistent=False)
 
     def forward(
@@ -108,11 +109,13 @@ class GroupDanceDecoder(nn.Module):
         Raises: ValueError naming the argument whose shape does not fit.
         """
         self._check(x_t, t, M, S, present)
-        abar, guess = self.abar[t], None
+        abar, guess, noise = self.abar[t], None, None
         if self.precondition is not None:
             guess = self.precondition.linear_guess(x_t, abar)
+            noise = self.precondition.noise(x_t, guess, abar)
         memory, cond = self.conditions(t, M, S, keep=keep, present=present)
-        h = self.hear_beats(self.tokens(x_t, present, guess, foot_cues), M, keep, present)
+        h = self.tokens(x_t, present, guess, noise, foot_cues)
+        h = self.hear_beats(h, M, keep, present)
         start = 0 if self.swap_mode is None else 1
         h = self.decoder(h, memory, cond, music_start=start, present=present)
         with torch.autocast(h.device.type, enabled=False):  # millimetres need float32
@@ -126,16 +129,18 @@ class GroupDanceDecoder(nn.Module):
         x_t: Tensor,
         present: Tensor | None = None,
         guess: Tensor | None = None,
+        noise: Tensor | None = None,
         foot_cues: Callable[[Tensor], Tensor] | None = None,
     ) -> Tensor:
         """Embed the noisy motion, mark the ranks (DPE), mix the dancers (FP).
 
-        ``guess``: the linear guess, embedded beside it when the decoder is preconditioned.
+        ``guess`` and ``noise``: the linear guess and the noise it leaves, embedded beside it when
+        the decoder is preconditioned.
         """
         here = 1.0 if present is None else present[:, :, None, None]
         h = self.embed(x_t)
         if guess is not None:
-            h = h + self.embed_guess(guess)
+            h = h + self.embed_guess(guess) + self.embed_noise(noise)
         if self.embed_feet is not None:
             h = h + self.embed_feet(foot_cues(x_t if guess is None else guess))
         h = h if self.dpe is None else self.dpe(h)

@@ -145,6 +145,8 @@ class TCDiffPP(nn.Module):
         if self.footwork is None:
             return x_raw, x_raw
         x_hat = self.footwork(x_raw, None if cues is None else cues(x_raw)[..., -NUM_MOVING:])
+        if (precondition := self.decoder.precondition) is not None:
+            x_hat = precondition(x_hat - x_raw, x_raw, self.abar[t].float())
         return x_raw, x_hat if present is None else x_hat * present[:, :, None, None]
 
     def generate(

@@ -28,7 +28,10 @@ from dancediff.training.checkpoint import load_checkpoint, save_checkpoint
 from dancediff.training.distributed import World
 from dancediff.training.ema import EMA
 from dancediff.training.loss_log import LossLog
+from dancediff.training.muon import MuonAdamW
 from dancediff.training.noise import noised, settled, to_network
+
+OPTIMIZERS = ("adamw", "muon", "adan")
 
 
 @dataclass(frozen=True)
@@ -36,7 +39,7 @@ class TrainConfig:
     """What a run needs besides the model and the data."""
 
     steps: int = 10_000
-    optimizer: str = "adamw"  # or "adan", the released code's; see `make_optimizer`
+    optimizer: str = "adamw"  # or "muon", or "adan", the released code's; see `make_optimizer`
     lr: float = 1e-3
     fusion_lr: float = 0.2  # share of lr that the Fusion Projection gets; see `make_optimizer`
     warmup: int = 300  # steps until the full learning rate
@@ -49,7 +52,7 @@ class TrainConfig:
     seed: int = 0
     save_every: int = 500  # steps
     preview_every: int = 0  # steps; 0: never
-    level_weight: float = 0.0  # largest of `level_weights`; 0: all levels count the same
+    level_power: float = 0.0  # see `level_weights`; 0: all levels count the same
     max_minutes: float | None = None  # end in this time, learning rate and all; see `schedule_step`
     weights: LossWeights = field(default_factory=LossWeights)
 
@@ -65,16 +68,18 @@ class TrainConfig:
 
     def __post_init__(self):
         """Catch what would otherwise be noticed after an hour, or never."""
-        if self.optimizer not in ("adamw", "adan"):
-            raise ValueError(f"optimizer={self.optimizer!r} is not one of 'adamw', 'adan'")
+        if self.optimizer not in OPTIMIZERS:
+            raise ValueError(
+                f"optimizer={self.optimizer!r} is not one of {', '.join(map(repr, OPTIMIZERS))}"
+            )
         if self.precision not in ("fp32", "bf16"):
             raise ValueError(f"precision={self.precision!r} is not one of 'fp32', 'bf16'")
         if not 0 <= self.decay <= 1:
             raise ValueError(f"decay={self.decay} is a share of the run; choose 0 to 1")
         if not 0 <= self.ema < 1:
             raise ValueError(f"ema={self.ema} never moves or overshoots; choose 0 to below 1")
-        if not self.level_weight >= 0:
-            raise ValueError(f"level_weight={self.level_weight} must be 0 (off) or above, as 50")
+        if not 0 <= self.level_power <= 1:
+            raise ValueError(f"level_power={self.level_power} must be 0 (off) to 1")
         for name in ("steps", "lr", "fusion_lr", "clip", "save_every", "accumulate"):
             if not getattr(self, name) > 0:
                 raise ValueError(f"{name}={getattr(self, name)} must be above 0")
@@ -94,23 +99,24 @@ def learning_rate(step: int, config: TrainConfig) -> float:
     return config.lr * max(0.0, min(1.0, rise, fall))
 
 
-def level_weights(error: Tensor, largest: float) -> Tensor:
+def level_weights(error: Tensor, power: float) -> Tensor:
     r"""How much a noise level counts in the losses: the less is missed there, the more.
 
-    $$w_t = \min\Big(\frac{\mathbb E_s\, e_s}{e_t},\, w_\text{max}\Big)$$
+    $$w_t = \Big(\frac{\mathbb E_s\, e_s}{e_t}\Big)^p$$
 
     e is the mean square error of the linear guess. Where nearly everything is noise it is a hundred
-    times larger than where nearly nothing is; counted the same, as in the papers, the last steps,
-    which decide whether a foot stands still, are hardly trained.
+    times larger than where nearly nothing is. Counted the same (p = 0), as in the papers, the last
+    steps, which decide whether a dance trembles, are hardly trained; with p = 1 they take the
+    network from those that decide when to step.
 
-    Source: EDM section 5 (there $1 / c_\text{out}^2$).  Differs: not above ``largest``.
+    Source: EDM section 5 (there $1 / c_\text{out}^2$, which is p = 1).
 
     Shapes: error (T,) -> (T,).
 
-    >>> level_weights(torch.tensor([0.001, 0.01, 0.1]), largest=20.0)
-    tensor([20.0000,  3.7000,  0.3700])
+    >>> level_weights(torch.tensor([0.25, 4.0, 1.0, 10.75]), power=0.5)
+    tensor([4.0000, 1.0000, 2.0000, 0.6100])
     """
-    return (error.mean() / error).clamp_max(largest)
+    return (error.mean() / error) ** power
 
 
 def schedule_step(step: int, seconds: float, config: TrainConfig) -> int:
@@ -162,13 +168,13 @@ def train(
     if resume and checkpoint.exists():
         first = load_checkpoint(checkpoint, model=model, ema=ema, optimizer=optimizer)
     levels = None
-    if config.level_weight:
+    if config.level_power:
         known = next((p for p in model.modules() if isinstance(p, Preconditioning)), None)
         if known is None:
             raise ValueError(
-                f"level_weight={config.level_weight} needs a model with precondition=True; use 0"
+                f"level_power={config.level_power} needs a model with precondition=True; use 0"
             )
-        levels = level_weights(known.error(model.abar.float()), config.level_weight)
+        levels = level_weights(known.error(model.abar.float()), config.level_power)
     forward = torch.compile(model) if compile_model else model
     model.train()
     settings = {"train": asdict(config), "model": asdict(model.config)}
@@ -222,7 +228,9 @@ def train(
 
 
 def make_optimizer(model: nn.Module, config: TrainConfig) -> torch.optim.Optimizer:
-    """AdamW in one fused pass over all weights, or `Adan`; the Fusion Projection has its own lr.
+    """AdamW in one fused pass over all weights, `MuonAdamW` or `Adan`.
+
+    The Fusion Projection has its own lr, and Adam with Muon, too.
 
     Adam moves every weight by about lr, so what a unit adds up moves with the number of its inputs,
     and most where they are all positive. The Fusion Projection has two layers of ReLU over 512
@@ -237,6 +245,8 @@ def make_optimizer(model: nn.Module, config: TrainConfig) -> torch.optim.Optimiz
     rest = [weight for weight in model.parameters() if id(weight) not in chosen]
     groups = [{"params": rest, "share": 1.0}]
     groups += [{"params": slow, "share": config.fusion_lr}] if slow else []
+    if config.optimizer == "muon":
+        return MuonAdamW(groups, lr=config.lr, weight_decay=config.weight_decay)
     if config.optimizer == "adan":
         return Adan(groups, lr=config.lr, weight_decay=config.weight_decay)
     return torch.optim.AdamW(

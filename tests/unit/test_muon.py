@@ -1,0 +1,93 @@
+import pytest
+import torch
+from torch import nn
+
+from dancediff.tcdiffpp.fusion import FusionProjection
+from dancediff.training.checkpoint import load_checkpoint, save_checkpoint
+from dancediff.training.ema import EMA
+from dancediff.training.loop import TrainConfig, make_optimizer
+from dancediff.training.muon import MuonAdamW
+
+
+def network():
+    torch.manual_seed(0)
+    return nn.Sequential(nn.Linear(40, 64), nn.SiLU(), nn.Linear(64, 2))
+
+
+def optimizer_of(model, lr=0.01):
+    return MuonAdamW([{"params": list(model.parameters())}], lr=lr, weight_decay=0.0)
+
+
+def run(model, optimizer, steps):
+    for k in steps:
+        g = torch.Generator().manual_seed(k)
+        x = torch.randn(32, 40, generator=g)
+        optimizer.zero_grad()
+        (model(x) - x[:, :2] * x[:, 2:4]).square().mean().backward()
+        optimizer.step()
+    return torch.cat([p.detach().flatten() for p in model.parameters()])
+
+
+def test_step_of_a_matrix_is_the_same_in_every_direction():
+    """The update's singular values are one another's like, though the gradient's are not."""
+    model = network()
+    before = model[0].weight.detach().clone()
+    run(model, optimizer_of(model), [0])
+    moved = torch.linalg.svdvals((model[0].weight.detach() - before).double())
+    gradient = torch.linalg.svdvals(model[0].weight.grad.double())
+    strong = gradient > 0.01 * gradient[0]  # directions that 32 samples say anything about
+    assert moved[strong].max() < 2.5 * moved[strong].min()
+    assert gradient[0] > 3 * gradient[strong].min()
+
+
+def test_step_is_as_large_as_adams():
+    def size(optimizer_of):
+        model = network()
+        before = model[0].weight.detach().clone()
+        run(model, optimizer_of(model), [0])
+        return (model[0].weight.detach() - before).square().mean().sqrt().item()
+
+    adam = size(lambda model: torch.optim.AdamW(model.parameters(), lr=0.01, weight_decay=0.0))
+    assert size(optimizer_of) == pytest.approx(0.2 * adam, rel=0.3)  # Adam's later steps are 0.2
+
+
+def test_small_matrices_vectors_and_slow_groups_stay_with_adam():
+    model = nn.Sequential(network(), nn.LayerNorm(2), FusionProjection(3, 8, 64))
+    muon = make_optimizer(model, TrainConfig(optimizer="muon"))
+    assert isinstance(muon, MuonAdamW)
+    adam, matrices = muon.parts
+    assert [p.shape for g in matrices.param_groups for p in g["params"]] == [(64, 40)]
+    assert {g["share"] for g in adam.param_groups} == {1.0, 0.2}
+    count = sum(len(g["params"]) for g in muon.param_groups)
+    assert count == len(list(model.parameters()))
+
+
+def test_without_matrices_or_without_anything_else():
+    for weight in (nn.Parameter(torch.ones(3)), nn.Parameter(torch.eye(40))):
+        optimizer = MuonAdamW([{"params": [weight]}], lr=0.1, weight_decay=0.0)
+        assert len(optimizer.parts) == 1
+        weight.sum().backward()
+        optimizer.step()
+        assert weight.ravel()[0] < 1
+
+
+def test_a_checkpoint_brings_both_states_back(tmp_path):
+    straight = network()
+    whole = run(straight, optimizer_of(straight), range(6))
+    first = network()
+    optimizer, ema = optimizer_of(first), EMA(first)
+    run(first, optimizer, range(3))
+    path = tmp_path / "checkpoint.safetensors"
+    save_checkpoint(path, model=first, ema=ema, optimizer=optimizer, step=3, config={})
+    second = nn.Sequential(nn.Linear(40, 64), nn.SiLU(), nn.Linear(64, 2))
+    again = optimizer_of(second)
+    assert load_checkpoint(path, model=second, ema=EMA(second), optimizer=again) == 3
+    assert torch.equal(run(second, again, range(3, 6)), whole)
+
+
+def test_state_of_other_weights_is_refused():
+    model = network()
+    optimizer = optimizer_of(model)
+    run(model, optimizer, [0])
+    with pytest.raises(KeyError, match="no weight has the numbers"):
+        optimizer_of(nn.Linear(3, 2)).load_state_dict(optimizer.state_dict())
