@@ -19,25 +19,30 @@ from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict
 from functools import partial
+from inspect import signature
 from multiprocessing import get_context
 from pathlib import Path
 
 import torch
 
 from dancediff import __version__
-from dancediff.baselines.edge import EDGE
 from dancediff.baselines.naive_long_sampling import generate_naively
-from dancediff.data.corpus import choreographed_corpus, choreographed_takes
-from dancediff.data.windows import Take
+from dancediff.lodge.model import Lodge
 from dancediff.motion.motion import Motion
-from dancediff.music.synth import synth_song
 from dancediff.tcdiffpp.generate import usable_device
-from dancediff.training.ablation_config import TRUTH, HeldOut, Variant, key_of, read_ablation
+from dancediff.tcdiffpp.model import TCDiffPP
+from dancediff.training.ablation_config import TRUTH, Variant, key_of, read_ablation
+from dancediff.training.ablation_data import (
+    corpus,
+    held_out_dances,
+    held_out_genres,
+    held_out_songs,
+    reference_dances,
+)
 from dancediff.training.ablation_table import mean_of_seeds, metric_scores, table, write_text
-from dancediff.training.run import prepared_takes, train_from_config
+from dancediff.training.run import train_from_config
 
 _own_device: list[str] = []  # of a worker process
-_ONLY_GROUPS = ("swap", "swap_at", "pinning", "seam")  # arguments that EDGE has no use for
 
 
 def run_ablation(
@@ -66,9 +71,9 @@ def run_ablation(
     for device in devices:
         usable_device(device)
     first = variants[0]
-    takes = _corpus(first, out)
-    reference = _reference(first, takes)
-    songs, truth = _songs(first.held_out), _truth(first.held_out)
+    takes = corpus(first, out)
+    reference = reference_dances(first, takes)
+    songs, truth = held_out_songs(first), held_out_dances(first)
     measure = partial(evaluate or metric_scores, reference=reference, songs=songs)
 
     failed = _run_jobs(_jobs(variants, out), out, devices, save, takes)
@@ -128,7 +133,7 @@ def _run_job(job: list[Variant], out: Path, save, device=None, takes=None) -> di
     """Train once, then let each variant of the training dance."""
     device = device or _own_device[0]
     try:
-        model = _train(job[0], out, device, takes or _corpus(job[0], out), save)
+        model = _train(job[0], out, device, takes or corpus(job[0], out), save)
     except (RuntimeError, ValueError) as err:
         return {variant.name: f"training: {err}" for variant in job}
     failed = {}
@@ -140,7 +145,7 @@ def _run_job(job: list[Variant], out: Path, save, device=None, takes=None) -> di
     return failed
 
 
-def _train(variant: Variant, out: Path, device: str, takes: list[Take], save):
+def _train(variant: Variant, out: Path, device: str, takes: list, save):
     folder = out / "trainings" / variant.training
     config = folder / "config.toml"
     if not config.exists():
@@ -153,18 +158,20 @@ def _train(variant: Variant, out: Path, device: str, takes: list[Take], save):
 
 def _dance(model, variant: Variant, out: Path) -> None:
     """Dance to every held-out song that has not been danced to."""
-    options = asdict(variant.sample)
-    seed, long = options.pop("seed"), options.pop("long")
-    make = generate_naively if long == "naive" else type(model).generate
-    if isinstance(model, EDGE):
-        make = EDGE.generate
-        options = {key: value for key, value in options.items() if key not in _ONLY_GROUPS}
+    sample, held_out = asdict(variant.sample), variant.held_out
+    naive = sample.pop("long") == "naive" and isinstance(model, TCDiffPP)
+    make = generate_naively if naive else type(model).generate
+    known = signature(type(model).generate).parameters
+    options = {key: value for key, value in sample.items() if key in known}
+    options |= {"dancers": held_out.dancers, "seconds": held_out.seconds}
     files = _dance_files(variant, out)
     files[0].parent.mkdir(parents=True, exist_ok=True)
-    dancers, seconds = variant.held_out.dancers, variant.held_out.seconds
-    for i, (path, song) in enumerate(zip(files, _songs(variant.held_out), strict=True)):
+    songs, genres = held_out_songs(variant), held_out_genres(variant)
+    for i, (path, song, genre) in enumerate(zip(files, songs, genres, strict=True)):
         if not path.exists():
-            make(model, song, dancers=dancers, seconds=seconds, seed=seed + i, **options).save(path)
+            if isinstance(model, Lodge):
+                options["genre"] = genre
+            make(model, song, **options | {"seed": sample["seed"] + i}).save(path)
 
 
 def _toml(tables: dict) -> str:
@@ -173,42 +180,6 @@ def _toml(tables: dict) -> str:
     for name, values in tables.items():
         lines += [f"[{name}]", *(f"{key} = {json.dumps(value)}" for key, value in values.items())]
     return "\n".join(lines) + "\n"
-
-
-# ---- data ----
-
-
-def _corpus(variant: Variant, out: Path) -> list[Take]:
-    data = variant.tables["data"]
-    if "folder" in data:
-        return prepared_takes(data["folder"])
-    seeds = range(data["first_seed"], data["first_seed"] + data["songs"])
-    return choreographed_corpus(
-        seeds, seconds=data["seconds"], workers=data.get("workers", 2), cache=out / "songs"
-    )
-
-
-def _songs(held_out: HeldOut) -> list:
-    return [synth_song(seed, seconds=held_out.seconds)[0] for seed in _seeds(held_out)]
-
-
-def _truth(held_out: HeldOut) -> list[Motion]:
-    """The choreographer's dances to the held-out songs."""
-    options = {"seconds": held_out.seconds, "sizes": (held_out.dancers,)}
-    takes = [take for seed in _seeds(held_out) for take in choreographed_takes(seed, **options)]
-    return [Motion.from_features(take.x) for take in takes]
-
-
-def _reference(variant: Variant, takes: list[Take]) -> list[Motion]:
-    """The choreographer's dances to some training songs, as long as those of the variants."""
-    held_out = variant.held_out
-    fitting = [take for take in takes if take.num_dancers == held_out.dancers]
-    frames = round(30 * held_out.seconds)
-    return [Motion.from_features(take.x[:, :frames]) for take in fitting[: held_out.reference]]
-
-
-def _seeds(held_out: HeldOut) -> range:
-    return range(held_out.first_seed, held_out.first_seed + held_out.songs)
 
 
 # ---- what is done already ----

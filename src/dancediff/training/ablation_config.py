@@ -3,7 +3,8 @@ r"""What an ablation compares: one TOML file with the tables of a training confi
 ``held_out`` says which songs are danced to in the end (`HeldOut`), ``sample`` how (`Sample`), and
 ``variants.NAME`` which keys of ``model``, ``train``, ``weights`` and ``sample`` a variant changes.
 ``seeds = [0, 1, 2]`` at the top trains and samples every variant that often.
-A variant that switches to another ``class`` of model keeps the sizes that both have.
+A variant that switches to another ``class`` of model keeps the sizes that both have. With ``class =
+"Lodge"`` the tables are those of `dancediff.training.lodge`, for all variants.
 """
 
 import json
@@ -11,6 +12,7 @@ from dataclasses import asdict, dataclass, field, fields, replace
 from hashlib import sha256
 
 from dancediff.data.corpus import SIZES
+from dancediff.training.lodge import STAGES, check_lodge_tables, stage_config
 from dancediff.training.loop import TrainConfig
 from dancediff.training.run import MODELS, check_tables, read_toml
 
@@ -18,6 +20,10 @@ SHORTEST = 3.0  # seconds in which every synthetic song has the beats a dance ne
 SEED_STRIDE = 100_000  # more than there are held-out songs: no song meets the same noise twice
 TRUTH = "choreographer"  # the row of the dances that were made, not learned
 _CHANGEABLE = ("model", "train", "weights", "sample")  # all are measured on the same songs
+_CHANGEABLE_LODGE = (
+    *("global_stage", "local_stage", "discriminator", "train", "sample"),
+    *(f"{table}_{stage}" for table in ("train", "weights") for stage in STAGES),
+)
 
 
 @dataclass(frozen=True)
@@ -43,7 +49,7 @@ class HeldOut:
 
 @dataclass(frozen=True)
 class Sample:
-    """How to dance: arguments of `TCDiffPP.generate`, and ``long``, which is none there."""
+    """How to dance: arguments of `generate`, as far as a model has them, and ``long``."""
 
     seed: int = 0  # song i is danced with seed + i
     steps: int = 50
@@ -56,6 +62,11 @@ class Sample:
     pinning: str = "renoise"
     seam: str = "copy"
     feet: str = "planted"
+    soft: float = 1.0  # this and the next four: Lodge
+    home: bool = True
+    mirror: bool = True
+    beat_align: bool = True
+    at_once: int | None = None
     long: str = "lgds"  # or "naive": see `dancediff.baselines.naive_long_sampling`
 
     def __post_init__(self):
@@ -111,15 +122,22 @@ def read_ablation(path) -> list[Variant]:
             raise ValueError(f"{source}: variant {name!r} is no name; use a-z, 0-9, _ and -")
         if not isinstance(changes, dict):
             raise ValueError(f"{source}: variant {name!r} is no table; write [variants.{name}]")
+        changeable = _CHANGEABLE_LODGE if is_lodge(config) else _CHANGEABLE
         for table in changes:
-            if table not in _CHANGEABLE:
-                allowed = ", ".join(_CHANGEABLE)
+            if table not in changeable:
+                allowed = ", ".join(changeable)
                 raise ValueError(f"{source}: variant {name!r} changes {table!r}, not {allowed}")
     found = [
         _variant(name, changes, config, f"{source}, variant {name!r}")
         for name, changes in variants.items()
     ]
     return found if seeds is None else [_seeded(v, seed) for v in found for seed in seeds]
+
+
+def is_lodge(tables: dict) -> bool:
+    """Are these the tables of a training of Lodge?"""
+    model = tables.get("model")
+    return isinstance(model, dict) and model.get("class") == "Lodge"
 
 
 def _different(seeds: list) -> bool:
@@ -138,13 +156,20 @@ def _variant(name: str, changes: dict, config: dict, source: str) -> Variant:
     for table, values in [*config.items(), *changes.items()]:
         if not isinstance(values, dict):
             raise ValueError(f"{source}: {table!r} is no table; write [{table}]")
-    base = config | {"model": _shared(config.get("model", {}), changes.get("model", {}))}
+    lodge = is_lodge(config)
+    base = config
+    if not lodge:
+        base = config | {"model": _shared(config.get("model", {}), changes.get("model", {}))}
     merged = {table: base.get(table, {}) | changes.get(table, {}) for table in base | changes}
     held_out = _options(HeldOut, merged.pop("held_out", {}), f"{source}: 'held_out'")
     sample = _options(Sample, merged.pop("sample", {}), f"{source}: 'sample'")
-    tables = check_tables(merged, source)
-    _options(TrainConfig, tables["train"], f"{source}: 'train'")
-    tables["data"] = {"songs": 100, "first_seed": 0, "seconds": 30.0} | tables["data"]
+    tables = check_lodge_tables(merged, source) if lodge else check_tables(merged, source)
+    if lodge:
+        _check_stages(tables, held_out, source)
+    else:
+        _options(TrainConfig, tables["train"], f"{source}: 'train'")
+    usual = {"songs": 100, "first_seed": 0, "seconds": 40.0 if lodge else 30.0}
+    tables["data"] = usual | tables["data"]
     _check_songs(held_out, tables["data"], source)
     return Variant(name, tables, sample, held_out)
 
@@ -157,6 +182,18 @@ def _shared(model: dict, change: dict) -> dict:
         {f.name for f in fields(MODELS[change["class"]][1])} if change["class"] in MODELS else ()
     )
     return {key: value for key, value in model.items() if key in known}
+
+
+def _check_stages(tables: dict, held_out: HeldOut, source: str) -> None:
+    if held_out.dancers != 1:
+        raise ValueError(
+            f"{source}: held_out dancers={held_out.dancers} must be 1: Lodge is trained on solos"
+        )
+    for stage in STAGES:
+        try:
+            stage_config(tables, stage)
+        except (TypeError, ValueError) as err:
+            raise ValueError(f"{source}: 'train_{stage}': {err}") from err
 
 
 def _check_songs(held_out: HeldOut, data: dict, source: str) -> None:
