@@ -31,11 +31,14 @@ def inputs(model, b=2):
         {"style": "embedding"},
         {"style_film": False},
         {"genres": ("waltz", "tango")},
+        {"beat_waves": True, "non_local": True},
     ],
     ids=str,
 )
 def test_every_switch_runs_and_learns(options):
     model = make(**options).train()
+    if model.non_local is not None:  # starts at zero, which stops the gradient of its weights
+        torch.nn.init.normal_(model.non_local.mix.weight)
     x_t, t, M, _ = inputs(model)
     style = model.style(torch.tensor([0, 1]), torch.randn(2, 64))
     x_raw, x_hat = model(x_t, t, M, style, keep=torch.tensor([True, False]))
@@ -156,3 +159,14 @@ def test_beat_waves_reach_the_guess():
     with torch.no_grad():
         model.embed_beat.weight.zero_()
     assert (model(x_t, t, M, style)[1] - before).abs().max() > 1e-5
+
+
+def test_non_local_filter_needs_the_linear_guess_and_changes_the_raw_one():
+    with pytest.raises(ValueError, match="non_local=True averages the linear guess"):
+        make(non_local=True, precondition=False)
+    model = make(non_local=True)
+    x = inputs(model)
+    before, _ = model(*x)
+    torch.nn.init.normal_(model.non_local.mix.bias)
+    after, _ = model(*x)
+    assert (after - before).abs().amax((1, 2)).min() > 1e-3

@@ -52,6 +52,7 @@ class EDGEConfig:
     cond_drop: float = 0.25
     num_steps: int = 1000
     beat_waves: bool = False  # ours: see music.beat_phase; on in configs
+    non_local: bool = False  # ours: see nn.non_local_filter; on in configs
     precondition: bool = True  # ours: see diffusion.precondition
 
     @classmethod

@@ -25,6 +25,7 @@ from dancediff.lodge.trunk import Trunk, check_shapes
 from dancediff.motion.representation import Normalizer
 from dancediff.music.beat_phase import NUM_WAVES, beat_waves
 from dancediff.music.features import MusicNormalizer
+from dancediff.nn.non_local_filter import NonLocalFilter, left_over
 
 
 @dataclass
@@ -48,6 +49,7 @@ class LocalConfig:
     style_film: bool = True  # ours: the style joins the FiLM condition, too
     foot_refine: bool = True
     beat_waves: bool = False  # ours: see music.beat_phase; on in configs
+    non_local: bool = False  # ours: see nn.non_local_filter; on in configs
     floor: float = 0.0  # metres
     dropout: float = 0.0
     cond_drop: float = 0.25
@@ -117,6 +119,11 @@ class LocalDenoiser(nn.Module):
         self.embed_beat = None
         if c.beat_waves:
             self.embed_beat = nn.Linear(NUM_WAVES, c.d_model, bias=False)
+        self.non_local = None
+        if c.non_local:
+            if not c.precondition:
+                raise ValueError("non_local=True averages the linear guess; set precondition=True")
+            self.non_local = NonLocalFilter(c.d_model, c.motion_dim)
         self.foot_refine = None
         if c.foot_refine:
             self.foot_refine = FootRefine(
@@ -161,8 +168,11 @@ class LocalDenoiser(nn.Module):
             cond = cond + style.float()
         memory = [music, steps, style.float()[:, None]]
         waves = self.hear_beats(M, keep)
-        F = self.trunk(x_t, memory, cond, self.frames, waves=waves, **linear)
-        x_raw = self._added(F, guess, abar)
+        h = self.trunk.tokens(x_t, memory, cond, self.frames, waves=waves, **linear)
+        x_raw = self._added(self.trunk.read(h), guess, abar)
+        if self.non_local is not None:
+            one = (guess[:, None], left_over(x_t[:, None], guess[:, None], abar))
+            x_raw = x_raw + self.non_local(h.float()[:, None], *one)[:, 0]
         if self.foot_refine is None:
             return x_raw, x_raw
         delta = self.foot_refine(x_raw, self.feet(x_raw), steps, cond)

@@ -135,6 +135,17 @@ class Trunk(nn.Module):
         return music.float(), step_tokens.float(), (step + pooled).float()
 
     def forward(
+        self, x_t: Tensor, memory: list[Tensor], cond: Tensor, frames: Tensor, **inputs
+    ) -> Tensor:
+        """`tokens`, read out."""
+        return self.read(self.tokens(x_t, memory, cond, frames, **inputs))
+
+    def read(self, h: Tensor) -> Tensor:
+        """From tokens (b, f, d_model) to what the network puts out (b, f, d)."""
+        with torch.autocast(h.device.type, enabled=False):  # millimetres need float32
+            return self.out(h.float())
+
+    def tokens(
         self,
         x_t: Tensor,
         memory: list[Tensor],
@@ -147,7 +158,8 @@ class Trunk(nn.Module):
     ) -> Tensor:
         """``memory``: the music tokens first, then any that belong to no frame.
 
-        ``waves`` (b, f, d_model), where given, are added to the motion tokens.
+        ``guess`` and ``noise`` (b, f, d): with preconditioning. ``waves`` (b, f, d_model), where
+        given, are added to the tokens.
         """
         h = self.embed(x_t)
         if guess is not None:
@@ -161,5 +173,4 @@ class Trunk(nn.Module):
         memory_frames[: len(self.token_frames)] = self.token_frames
         for layer in self.layers:
             h = layer(h, memory, cond, frames, memory_frames)
-        with torch.autocast(h.device.type, enabled=False):  # millimetres need float32
-            return self.out(h.float())
+        return h

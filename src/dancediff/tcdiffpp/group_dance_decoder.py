@@ -22,6 +22,7 @@ from dancediff.diffusion.precondition import Preconditioning
 from dancediff.diffusion.schedule import cosine_abar
 from dancediff.music.beat_phase import NUM_WAVES, beat_waves
 from dancediff.nn.decoder import MusicEncoder
+from dancediff.nn.non_local_filter import NonLocalFilter, left_over
 from dancediff.nn.timestep import TimestepEncoder
 from dancediff.tcdiffpp.foot_cues import NUM_CUES
 from dancediff.tcdiffpp.fusion import FusionProjection
@@ -89,6 +90,9 @@ class GroupDanceDecoder(nn.Module):
             self.precondition = Preconditioning(c.num_frames, c.motion_dim)
             self.embed_guess = nn.Linear(c.motion_dim, d, bias=False)
             self.embed_noise = nn.Linear(c.motion_dim, d, bias=False)
+        if c.non_local and not c.precondition:
+            raise ValueError("non_local=True averages the linear guess; set precondition=True")
+        self.non_local = NonLocalFilter(d, c.motion_dim) if c.non_local else None
         self.register_buffer("abar", cosine_abar(c.num_steps).float(), persistent=False)
 
     def forward(
@@ -122,6 +126,8 @@ class GroupDanceDecoder(nn.Module):
             x_raw = self.out(h.float())
             if self.precondition is not None:
                 x_raw = self.precondition(x_raw, guess, abar)
+            if self.non_local is not None:
+                x_raw = x_raw + self.non_local(h.float(), guess, left_over(x_t, guess, abar))
         return x_raw if present is None else x_raw * present[:, :, None, None]
 
     def tokens(

@@ -61,6 +61,7 @@ class TCDiffPPConfig:
     footwork_residual: bool = True  # ours: see FootworkAdaptor
     foot_cues: bool = False  # ours: see foot_cues; on in configs
     beat_waves: bool = False  # ours: see music.beat_phase; on in configs
+    non_local: bool = False  # ours: see nn.non_local_filter; on in configs
     precondition: bool = True  # ours: see diffusion.precondition
 
     @classmethod
@@ -78,6 +79,7 @@ class TCDiffPPConfig:
             "footwork_residual": False,
             "foot_cues": False,
             "beat_waves": False,
+            "non_local": False,
             "precondition": False,
         }
         return cls(**sizes | changes)
