@@ -102,7 +102,7 @@ def test_needs_the_linear_guess():
 
 
 def test_learns_to_smooth_rests_and_to_leave_jumps():
-    """What no filter can that is the same everywhere: not much more than half the error of the best."""
+    """At most 0.6 of the error of the best filter that is the same in every frame."""
     g = torch.Generator().manual_seed(0)
     beat = (torch.arange(48) % 16 >= 12).float()  # twelve frames of rest, four of motion
 
