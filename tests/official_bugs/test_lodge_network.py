@@ -9,11 +9,11 @@ import pytest
 import torch
 from torch import nn
 
-from dancediff.diffusion.samplers import sample
+from dancediff.diffusion.samplers import sample, sampling_times
 from dancediff.diffusion.schedule import cosine_abar
 from dancediff.lodge.foot_refine import FootRefine, contact_score, foot_features
 from dancediff.lodge.global_diffusion import GlobalConfig, token_frames
-from dancediff.lodge.guidance import CueGuidance, guided_steps, sampling_times
+from dancediff.lodge.guidance import CueGuidance, guided_steps
 from dancediff.lodge.local_diffusion import LocalConfig, LocalDenoiser
 from dancediff.lodge.losses import l_focus, l_jacc, l_jvel
 from dancediff.lodge.style import MappingNetwork

@@ -141,7 +141,7 @@ def test_one_dancer_swaps_with_nobody(model):
         ("seed", "x", r"seed='x' must be an integer"),
         ("seed", -1, r"seed=-1 must lie in 0 \.\.\."),
         ("steps", 0, r"steps=0 must lie in 1 \.\.\. 1000"),
-        ("sampler", "euler", r"sampler='euler' is not one of 'ddim', 'ddpm'"),
+        ("sampler", "euler", r"sampler='euler' is not one of 'dpm', 'ddim', 'ddpm'"),
         ("guidance", -1, r"guidance=-1 must lie in 0"),
         ("guidance", math.nan, r"guidance=nan must lie in 0"),
         ("eta", 1.5, r"eta=1.5 must lie in 0 \.\.\. 1"),

@@ -1,7 +1,7 @@
 import pytest
 import torch
 
-from dancediff.diffusion.samplers import sample
+from dancediff.diffusion.samplers import sample, sampling_times
 from dancediff.diffusion.schedule import cosine_abar
 from dancediff.lodge.guidance import (
     FLOOR,
@@ -10,7 +10,6 @@ from dancediff.lodge.guidance import (
     cue_channels,
     guided_steps,
     row_noise,
-    sampling_times,
 )
 from dancediff.motion.representation import LODGE
 
@@ -55,6 +54,15 @@ def test_cues_speak_of_contacts_and_rotations():
     channels = cue_channels()
     assert channels[LODGE.contact].all() and channels[LODGE.rot6d].all()
     assert not channels[LODGE.root].any()
+
+
+@pytest.mark.parametrize("steps", [4, 12, 30])
+def test_few_step_sampler_is_guided_over_the_same_part_of_the_way(steps):
+    times = sampling_times("dpm", steps)
+    counts = [guided_steps(times, s) for s in SHARES]
+    assert counts == sorted(counts) and counts[0] == 0 and counts[-1] == steps - 1
+    for s, count in zip(SHARES, counts, strict=True):
+        assert all(t >= (times[0] + 1) * (1 - s) - 1 for t in times[:count])
 
 
 @pytest.mark.parametrize(("sampler", "steps"), SAMPLERS)

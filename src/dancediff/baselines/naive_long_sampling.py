@@ -20,7 +20,8 @@ import torch
 from torch import Tensor
 
 from dancediff.diffusion.guidance import off_at_the_end, ramp_up
-from dancediff.diffusion.samplers import ddim_times, sample
+from dancediff.diffusion.samplers import sample, sampling_times
+from dancediff.diffusion.schedule import cosine_abar
 from dancediff.motion.motion import Motion
 from dancediff.motion.representation import pack, unpack
 from dancediff.motion.rotation import slerp
@@ -160,5 +161,7 @@ def _guidance(wish: Wish, *, ramp: bool):
     if wish.sampler == "ddpm":
         return off_at_the_end(wish.guidance, wish.num_steps)
     if ramp:
-        return ramp_up(wish.guidance, ddim_times(wish.steps, wish.num_steps))
+        return ramp_up(
+            wish.guidance, sampling_times(wish.sampler, wish.steps, cosine_abar(wish.num_steps))
+        )
     return wish.guidance

@@ -6,7 +6,7 @@ Nothing here knows what a dancer or a song is. A network enters as a function
 
 from dancediff.diffusion.guidance import guided, off_at_the_end, ramp_up
 from dancediff.diffusion.pinning import Pinning
-from dancediff.diffusion.samplers import ddim_step, ddim_times, ddpm_step, sample
+from dancediff.diffusion.samplers import ddim_step, ddim_times, ddpm_step, dpm_step, sample
 from dancediff.diffusion.schedule import abar_at, cosine_abar, gaussian, q_sample
 
 __all__ = [
@@ -16,6 +16,7 @@ __all__ = [
     "ddim_step",
     "ddim_times",
     "ddpm_step",
+    "dpm_step",
     "gaussian",
     "guided",
     "off_at_the_end",

@@ -1,6 +1,7 @@
 r"""Samplers: from noise to a dance, one step at a time.
 
-Read first: notebook 06 · Ho et al. 2020 (DDPM) eq. 6-7 · Song et al. 2021 (DDIM) eq. 12.
+Read first: notebook 06 · Ho et al. 2020 (DDPM) eq. 6-7 · Song et al. 2021 (DDIM) eq. 12 ·
+Lu et al. 2022 (DPM-Solver++) algorithm 2.
 
 Symbols (axes: b batch · n dancers · f frames · d motion features; t is ALWAYS the diffusion step)
     x_t     noisy motion            (b, n, f, d)
@@ -19,7 +20,10 @@ import torch
 from torch import Tensor
 
 from dancediff.diffusion.pinning import Pinning
-from dancediff.diffusion.schedule import Generators, abar_at, gaussian
+from dancediff.diffusion.schedule import Generators, abar_at, cosine_abar, gaussian
+
+SAMPLERS = ("dpm", "ddim", "ddpm")
+LOUDEST = -4.5  # half log of signal over noise, where "dpm" begins: 0.01 % of the power is signal
 
 
 def ddim_times(steps: int, num_steps: int = 1000) -> list[int]:
@@ -69,10 +73,7 @@ def ddim_step(
     >>> torch.equal(ddim_step(torch.randn_like(x0), x0, t=5, t_next=-1, abar=abar), x0)
     True
     """
-    if not t_next < t:
-        raise ValueError(f"t_next={t_next} must be below t={t}: sampling goes towards -1")
-    if not 0 <= eta <= 1:
-        raise ValueError(f"eta={eta} must lie in 0 (deterministic) ... 1 (as noisy as DDPM)")
+    _check_step(t, t_next, eta)
     if t_next == -1:
         return x0_hat
     a, a_next = abar_at(abar, t), abar_at(abar, t_next)
@@ -80,6 +81,92 @@ def ddim_step(
     sigma = eta * math.sqrt((1 - a_next) / (1 - a) * (1 - a / a_next))
     direction = math.sqrt(max(1 - a_next - sigma**2, 0.0))  # below 0 only by rounding
     x_next = math.sqrt(a_next) * x0_hat + direction * eps_hat
+    return x_next + _noise(sigma, x_t, generator)
+
+
+def half_logsnr(abar: Tensor, t: int) -> float:
+    r"""How much signal there is for the noise; infinite for the clean dance.
+
+    $$\lambda_t = \tfrac12 \ln \frac{\bar\alpha_t}{1 - \bar\alpha_t}$$
+
+    >>> half_logsnr(torch.tensor([0.5]), 0), half_logsnr(torch.tensor([0.5]), -1)
+    (0.0, inf)
+    """
+    a = abar_at(abar, t)
+    return math.inf if a == 1 else 0.5 * math.log(a / (1 - a))
+
+
+def logsnr_times(steps: int, abar: Tensor) -> list[int]:
+    r"""Steps evenly spaced in $\lambda$, then -1 ("clean"): every size of motion gets as many.
+
+    What a dance is made of becomes visible one size after the other, formations first, trembling
+    last. Steps that are even in t hurry through both ends.
+
+    Source: DPM-Solver++ section 5.  Differs: begins at `LOUDEST`, since the cosine schedule's first
+    step alone is a quarter of its way; steps that fall on the same t are taken once.
+
+    Raises: ValueError unless 1 <= steps <= len(abar).
+
+    >>> from dancediff.diffusion.schedule import cosine_abar
+    >>> logsnr_times(6, cosine_abar())
+    [992, 951, 698, 174, 20, 0, -1]
+    """
+    if not 1 <= steps <= len(abar):
+        raise ValueError(f"steps={steps} must lie in 1 ... {len(abar)}, the schedule's length")
+    level = 0.5 * torch.log(abar / (1 - abar))
+    wanted = torch.linspace(max(LOUDEST, float(level[-1])), float(level[0]), steps)
+    times = [int((level - value).abs().argmin()) for value in wanted]
+    return [*dict.fromkeys(times), -1]
+
+
+def dpm_step(
+    x_t: Tensor,
+    x0_hat: Tensor,
+    t: int,
+    t_next: int,
+    abar: Tensor,
+    *,
+    before: tuple[Tensor, int] | None = None,
+    eta: float = 0.0,
+    generator: Generators = None,
+) -> Tensor:
+    r"""One step of DPM-Solver++(2M): the guess is continued along a line through the last two.
+
+    $$x_{t'} = \frac{\sigma_{t'}}{\sigma_t}\,e^{-\eta h}\,x_t
+      + \alpha_{t'}\,(1 - e^{-(1 + \eta) h})\,D + \sigma_{t'} \sqrt{1 - e^{-2\eta h}}\;z, \qquad
+      D = \hat x_0 + \frac{h}{2 h_-}\,(\hat x_0 - \hat x_0^-)$$
+
+    with $h = \lambda_{t'} - \lambda_t$, $\alpha = \sqrt{\bar\alpha}$,
+    $\sigma = \sqrt{1 - \bar\alpha}$. DDIM takes D to be the guess; so every step falls short of
+    what the guess will be at its end, and with few of them formations shrink and jumps get blunt.
+
+    - ``before``: the guess before and its step; without it D is the guess.
+    - ``eta``: 0 follows the flow, 1 adds fresh noise at every step, as DDPM does.
+
+    Source: DPM-Solver++ algorithm 2 (eta = 0) and appendix (SDE form, eta = 1).
+
+    Shapes: x_t, x0_hat (b, n, f, d); abar (T,) -> (b, n, f, d).
+    Raises: ValueError unless t_next < t and 0 <= eta <= 1.
+
+    >>> abar = torch.linspace(0.99, 0.01, 10)
+    >>> x_t, x0 = torch.randn(1, 2, 3, 4), torch.ones(1, 2, 3, 4)
+    >>> first = dpm_step(x_t, x0, 9, 5, abar)
+    >>> torch.allclose(first, ddim_step(x_t, x0, 9, 5, abar), atol=1e-6)
+    True
+    """
+    _check_step(t, t_next, eta)
+    if t_next == -1:
+        return x0_hat
+    a, a_next = abar_at(abar, t), abar_at(abar, t_next)
+    h = half_logsnr(abar, t_next) - half_logsnr(abar, t)
+    D = x0_hat
+    if before is not None:
+        last, t_last = before
+        h_last = half_logsnr(abar, t) - half_logsnr(abar, t_last)
+        D = x0_hat + h / (2 * h_last) * (x0_hat - last)
+    keep = math.sqrt((1 - a_next) / (1 - a)) * math.exp(-eta * h)
+    x_next = keep * x_t - math.sqrt(a_next) * math.expm1(-(1 + eta) * h) * D
+    sigma = math.sqrt((1 - a_next) * -math.expm1(-2 * eta * h))
     return x_next + _noise(sigma, x_t, generator)
 
 
@@ -117,6 +204,29 @@ def ddpm_step(
         + math.sqrt(alpha) * (1 - a_next) / (1 - a) * x_t
     )
     return mean + _noise(math.sqrt((1 - a_next) / (1 - a) * beta), x_t, generator)
+
+
+def _check_step(t: int, t_next: int, eta: float) -> None:
+    if not t_next < t:
+        raise ValueError(f"t_next={t_next} must be below t={t}: sampling goes towards -1")
+    if not 0 <= eta <= 1:
+        raise ValueError(f"eta={eta} must lie in 0 (deterministic) ... 1 (as noisy as DDPM)")
+
+
+def sampling_times(sampler: str, steps: int, abar: Tensor | None = None) -> list[int]:
+    """The steps that a sampler takes, from noise down to -1 ("clean"); by default of 1000.
+
+    Raises: ValueError for an unknown sampler, or steps out of range.
+
+    >>> sampling_times("ddim", 4), len(sampling_times("ddpm", 4))
+    ([999, 749, 499, 249, -1], 1001)
+    """
+    abar = cosine_abar() if abar is None else abar
+    if sampler not in SAMPLERS:
+        raise ValueError(f"sampler={sampler!r} is not one of {', '.join(map(repr, SAMPLERS))}")
+    if sampler == "dpm":
+        return logsnr_times(steps, abar)
+    return ddim_times(steps if sampler == "ddim" else len(abar), len(abar))
 
 
 def _noise(sigma: float, like: Tensor, generator: Generators) -> Tensor | float:
@@ -166,7 +276,7 @@ def sample(
 
     Source: EDGE, TCDiff++ and Lodge all use T = 1000, 50 DDIM steps, eta = 1, x0_hat cut at +-1.
 
-    - ``sampler``: "ddim" (``steps``, ``eta``) or "ddpm" (always all T steps).
+    - ``sampler``: "dpm" or "ddim" (``steps``, ``eta``), or "ddpm" (always all T steps).
     - ``pin``: holds the first frames at known motion (`dancediff.diffusion.pinning.Pinning`).
     - ``bend(x0_hat, abar) -> x0_hat``: brings every guess in line with what is known
       (`dancediff.diffusion.constraint.Constraint.bend`).
@@ -184,15 +294,14 @@ def sample(
     >>> torch.equal(sample(lambda x_t, t: x_0, x_0.shape, abar=cosine_abar(), steps=5), x_0)
     True
     """
-    if sampler not in ("ddim", "ddpm"):
-        raise ValueError(f"sampler={sampler!r} is not one of 'ddim', 'ddpm'")
     if resample < 1:
         raise ValueError(f"resample={resample} must be at least 1, the number of tries a step")
     abar = abar.detach().cpu()  # its entries are read as numbers: no wait for a GPU at every step
+    times = sampling_times(sampler, steps, abar)
     x = _first(x_T, tuple(shape), generator).to(device=device, dtype=dtype)
     if pin is not None:
         x = pin.start(x)
-    times = ddim_times(steps if sampler == "ddim" else len(abar), len(abar))
+    before = None
     for i, (t, t_next) in enumerate(pairwise(times)):
         for again in range(resample if t_next >= 0 else 1):
             if again:
@@ -204,10 +313,14 @@ def sample(
                 x0_hat = bend(x0_hat, abar_at(abar, t))
             if sampler == "ddpm":
                 x = ddpm_step(x, x0_hat, t, abar, generator=generator)
+            elif sampler == "dpm":
+                how = {"before": before, "eta": eta, "generator": generator}
+                x = dpm_step(x, x0_hat, t, t_next, abar, **how)
             else:
                 x = ddim_step(x, x0_hat, t, t_next, abar, eta=eta, generator=generator)
             if pin is not None:
                 x = pin(x, t_next)
+        before = (x0_hat, t)
         if callback is not None:
             callback(i, len(times) - 1, x0_hat)
     return x

@@ -20,7 +20,6 @@ import torch
 from torch import Tensor
 
 from dancediff.diffusion.constraint import Constraint
-from dancediff.diffusion.samplers import ddim_times
 from dancediff.diffusion.schedule import abar_at, gaussian, q_sample
 from dancediff.motion.representation import LODGE
 
@@ -39,15 +38,6 @@ def cue_channels() -> Tensor:
     return channels
 
 
-def sampling_times(sampler: str, steps: int, num_steps: int = 1000) -> list[int]:
-    """The steps that `dancediff.diffusion.samplers.sample` takes.
-
-    >>> sampling_times("ddim", 4), len(sampling_times("ddpm", 4))
-    ([999, 749, 499, 249, -1], 1001)
-    """
-    return ddim_times(num_steps if sampler == "ddpm" else steps, num_steps)
-
-
 def guided_steps(times: Sequence[int], soft: float) -> int:
     r"""How many steps the soft cues are held for: those from a t above T (1 - s), but not the last.
 
@@ -62,6 +52,7 @@ def guided_steps(times: Sequence[int], soft: float) -> int:
 
     Raises: ValueError unless 0 <= soft <= 1.
 
+    >>> from dancediff.diffusion.samplers import sampling_times
     >>> [guided_steps(sampling_times("ddim", 50), s) for s in (0, 0.25, 0.5, 1)]
     [0, 13, 25, 49]
     >>> [guided_steps(sampling_times("ddpm", 50), s) for s in (0, 0.25, 0.5, 1)]
@@ -147,6 +138,7 @@ class CueGuidance:
     >>> from dancediff.diffusion.schedule import cosine_abar
     >>> value = torch.ones(1, 12, 139)
     >>> hard = torch.tensor([[True] * 4 + [False] * 4 + [True] * 4])
+    >>> from dancediff.diffusion.samplers import sampling_times
     >>> cues = CueGuidance(value, hard, ~hard & False, cosine_abar(), sampling_times("ddim", 50))
     >>> cues(torch.zeros(1, 12, 139), t_next=-1)[0, :, 7].tolist()
     [1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0]

@@ -23,10 +23,11 @@ import torch
 from torch import Tensor
 
 from dancediff.diffusion.guidance import guided, off_at_the_end
-from dancediff.diffusion.samplers import sample
+from dancediff.diffusion.samplers import sample, sampling_times
+from dancediff.diffusion.schedule import cosine_abar
 from dancediff.lodge.choreography import Cues, make_cues
 from dancediff.lodge.global_diffusion import GlobalDenoiser
-from dancediff.lodge.guidance import CueGuidance, sampling_times
+from dancediff.lodge.guidance import CueGuidance
 from dancediff.lodge.local_diffusion import LocalDenoiser
 from dancediff.lodge.primitives import DISCRETE, Layout, primitive_frames
 from dancediff.lodge.song_structure import find_sections
@@ -80,7 +81,7 @@ class Sampling:
 
     def times(self, num_steps: int) -> list[int]:
         """The steps that will be taken."""
-        return sampling_times(self.sampler, self.steps, num_steps)
+        return sampling_times(self.sampler, self.steps, cosine_abar(num_steps))
 
     def calls(self, rows: int, num_steps: int = 1000) -> int:
         """How many steps all chunks take together, for a progress bar.

@@ -180,7 +180,8 @@ class TCDiffPP(nn.Module):
         - ``song``: a `Music`.  ``seconds``: how much of it, from its start; default all.
         - ``dancers``: 1 to ``config.max_dancers``.  ``seed``: the same seed on the same machine
           gives the same bits.
-        - ``sampler`` "ddim" (``steps``, ``eta``: 0 = no fresh noise) or "ddpm" (all 1000 steps).
+        - ``sampler`` "dpm" or "ddim" (``steps``, ``eta``: 0 = no fresh noise), or "ddpm" (all 1000
+          steps).
         - ``guidance``: 0 ignores the music, 1 listens, 2 exaggerates (the papers' value).
         - ``swap[k]``: the dancer, counted 0.. from the left at the first frame, who stands k-th
           from the left in the end; ``swap_at``: when, in seconds (default: at the end).

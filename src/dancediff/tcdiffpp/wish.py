@@ -14,6 +14,7 @@ from typing import Any
 from torch import Tensor
 
 from dancediff.diffusion.pinning import MODES
+from dancediff.diffusion.samplers import SAMPLERS
 from dancediff.tcdiffpp import control
 from dancediff.tcdiffpp.long_group_sampling import SEAMS
 from dancediff.tcdiffpp.planting import FEET
@@ -64,7 +65,7 @@ class Wish:
         self.overlap = _integer("overlap", self.overlap, 1, self.num_frames - 1)
         self.guidance = _number("guidance", self.guidance, 0, 100)
         self.eta = _number("eta", self.eta, 0, 1)
-        one_of("sampler", self.sampler, ("ddim", "ddpm"))
+        one_of("sampler", self.sampler, SAMPLERS)
         one_of("pinning", self.pinning, MODES)
         one_of("seam", self.seam, tuple(SEAMS))
         one_of("feet", self.feet, FEET)
