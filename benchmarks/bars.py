@@ -149,7 +149,7 @@ class Dances:
     frames: int = 150
     count: int = 1000
     kinds: tuple[str, ...] = ("synthetic", "composed")
-    steps: int = 50
+    steps: int = 20
     seed: int = 0
     naive: bool = False
     workers: int = 2
@@ -205,7 +205,7 @@ class Swaps:
     model: tyro.conf.Positional[str]
     held: tyro.conf.Positional[str]
     each: int = 20
-    steps: int = 50
+    steps: int = 20
     seed: int = 0
     guidance: float = 2.0
     workers: int = 2
@@ -245,7 +245,7 @@ class Songs:
     songs: tyro.conf.Positional[tuple[str, ...]]
     seconds: float = 20.0
     dancers: int = 3
-    steps: int = 50
+    steps: int = 20
     seeds: tuple[int, ...] = (0, 1)
     workers: int = 2
 

@@ -1,6 +1,6 @@
 """The packaged model's dances: what a viewer would notice first, without any post-processing.
 
-One dance of three to the packaged song, the whole way (50 steps, 20 s, two seams a dancer pair has
+One dance of three to the packaged song, the whole way (20 s, two seams a dancer pair has
 to get through), and short ones for the rest. The bars are those a user is promised in docs/results.
 """
 
@@ -88,7 +88,6 @@ def test_every_group_size(model, song, dancers):
     assert torch.equal(start, start.sort().values)
 
 
-@pytest.mark.xfail(strict=True, reason="that of the first weights is dead: see their card")
 def test_no_part_of_the_fusion_projection_is_dead(model):
     """Units of its second layer that hear something, over dances at three noise levels."""
     heard = []

@@ -90,7 +90,8 @@ def test_what_the_switches_cost():
     full = count(GlobalDenoiser, paper())
     assert count(GlobalDenoiser, paper(pool=4)) == trunk(256, music=4 * MUSIC)
     assert full - count(GlobalDenoiser, paper(music_frames=512)) == 512 * D
-    assert count(GlobalDenoiser, paper(precondition=True)) - full == MOTION * D
+    linear_guess_and_noise = 2 * MOTION * D
+    assert count(GlobalDenoiser, paper(precondition=True)) - full == linear_guess_and_noise
     embedded = count(LocalDenoiser, LocalConfig.paper(style="embedding"))
     assert 60_765_462 - embedded == mapping(256, D, D) - GENRES * D
 

@@ -36,7 +36,7 @@ class Generate:
     """How much of the song, from its start; default: all of it."""
     seed: int = 0
     """The same seed gives the same dance."""
-    steps: int = 50
+    steps: int = 20
     """Denoising steps."""
     guidance: float = 2.0
     """How much the music matters: 0 not at all, 1 as learned, 2 exaggerated."""

@@ -42,8 +42,8 @@ class Wish:
     dancers: int = 3
     seconds: float | None = None
     seed: int = 0
-    steps: int = 50
-    sampler: str = "ddim"
+    steps: int = 20
+    sampler: str = "dpm"
     guidance: float = 2.0
     eta: float = 1.0
     swap: Any = None
