@@ -149,7 +149,7 @@ class Dances:
     frames: int = 150
     count: int = 1000
     kinds: tuple[str, ...] = ("synthetic", "composed")
-    steps: int = 20
+    steps: int = 50
     seed: int = 0
     naive: bool = False
     workers: int = 2
@@ -205,9 +205,9 @@ class Swaps:
     model: tyro.conf.Positional[str]
     held: tyro.conf.Positional[str]
     each: int = 20
-    steps: int = 20
+    steps: int = 50
     seed: int = 0
-    guidance: float = 2.0
+    guidance: float = 1.5
     workers: int = 2
 
     def run(self) -> None:
@@ -245,7 +245,7 @@ class Songs:
     songs: tyro.conf.Positional[tuple[str, ...]]
     seconds: float = 20.0
     dancers: int = 3
-    steps: int = 20
+    steps: int = 50
     seeds: tuple[int, ...] = (0, 1)
     workers: int = 2
 

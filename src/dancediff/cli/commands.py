@@ -36,9 +36,9 @@ class Generate:
     """How much of the song, from its start; default: all of it."""
     seed: int = 0
     """The same seed gives the same dance."""
-    steps: int = 20
+    steps: int = 50
     """Denoising steps."""
-    guidance: float = 2.0
+    guidance: float = 1.5
     """How much the music matters: 0 not at all, 1 as learned, 2 exaggerated."""
     feet: Literal["planted", "free"] = "planted"
     """Keep feet in place that stand, or leave them as the network draws them."""

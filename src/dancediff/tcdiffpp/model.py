@@ -158,9 +158,9 @@ class TCDiffPP(nn.Module):
         dancers: int = 3,
         seconds: float | None = None,
         seed: int = 0,
-        steps: int = 20,
-        sampler: str = "dpm",
-        guidance: float = 2.0,
+        steps: int = 50,
+        sampler: str = "ddim",
+        guidance: float = 1.5,
         eta: float = 1.0,
         swap=None,
         swap_at: float | None = None,
@@ -180,8 +180,8 @@ class TCDiffPP(nn.Module):
         - ``song``: a `Music`.  ``seconds``: how much of it, from its start; default all.
         - ``dancers``: 1 to ``config.max_dancers``.  ``seed``: the same seed on the same machine
           gives the same bits.
-        - ``sampler`` "dpm" or "ddim" (``steps``, ``eta``: 0 = no fresh noise), or "ddpm" (all 1000
-          steps).
+        - ``sampler`` "ddim" or "dpm" (``steps``, ``eta``: 0 = no fresh noise, better so with "dpm"),
+          or "ddpm" (all 1000 steps).
         - ``guidance``: 0 ignores the music, 1 listens, 2 exaggerates (the papers' value).
         - ``swap[k]``: the dancer, counted 0.. from the left at the first frame, who stands k-th
           from the left in the end; ``swap_at``: when, in seconds (default: at the end).

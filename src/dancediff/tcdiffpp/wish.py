@@ -42,9 +42,9 @@ class Wish:
     dancers: int = 3
     seconds: float | None = None
     seed: int = 0
-    steps: int = 20
-    sampler: str = "dpm"
-    guidance: float = 2.0
+    steps: int = 50
+    sampler: str = "ddim"
+    guidance: float = 1.5
     eta: float = 1.0
     swap: Any = None
     swap_at: float | None = None

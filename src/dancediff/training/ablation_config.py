@@ -52,9 +52,9 @@ class Sample:
     """How to dance: arguments of `generate`, as far as a model has them, and ``long``."""
 
     seed: int = 0  # song i is danced with seed + i
-    steps: int = 20
-    sampler: str = "dpm"
-    guidance: float = 2.0
+    steps: int = 50
+    sampler: str = "ddim"
+    guidance: float = 1.5
     eta: float = 1.0
     swap: list | None = None
     swap_at: float | None = None
