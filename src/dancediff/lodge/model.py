@@ -163,7 +163,7 @@ class Lodge(nn.Module):
         - ``dancers``: 1 to 5, all with the same solo, in a ``formation`` ("line", "V", ...);
           ``relation`` "unison", "canon" (each 4 beats later than the one to her left) or "mirror".
         - ``seed``: the same seed on the same machine gives the same bits.
-        - ``sampler`` "ddim" or "dpm" (``steps``, ``eta``: 0 = no fresh noise, better so with "dpm"),
+        - ``sampler`` "ddim" or "dpm" (``steps``, ``eta``; 0 = no fresh noise, best for "dpm"),
           or "ddpm" (all 1000 steps).
         - ``guidance``: 0 ignores the music, 1 listens, 2 exaggerates (the papers' value).
         - ``at_once``: segments in memory together, default all; the dance is the same.

@@ -180,7 +180,7 @@ class TCDiffPP(nn.Module):
         - ``song``: a `Music`.  ``seconds``: how much of it, from its start; default all.
         - ``dancers``: 1 to ``config.max_dancers``.  ``seed``: the same seed on the same machine
           gives the same bits.
-        - ``sampler`` "ddim" or "dpm" (``steps``, ``eta``: 0 = no fresh noise, better so with "dpm"),
+        - ``sampler`` "ddim" or "dpm" (``steps``, ``eta``; 0 = no fresh noise, best for "dpm"),
           or "ddpm" (all 1000 steps).
         - ``guidance``: 0 ignores the music, 1 listens, 2 exaggerates (the papers' value).
         - ``swap[k]``: the dancer, counted 0.. from the left at the first frame, who stands k-th
