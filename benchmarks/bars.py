@@ -15,7 +15,7 @@ changes of place. What was danced is kept in --out and not danced again.
 
 import json
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, field
 from itertools import permutations
 from pathlib import Path
 
@@ -107,9 +107,20 @@ def chosen(all_of_them: list[Window], count: int, max_dancers: int = 5) -> list[
     return [usable[k] for k in sorted(picks)]
 
 
-def dance(model, window: Window, *, seed: int, steps: int, naive: bool) -> Motion:
+@dataclass
+class Sampling:
+    """How to dance, the same for all models of a table."""
+
+    sampler: str = "ddim"
+    steps: int = 50
+    eta: float = 1.0
+    guidance: float = 1.5
+    feet: str = "planted"
+
+
+def dance(model, window: Window, *, seed: int, naive: bool, sampling: Sampling) -> Motion:
     """The window's music, danced by as many; a group model is asked for the window's orders."""
-    options = {"dancers": window.motion.num_dancers, "seed": seed, "steps": steps}
+    options = {"dancers": window.motion.num_dancers, "seed": seed} | asdict(sampling)
     if isinstance(model, EDGE):
         return model.generate(window, **options)
     draw = draw_naively if naive else draw_long_group
@@ -149,9 +160,9 @@ class Dances:
     frames: int = 150
     count: int = 1000
     kinds: tuple[str, ...] = ("synthetic", "composed")
-    steps: int = 50
     seed: int = 0
     naive: bool = False
+    sampling: Sampling = field(default_factory=Sampling)
     workers: int = 2
     out: Path = Path("runs/bars")
 
@@ -159,11 +170,12 @@ class Dances:
         """Print what the dances and the held-out windows score, side by side."""
         todo = chosen(list(windows(self.held, self.frames, self.kinds)), self.count)
         name = f"{Path(self.model).name}-{self.frames}-{self.seed}{'-naive' * self.naive}"
+        name += "-free" * (self.sampling.feet == "free")
         name += "" if "synthetic" in self.kinds else "-" + "-".join(self.kinds)
         folder = self.out / name
         folder.mkdir(parents=True, exist_ok=True)
         files = [folder / f"{window.name}.npz" for window in todo]
-        how = {"steps": self.steps, "naive": self.naive}
+        how = {"sampling": self.sampling, "naive": self.naive}
         jobs = [
             joblib.delayed(_dance_to)(path, self.model, window, seed=self.seed * 100_003 + k, **how)
             for k, (path, window) in enumerate(zip(files, todo, strict=True))
@@ -192,7 +204,7 @@ class Dances:
         facts = {
             "windows": len(todo),
             "dancers": sum(window.motion.num_dancers for window in todo),
-            "steps": self.steps,
+            "sampling": asdict(self.sampling),
             "rows": rows,
         }
         (self.out / f"{name}.json").write_text(json.dumps(facts) + "\n", encoding="utf-8")
@@ -205,9 +217,8 @@ class Swaps:
     model: tyro.conf.Positional[str]
     held: tyro.conf.Positional[str]
     each: int = 20
-    steps: int = 50
     seed: int = 0
-    guidance: float = 1.5
+    sampling: Sampling = field(default_factory=Sampling)
     workers: int = 2
 
     def run(self) -> None:
@@ -215,9 +226,7 @@ class Swaps:
         songs = chosen(list(windows(self.held, SEGMENT, ("synthetic",))), 6 * self.each)
         orders = list(permutations(range(3)))
         jobs = [
-            joblib.delayed(_obeys)(
-                self.model, song, orders[k % 6], self.seed + k, self.steps, self.guidance
-            )
+            joblib.delayed(_obeys)(self.model, song, orders[k % 6], self.seed + k, self.sampling)
             for k, song in enumerate(songs)
         ]
         hits = _in_processes(jobs, self.workers, "swapping")
@@ -231,9 +240,9 @@ class Swaps:
             print(f"| {name} | {100 * np.mean(np.array(hits)[which]):.1f} % | {which.sum()} |")
 
 
-def _obeys(model: str, song: Window, order, seed: int, steps: int, guidance: float) -> bool:
+def _obeys(model: str, song: Window, order, seed: int, sampling: Sampling) -> bool:
     torch.set_num_threads(1)
-    options = {"seed": seed, "steps": steps, "guidance": guidance, "swap": order}
+    options = {"seed": seed, "swap": order} | asdict(sampling)
     return obeys(_loaded(model).generate(song, dancers=3, **options).root, order)
 
 
@@ -245,14 +254,14 @@ class Songs:
     songs: tyro.conf.Positional[tuple[str, ...]]
     seconds: float = 20.0
     dancers: int = 3
-    steps: int = 50
     seeds: tuple[int, ...] = (0, 1)
+    sampling: Sampling = field(default_factory=Sampling)
     workers: int = 2
 
     def run(self) -> None:
         """Print MMC with its own beats, shifted beats, and the beats of the other songs."""
         jobs = [
-            joblib.delayed(_to_song)(self.model, s, self.seconds, self.dancers, seed, self.steps)
+            joblib.delayed(_to_song)(self.model, s, self.seconds, self.dancers, seed, self.sampling)
             for s in self.songs
             for seed in self.seeds
         ]
@@ -281,10 +290,11 @@ class Songs:
         )
 
 
-def _to_song(model: str, song: str, seconds: float, dancers: int, seed: int, steps: int):
+def _to_song(model: str, song: str, seconds: float, dancers: int, seed: int, sampling: Sampling):
     torch.set_num_threads(1)
     music = Music.load(song)
-    made = _loaded(model).generate(music, dancers=dancers, seconds=seconds, seed=seed, steps=steps)
+    options = {"dancers": dancers, "seconds": seconds, "seed": seed} | asdict(sampling)
+    made = _loaded(model).generate(music, **options)
     return song, made.joints(), np.asarray(music.beats())
 
 

@@ -63,6 +63,20 @@ def rank_left_to_right(x: Tensor) -> tuple[Tensor, Tensor]:
     return x, x[:, -1, lateral].argsort(stable=True)
 
 
+def ranked_windows(x: Tensor, num_frames: int, stride: int) -> tuple[Tensor, Tensor]:
+    """All windows of a take (n, F, d), ``stride`` frames apart, each as `rank_left_to_right` does.
+
+    Shapes: -> x (w, n, f, d), S (w, n).
+
+    >>> x, S = ranked_windows(torch.zeros(2, 9, 151), num_frames=5, stride=2)
+    >>> x.shape, S.shape
+    (torch.Size([3, 2, 5, 151]), torch.Size([3, 2]))
+    """
+    starts = range(0, x.shape[1] - num_frames + 1, stride)
+    windows = [rank_left_to_right(x[:, start : start + num_frames]) for start in starts]
+    return tuple(torch.stack(part) for part in zip(*windows, strict=True))
+
+
 def order_changes(takes: list[Take], num_frames: int, every: int = 5) -> list[np.ndarray]:
     """Windows in which dancers change their left-to-right order, one array for each new order.
 

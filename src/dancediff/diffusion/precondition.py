@@ -8,8 +8,8 @@ Symbols (axes: b batch · n dancers · f frames · k frequencies, as many as fra
     abar     signal power left                            (b,)
     mean     of each feature over the training set        (d,)
     spread   standard deviation of each frequency         (k, d)
-    skip     share of x_t that is kept                    (b, k, d)
-    scale    size of the network's part                   (b, k, d)
+    skip     share of x_t that is kept                    (b, 1 or n, k, d)
+    scale    size of the network's part                   (b, 1 or n, k, d)
 
 Dance is smooth: its slow parts are large and its fast parts tiny, while noise is as large at one
 frequency as at another. So the best linear guess (Wiener's filter) keeps the slow parts of x_t and
@@ -19,6 +19,7 @@ discrete cosine transform over the frames, which needs no periodic motion.
 
 import math
 from collections.abc import Iterable
+from dataclasses import dataclass
 from itertools import repeat
 
 import torch
@@ -66,6 +67,51 @@ def linear_coefficients(abar: Tensor, spread: Tensor) -> tuple[Tensor, Tensor]:
     return abar.sqrt() * spread**2 / v, spread * ((1 - abar) / v).sqrt()
 
 
+@dataclass
+class GroupModes:
+    r"""How dancers vary together: another basis for some features, one for each frequency.
+
+    $$\tilde c_{m} = \sum_n U_{nm}\, c_n$$
+
+    with the symbols of `dancediff.tcdiffpp.formation_prior`, which makes them:
+    ``features`` (c,), ``mean`` (b, n, f, c), ``basis`` U (b, k, c, n, n) orthonormal, and
+    ``spread`` of the modes (b, n, k, c).
+    """
+
+    features: list[int]
+    mean: Tensor
+    basis: Tensor
+    spread: Tensor
+
+    def turn(self, coefficients: Tensor) -> Tensor:
+        """From dancers to modes, (b, n, k, d)."""
+        return self._changed(coefficients, "bkcnm,bnkc->bmkc")
+
+    def turn_back(self, coefficients: Tensor) -> Tensor:
+        """From modes to dancers, (b, n, k, d)."""
+        return self._changed(coefficients, "bkcnm,bmkc->bnkc")
+
+    def _changed(self, coefficients: Tensor, how: str) -> Tensor:
+        changed = coefficients.clone()
+        changed[..., self.features] = torch.einsum(
+            how, self.basis.to(coefficients), coefficients[..., self.features]
+        )
+        return changed
+
+    def placed(self, mean: Tensor) -> Tensor:
+        """A mean (d,) for all, with what is expected of each: (b, n, f, d)."""
+        placed = mean.expand(*self.mean.shape[:3], -1).clone()
+        placed[..., self.features] += self.mean
+        return placed
+
+    def spreads(self, spread: Tensor) -> Tensor:
+        """Those of all features (k, d), with those of the modes: (b, n, k, d)."""
+        b, n = self.mean.shape[:2]
+        spreads = spread.expand(b, n, -1, -1).clone()
+        spreads[..., self.features] = self.spread
+        return spreads
+
+
 class Preconditioning(nn.Module):
     r"""From the network's output to a guess of x_0, one frequency at a time.
 
@@ -107,13 +153,14 @@ class Preconditioning(nn.Module):
         self.mean.copy_(mean)
         self.spread.copy_(power.clamp_min(SMALLEST**2).sqrt())
 
-    def linear_guess(self, x_t: Tensor, abar: Tensor) -> Tensor:
-        """What can be said without a network (b, n, f, d)."""
-        skip, _ = self._coefficients(abar, x_t.shape[2])
+    def linear_guess(self, x_t: Tensor, abar: Tensor, group: GroupModes | None = None) -> Tensor:
+        """What can be said without a network (b, n, f, d); with a group, how it varies together."""
+        skip, _ = self._coefficients(abar, x_t.shape[2], group)
         C = dct_matrix(x_t.shape[2]).to(x_t)
-        noisy = x_t - abar.sqrt()[:, None, None, None] * self.mean
+        mean = self.mean if group is None else group.placed(self.mean)
+        noisy = x_t - abar.sqrt()[:, None, None, None] * mean
         with torch.autocast(x_t.device.type, enabled=False):  # millimetres need float32
-            return self.mean + C.T @ (skip[:, None] * (C @ noisy))
+            return mean + C.T @ _scaled(skip, C @ noisy, group)
 
     def noise(self, x_t: Tensor, guess: Tensor, abar: Tensor) -> Tensor:
         r"""The noise there is in x_t if a guess is right: what the network listens to besides.
@@ -128,21 +175,34 @@ class Preconditioning(nn.Module):
         abar = abar[:, None, None, None]
         return (x_t - abar.sqrt() * guess) / (1 - abar).sqrt()
 
-    def forward(self, F: Tensor, guess: Tensor, abar: Tensor) -> Tensor:
+    def forward(
+        self, F: Tensor, guess: Tensor, abar: Tensor, group: GroupModes | None = None
+    ) -> Tensor:
         """Add the network's part F to the linear guess."""
-        _, scale = self._coefficients(abar, F.shape[2])
+        _, scale = self._coefficients(abar, F.shape[2], group)
         C = dct_matrix(F.shape[2]).to(F)
         with torch.autocast(F.device.type, enabled=False):
-            return guess + C.T @ (scale[:, None].clamp_max(LARGEST) * (C @ F))
+            return guess + C.T @ _scaled(scale.clamp_max(LARGEST), C @ F, group)
 
     def error(self, abar: Tensor) -> Tensor:
         """Mean square of what the linear guess misses, where the training set's spread is right.
 
         Shapes: abar (b,) -> (b,).
         """
-        return self._coefficients(abar, len(self.spread))[1].square().mean((1, 2))
+        return self._coefficients(abar, len(self.spread))[1].square().mean((1, 2, 3))
 
-    def _coefficients(self, abar: Tensor, f: int) -> tuple[Tensor, Tensor]:
+    def _coefficients(
+        self, abar: Tensor, f: int, group: GroupModes | None = None
+    ) -> tuple[Tensor, Tensor]:
         # A shorter window knows fewer frequencies: take those it has from the fitted ones.
         rows = (torch.arange(f, device=abar.device) * len(self.spread)) // f
-        return linear_coefficients(abar[:, None, None], self.spread[rows])
+        spread = self.spread[rows]
+        if group is not None:
+            spread = group.spreads(spread)
+        return linear_coefficients(abar[:, None, None, None], spread)
+
+
+def _scaled(by: Tensor, coefficients: Tensor, group: GroupModes | None) -> Tensor:
+    if group is None:
+        return by * coefficients
+    return group.turn_back(by * group.turn(coefficients))

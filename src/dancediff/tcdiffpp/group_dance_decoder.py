@@ -18,13 +18,14 @@ from collections.abc import Callable
 import torch
 from torch import Tensor, nn
 
-from dancediff.diffusion.precondition import Preconditioning
+from dancediff.diffusion.precondition import GroupModes, Preconditioning
 from dancediff.diffusion.schedule import cosine_abar
 from dancediff.music.beat_phase import NUM_WAVES, beat_waves
 from dancediff.nn.decoder import MusicEncoder
 from dancediff.nn.non_local_filter import NonLocalFilter, left_over
 from dancediff.nn.timestep import TimestepEncoder
 from dancediff.tcdiffpp.foot_cues import NUM_CUES
+from dancediff.tcdiffpp.formation_prior import FormationPrior
 from dancediff.tcdiffpp.fusion import FusionProjection
 from dancediff.tcdiffpp.positioning import DancerPositioning
 from dancediff.tcdiffpp.sequence_decoder import SequenceDecoder
@@ -90,6 +91,13 @@ class GroupDanceDecoder(nn.Module):
             self.precondition = Preconditioning(c.num_frames, c.motion_dim)
             self.embed_guess = nn.Linear(c.motion_dim, d, bias=False)
             self.embed_noise = nn.Linear(c.motion_dim, d, bias=False)
+        self.formation = None
+        if c.formation_prior:
+            if not (c.precondition and c.dpe):
+                raise ValueError(
+                    "formation_prior=True is a linear guess by rank; set precondition and dpe"
+                )
+            self.formation = FormationPrior(c.max_dancers, c.num_frames)
         if c.non_local and not c.precondition:
             raise ValueError("non_local=True averages the linear guess; set precondition=True")
         self.non_local = NonLocalFilter(d, c.motion_dim) if c.non_local else None
@@ -114,8 +122,9 @@ class GroupDanceDecoder(nn.Module):
         """
         self._check(x_t, t, M, S, present)
         abar, guess, noise = self.abar[t], None, None
+        group = self.group_modes(S, present, x_t.shape[2])
         if self.precondition is not None:
-            guess = self.precondition.linear_guess(x_t, abar)
+            guess = self.precondition.linear_guess(x_t, abar, group)
             noise = self.precondition.noise(x_t, guess, abar)
         memory, cond = self.conditions(t, M, S, keep=keep, present=present)
         h = self.tokens(x_t, present, guess, noise, foot_cues)
@@ -125,10 +134,20 @@ class GroupDanceDecoder(nn.Module):
         with torch.autocast(h.device.type, enabled=False):  # millimetres need float32
             x_raw = self.out(h.float())
             if self.precondition is not None:
-                x_raw = self.precondition(x_raw, guess, abar)
+                x_raw = self.precondition(x_raw, guess, abar, group)
             if self.non_local is not None:
                 x_raw = x_raw + self.non_local(h.float(), guess, left_over(x_t, guess, abar))
         return x_raw if present is None else x_raw * present[:, :, None, None]
+
+    def group_modes(
+        self, S: Tensor, present: Tensor | None = None, f: int | None = None
+    ) -> GroupModes | None:
+        """What is known of the formation: by rank, and by S where the decoder listens to it."""
+        if self.formation is None:
+            return None
+        if self.swap_mode is None:
+            S = torch.arange(S.shape[1], device=S.device).expand_as(S)
+        return self.formation(S, present, f)
 
     def tokens(
         self,

@@ -62,6 +62,7 @@ class TCDiffPPConfig:
     foot_cues: bool = False  # ours: see foot_cues; on in configs
     beat_waves: bool = False  # ours: see music.beat_phase; on in configs
     non_local: bool = False  # ours: see nn.non_local_filter; on in configs
+    formation_prior: bool = False  # ours: see formation_prior; on in configs
     precondition: bool = True  # ours: see diffusion.precondition
 
     @classmethod
@@ -80,6 +81,7 @@ class TCDiffPPConfig:
             "foot_cues": False,
             "beat_waves": False,
             "non_local": False,
+            "formation_prior": False,
             "precondition": False,
         }
         return cls(**sizes | changes)
@@ -148,7 +150,8 @@ class TCDiffPP(nn.Module):
             return x_raw, x_raw
         x_hat = self.footwork(x_raw, None if cues is None else cues(x_raw)[..., -NUM_MOVING:])
         if (precondition := self.decoder.precondition) is not None:
-            x_hat = precondition(x_hat - x_raw, x_raw, self.abar[t].float())
+            group = self.decoder.group_modes(S, present, x_t.shape[2])
+            x_hat = precondition(x_hat - x_raw, x_raw, self.abar[t].float(), group)
         return x_raw, x_hat if present is None else x_hat * present[:, :, None, None]
 
     def generate(

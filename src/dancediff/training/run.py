@@ -1,19 +1,20 @@
 r"""From a TOML file to a trained model: what ``dancediff train`` runs."""
 
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import fields
 from pathlib import Path
 
 import torch
-from torch import nn
+from torch import Tensor, nn
 
 from dancediff.baselines.edge import EDGE, EDGEConfig, solo_takes
 from dancediff.data.corpus import choreographed_corpus
 from dancediff.data.packed import PackedTakes
-from dancediff.data.windows import GroupDanceWindows, Take
+from dancediff.data.windows import GroupDanceWindows, Take, ranked_windows
 from dancediff.motion.representation import TCDIFFPP, Normalizer
 from dancediff.music.features import MusicNormalizer
+from dancediff.tcdiffpp.formation_prior import ON_FLOOR
 from dancediff.tcdiffpp.losses import LossWeights
 from dancediff.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 from dancediff.training.distributed import World
@@ -71,29 +72,49 @@ def check_tables(config: dict, source: str) -> dict:
 
 
 def fit_statistics(
-    model: TCDiffPP | EDGE, takes: list[Take], captured: float | None = None
+    model: TCDiffPP | EDGE,
+    takes: list[Take],
+    captured: float | None = None,
+    start: nn.Module | None = None,
 ) -> None:
     """Set the scales of motion and music and the spectrum of dance from the takes, once.
 
     ``captured``: the share of captured takes that training will see, see `GroupDanceWindows`.
+    ``start``: a model to take the scales from, because its weights go with them.
     """
-    stack = torch.cat([take.x.flatten(0, 1) for take in takes])
-    model.normalizer = Normalizer.fit(stack, min_span=MIN_SPAN)
-    on_floor = [TCDIFFPP.root.start, TCDIFFPP.root.start + 2]
-    model.normalizer.low[on_floor], model.normalizer.high[on_floor] = -FLOOR_UNIT, FLOOR_UNIT
-    songs = {take.M.data_ptr(): take.M for take in takes}
-    model.music_normalizer = MusicNormalizer.fit(list(songs.values()))
+    if start is not None:
+        model.normalizer.load_state_dict(start.normalizer.state_dict())
+        model.music_normalizer.load_state_dict(start.music_normalizer.state_dict())
+    else:
+        stack = torch.cat([take.x.flatten(0, 1) for take in takes])
+        model.normalizer = Normalizer.fit(stack, min_span=MIN_SPAN)
+        on_floor = [TCDIFFPP.root.start, TCDIFFPP.root.start + 2]
+        model.normalizer.low[on_floor], model.normalizer.high[on_floor] = -FLOOR_UNIT, FLOOR_UNIT
+        songs = {take.M.data_ptr(): take.M for take in takes}
+        model.music_normalizer = MusicNormalizer.fit(list(songs.values()))
     if model.decoder.precondition is not None:
-        f = model.config.num_frames
-        model.decoder.precondition.fit(
-            (
-                model.normalizer.normalize(
-                    take.x.unfold(1, f, f // 2).flatten(0, 1).transpose(1, 2)
-                )
-                for take in takes
-            ),
-            weights=_weights(takes, captured),
-        )
+        _fit_preconditioning(model, takes, _weights(takes, captured))
+
+
+def _fit_preconditioning(model, takes: list[Take], weights: list[float]) -> None:
+    """The spectrum of dance, around where the formation prior, if there is one, expects it."""
+    f, formation = model.config.num_frames, model.decoder.formation
+
+    def windows() -> Iterator[tuple[Tensor, Tensor]]:
+        for take in takes:
+            x, S = ranked_windows(take.x, f, f // 2)
+            yield model.normalizer.normalize(x), S
+
+    if formation is not None:
+        formation.fit((x[..., ON_FLOOR], S) for x, S in windows())
+
+    def around_the_mean() -> Iterator[Tensor]:
+        for x, S in windows():
+            if formation is not None:
+                x[..., ON_FLOOR] -= formation.mean(S)
+            yield x.flatten(0, 1)
+
+    model.decoder.precondition.fit(around_the_mean(), weights=weights)
 
 
 def _weights(takes: list[Take], captured: float | None) -> list[float]:
@@ -125,7 +146,9 @@ def prepared_takes(
 
 
 def take_over(model: nn.Module, start: nn.Module) -> list[str]:
-    """Copy all weights and statistics of ``start`` that fit; returns the names of those left new.
+    """Copy all weights of ``start`` that fit; returns the names of those left new.
+
+    Statistics are not weights: they are fitted on the data, in the units of ``start``.
 
     Raises: ValueError when nothing fits.
 
@@ -134,10 +157,10 @@ def take_over(model: nn.Module, start: nn.Module) -> list[str]:
     >>> take_over(large, small), bool((large[0].weight == small[0].weight).all())
     (['1.weight', '1.bias'], True)
     """
-    mine = model.state_dict()
+    mine = dict(model.named_parameters())
     fits = {
         name: value
-        for name, value in start.state_dict().items()
+        for name, value in start.named_parameters()
         if name in mine and mine[name].shape == value.shape
     }
     if not fits:
@@ -195,7 +218,7 @@ def train_from_config(
     model = model_class(sizes)
     if isinstance(model, EDGE):
         takes = solo_takes(takes)
-    fit_statistics(model, takes, corpus.get("captured"))
+    fit_statistics(model, takes, corpus.get("captured"), start)
     if start is not None:
         take_over(model, start)
     windows = GroupDanceWindows(

@@ -1,0 +1,147 @@
+"""The formation prior: the best linear guess of a group that is more than n single dancers."""
+
+import pytest
+import torch
+
+from dancediff.diffusion.precondition import Preconditioning, dct_matrix
+from dancediff.tcdiffpp.formation_prior import ON_FLOOR, FormationPrior
+from dancediff.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
+
+FRAMES, DIM = 20, 9
+SMALL = {"d_model": 16, "num_layers": 1, "ff_dim": 32, "fusion_hidden": 32, "num_frames": FRAMES}
+
+
+def walks(n: int, count: int, seed: int = 0):
+    """Groups in a row that wander as one, and change places half of the time: paths and S."""
+    g = torch.Generator().manual_seed(seed)
+    home = torch.arange(n) - (n - 1) / 2
+    S = torch.stack([torch.randperm(n, generator=g) for _ in range(count)])
+    S[::2] = torch.arange(n)
+    w = torch.linspace(0, 1, FRAMES)
+    x = home[:, None] + w * (home[S.argsort(1)] - home)[:, :, None]
+    together = torch.randn(count, 1, 1, 2, generator=g) * w[:, None]
+    own = 0.1 * torch.randn(count, n, 1, 2, generator=g)
+    paths = torch.stack([x, torch.zeros_like(x)], -1) + together + own
+    return paths, S
+
+
+@pytest.fixture(scope="module")
+def prior():
+    prior = FormationPrior(max_dancers=4, num_frames=FRAMES)
+    prior.fit([walks(2, 3000), walks(3, 3000)])
+    return prior
+
+
+def test_places_and_ways_are_found(prior):
+    assert torch.allclose(prior.place[2, :3, 0], torch.tensor([-1.0, 0.0, 1.0]), atol=0.05)
+    assert torch.allclose(prior.place[1, :2, 0], torch.tensor([-0.5, 0.5]), atol=0.05)
+    assert torch.allclose(prior.progress, torch.linspace(0, 1, FRAMES), atol=0.05)
+    S = torch.tensor([[2, 0, 1]])  # who starts on the right ends on the left
+    assert prior.mean(S)[0, :, -1, 0].argsort().tolist() == S[0].tolist()
+
+
+def test_a_common_step_is_one_movement(prior):
+    """Wandering together is the largest mode of the slow frequencies; the others are small."""
+    for size in (2, 3):
+        mode, spread = prior.basis[size - 1, 1, 0, :size, :size], prior.spread[size - 1, 1, 0]
+        assert torch.allclose(mode[:, -1].abs(), torch.full((size,), size**-0.5), atol=0.02)
+        assert spread[size - 1] > 10 * spread[0]
+
+
+def test_left_and_right_are_alike():
+    paths, S = walks(3, 50)
+    n = paths.shape[1]
+    mirrored = paths.flip(1) * torch.tensor([-1.0, 1.0])
+    S_mirrored = (n - 1 - S).flip(1)
+    one, other = (FormationPrior(3, FRAMES) for _ in range(2))
+    one.fit([(paths, S)])
+    other.fit([(mirrored, S_mirrored)])
+    assert torch.allclose(one.place, other.place, atol=1e-5)
+    assert torch.allclose(one.progress, other.progress, atol=1e-5)
+    assert torch.allclose(one.spread, other.spread, atol=1e-4)
+
+
+def test_the_guess_is_the_conditional_mean_of_the_gaussian(prior):
+    """Reference: condition all entries of a whole group at once, with one large matrix."""
+    n, k = 3, 0  # root x
+    S, abar = torch.tensor([[1, 2, 0]]), torch.tensor([0.3])
+    C = dct_matrix(FRAMES).double()
+    cov = torch.zeros(n * FRAMES, n * FRAMES, dtype=torch.float64)
+    for q in range(FRAMES):
+        U = prior.basis[n - 1, q, k, :n, :n].double()
+        V = U * prior.spread[n - 1, q, k, :n].double() ** 2 @ U.T
+        cov += torch.kron(V, torch.outer(C[q], C[q]))
+    mean = prior.mean(S)[0, :, :, k].flatten().double()
+    x_t = torch.randn(1, n, FRAMES, DIM, generator=torch.Generator().manual_seed(1))
+    a = abar.double()
+    noisy = x_t[0, :, :, ON_FLOOR[k]].flatten().double() - a.sqrt() * mean
+    seen = a * cov + (1 - a) * torch.eye(n * FRAMES, dtype=torch.float64)
+    expected = mean + a.sqrt() * cov @ torch.linalg.solve(seen, noisy)
+
+    guess = Preconditioning(FRAMES, DIM).linear_guess(x_t, abar, prior(S))
+    found = guess[0, :, :, ON_FLOOR[k]].flatten().double()
+    torch.testing.assert_close(found, expected, atol=1e-4, rtol=0)
+    others = [c for c in range(DIM) if c not in ON_FLOOR]
+    alone = Preconditioning(FRAMES, DIM).linear_guess(x_t, abar)
+    assert torch.equal(guess[..., others], alone[..., others])
+
+
+def test_it_misses_less_than_guessing_one_by_one(prior):
+    paths, S = walks(3, 500, seed=5)
+    x = torch.zeros(500, 3, FRAMES, DIM)
+    x[..., ON_FLOOR] = paths
+    abar = torch.full((500,), 0.1)
+    x_t = abar.sqrt()[0] * x + (1 - abar[0]).sqrt() * torch.randn(
+        x.shape, generator=torch.Generator().manual_seed(2)
+    )
+    alone = Preconditioning(FRAMES, DIM)
+    alone.fit([x.flatten(0, 1)])
+    missed = [
+        (alone.linear_guess(x_t, abar, group) - x)[..., ON_FLOOR].square().mean().item()
+        for group in (None, prior(S))
+    ]
+    assert missed[1] < 0.6 * missed[0], missed
+
+
+def test_absent_dancers_change_nothing(prior):
+    S, padded = torch.tensor([[1, 0]]), torch.tensor([[1, 0, 2, 3]])
+    present = torch.tensor([[True, True, False, False]])
+    small, large = prior(S), prior(padded, present)
+    assert torch.equal(small.mean, large.mean[:, :2])
+    c = torch.randn(1, 4, FRAMES, DIM)
+    c[:, 2:] = 0
+    turned = large.turn(c)
+    assert torch.allclose(small.turn(c[:, :2]), turned[:, :2], atol=1e-6)
+    assert torch.equal(turned[:, 2:], torch.zeros_like(turned[:, 2:]))
+    assert torch.allclose(large.turn_back(turned), c, atol=1e-5)
+
+
+def test_a_short_window_is_the_beginning_of_a_way_that_is_as_long(prior):
+    short = prior.mean(torch.tensor([[1, 0]]), f=FRAMES // 2)[0, :, :, 0]
+    whole = prior.mean(torch.tensor([[1, 0]]))[0, :, :, 0]
+    assert torch.equal(short, whole[:, ::2])
+
+
+def decoder_guess(prior, swap_mode: bool, S):
+    torch.manual_seed(0)
+    switches = {"swap_mode": swap_mode, "fa": False, "max_dancers": 4}
+    model = TCDiffPP(TCDiffPPConfig(**SMALL, **switches, formation_prior=True))
+    model.decoder.formation = prior
+    torch.nn.init.zeros_(model.decoder.out.weight)
+    torch.nn.init.zeros_(model.decoder.out.bias)
+    x_t = torch.randn(1, 3, FRAMES, 151, generator=torch.Generator().manual_seed(3))
+    with torch.no_grad():
+        guess = model(x_t, torch.tensor([999]), torch.zeros(1, FRAMES, 35), S)[0]
+    return guess[0, :, -1, ON_FLOOR[0]]
+
+
+def test_a_model_that_knows_nothing_swaps_as_asked(prior):
+    S = torch.tensor([[2, 0, 1]])
+    assert decoder_guess(prior, True, S).argsort().tolist() == [2, 0, 1]
+    assert decoder_guess(prior, False, S).argsort().tolist() == [0, 1, 2]  # never told
+
+
+def test_it_is_a_linear_guess_by_rank():
+    for missing in ("dpe", "precondition"):
+        with pytest.raises(ValueError, match="formation_prior=True"):
+            TCDiffPP(TCDiffPPConfig(**SMALL, formation_prior=True, **{missing: False}))
