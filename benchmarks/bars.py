@@ -49,6 +49,7 @@ class Window:
     motion: Motion
     M: torch.Tensor
     beats: np.ndarray
+    genre: str | None = None
 
     is_silent, peak = False, 1.0  # what `generate` asks a song
 
@@ -56,6 +57,11 @@ class Window:
     def duration(self) -> float:
         """In seconds."""
         return len(self.M) / 30
+
+    @property
+    def tempo(self) -> float:
+        """Beats a minute."""
+        return 60 / float(np.median(np.diff(self.beats)))
 
     def features(self) -> torch.Tensor:
         """Of the music, (f, m)."""
@@ -97,6 +103,7 @@ def windows(
                 ),
                 take.M[start : start + frames],
                 beats[(beats >= 0) & (beats < frames / 30)],
+                take.genre,
             )
 
 

@@ -1,0 +1,353 @@
+"""Measure Lodge: what the tables of docs/results.md about it were made with.
+
+    dancediff prepare choreograph 120 held --seconds 45 --seed 800000
+    python benchmarks/lodge_bars.py equal lodge
+    python benchmarks/lodge_bars.py seams lodge held
+    python benchmarks/lodge_bars.py soft lodge held
+    python benchmarks/lodge_bars.py feet lodge held
+    python benchmarks/lodge_bars.py genre lodge TRAINING_FOLDER held
+    python benchmarks/lodge_bars.py length lodge
+    python benchmarks/lodge_bars.py fidelity lodge edge held other
+
+Held-out takes are solos: of a group the first dancer. Every dance is made to the music of a
+held-out take and asked for that take's genre.
+"""
+
+import time
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, field, replace
+from functools import partial
+
+import joblib
+import numpy as np
+import torch
+import tyro
+from bars import Sampling, Window, windows
+from sklearn.linear_model import LogisticRegression
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import StandardScaler
+from tqdm.auto import tqdm
+
+from dancediff import hub
+from dancediff.lodge import parallel
+from dancediff.lodge.model import with_hands
+from dancediff.metrics.kinetic import kinetic_features
+from dancediff.metrics.physical import fsr
+from dancediff.metrics.report import evaluate_dances
+from dancediff.metrics.rhythm import beat_alignment
+from dancediff.motion.beats import motion_beats
+from dancediff.motion.motion import Motion
+from dancediff.training.lodge_data import prepared_solos
+
+FPS, LOCAL = 30, 256
+
+
+def held_out(folder: str, frames: int, count: int) -> list[Window]:
+    """Solos to their music, spread over the genres."""
+    by_genre: dict[str, list[Window]] = {}
+    for window in windows(folder, frames, ("synthetic",)):
+        if len(window.beats) > 1:
+            first = Motion(window.motion.pose[:1], window.motion.root[:1], meta=window.motion.meta)
+            by_genre.setdefault(window.genre, []).append(replace(window, motion=first))
+    rows = zip(*(some[: 1 + count // len(by_genre)] for some in by_genre.values()), strict=False)
+    return [window for row in rows for window in row][:count]
+
+
+def danced(name: str, window: Window, seed: int, how: dict) -> Motion:
+    """The window's music, danced by one in its genre."""
+    torch.set_num_threads(1)
+    return _loaded(name).generate(window, genre=window.genre, seed=seed, **how)
+
+
+def _loaded(name: str, _known={}):  # noqa: B006 (one a process)
+    if name not in _known:
+        _known[name] = hub.load(name)
+    return _known[name]
+
+
+def in_processes(jobs: Iterable, workers: int) -> list:
+    """Run `joblib.delayed` calls, with a bar."""
+    jobs = list(jobs)
+    run = joblib.Parallel(workers, return_as="generator")
+    return list(tqdm(run(jobs), total=len(jobs), desc="dancing"))
+
+
+def interval(values) -> str:
+    """Mean and 95 % bootstrap interval over dances."""
+    values = np.asarray(values, dtype=float)
+    draws = np.random.default_rng(0).choice(values, (2000, len(values))).mean(1)
+    low, high = np.quantile(draws, [0.025, 0.975])
+    return f"{values.mean():.3f} [{low:.3f}, {high:.3f}]"
+
+
+@dataclass
+class Common:
+    """What every part is told."""
+
+    model: tyro.conf.Positional[str]
+    sampling: Sampling = field(default_factory=Sampling)
+    workers: int = 2
+
+
+@dataclass
+class Equal(Common):
+    """Does a dance depend on how many segments are danced at once?"""
+
+    segments: tuple[int, ...] = (1, 2, 7, 16)
+
+    def run(self) -> None:
+        """Print the largest difference between all at once and one after the other, in features."""
+        model = hub.load(self.model)
+        for L in self.segments:
+            M = torch.randn(L * LOCAL, 35, generator=torch.Generator().manual_seed(L))
+            M[:, 33:] = 0
+            M[::15, 34] = 1
+            made = [
+                parallel.dance(
+                    model.global_stage,
+                    model.local_stage,
+                    M,
+                    L * LOCAL,
+                    genre=0,
+                    how=parallel.Sampling(
+                        sampler=self.sampling.sampler, steps=self.sampling.steps, at_once=at_once
+                    ),
+                    feet=self.sampling.feet,
+                )
+                for at_once in (None, 1)
+            ]
+            print(f"| {L} | {(made[0] - made[1]).abs().max():.2e} |")
+
+
+@dataclass
+class Seams(Common):
+    """Do seams show?"""
+
+    held: tyro.conf.Positional[str] = "held"
+    songs: int = 10
+    seeds: tuple[int, ...] = (0, 1, 2)
+    frames: int = 1280
+
+    def run(self) -> None:
+        """Print changes of velocity at seams and elsewhere, and the largest step of the root."""
+        some = held_out(self.held, self.frames, self.songs)
+        how = asdict(self.sampling)
+        jobs = [
+            joblib.delayed(danced)(self.model, w, seed, how) for w in some for seed in self.seeds
+        ]
+        dances = in_processes(jobs, self.workers)
+        at, away, speed, step = [], [], [], 0.0
+        for dance in dances:
+            joints = dance.joints()[0]
+            change = joints.diff(n=2, dim=0).norm(dim=-1).mean(-1).numpy() * FPS  # at frames 1 ...
+            seams = np.array(dance.meta["seams"])
+            near = np.isin(np.arange(1, len(change) + 1), [seams - 1, seams])
+            at += list(np.maximum(change[seams - 2], change[seams - 1]))
+            away += list(change[~near])
+            speed.append(joints.diff(dim=0).norm(dim=-1).mean().item() * FPS)
+            step = max(step, dance.root.diff(dim=1).norm(dim=-1).max().item())
+        truth = np.mean(
+            [w.motion.joints().diff(dim=1).norm(dim=-1).mean().item() * FPS for w in some]
+        )
+        pairs = np.maximum(away[:-1], away[1:])  # at a seam, too, the larger of two was taken
+        print(f"| change of joint velocity at {len(at)} seams, m/s | {interval(at)} |")
+        print(f"| the same anywhere else | {np.mean(pairs):.3f} |")
+        print(f"| ratio (bar 1.3) | {np.mean(at) / np.mean(pairs):.2f} |")
+        print(f"| largest at a seam, 99.9th percentile elsewhere | {max(at):.3f}, "
+              f"{np.quantile(pairs, 0.999):.3f} |")  # fmt: skip
+        print(f"| largest step of the root, cm (bar 12) | {100 * step:.1f} |")
+        print(f"| mean joint speed, data's | {interval(speed)}, {truth:.3f} |")
+
+
+@dataclass
+class Soft(Common):
+    """What do soft cues do?"""
+
+    held: tyro.conf.Positional[str] = "held"
+    count: int = 30
+    shares: tuple[float, ...] = (0.0, 0.5, 1.0)
+
+    def run(self) -> None:
+        """Print beat alignment and motion beats for every share of guided steps."""
+        some = held_out(self.held, 1024, self.count)
+        print(f"| held-out | {_rhythm((w.motion, w.beats) for w in some)} |")
+        for share in self.shares:
+            how = asdict(self.sampling) | {"soft": share}
+            jobs = [joblib.delayed(danced)(self.model, w, k, how) for k, w in enumerate(some)]
+            made = in_processes(jobs, self.workers)
+            pairs = ((dance, w.beats) for dance, w in zip(made, some, strict=True))
+            print(f"| {share:g} | {_rhythm(pairs)} |")
+
+
+def _rhythm(dances) -> str:
+    bas, rate = [], []
+    for dance, beats in dances:
+        joints = dance.joints()
+        bas.append(beat_alignment(joints, beats))
+        rate.append(len(motion_beats(joints[0])) / (dance.num_frames / FPS))
+    return f"{interval(bas)} | {interval(rate)}"
+
+
+@dataclass
+class Feet(Common):
+    """What does the foot refine block do? Feet are left free, so that nothing else holds them."""
+
+    held: tyro.conf.Positional[str] = "held"
+    count: int = 30
+
+    def run(self) -> None:
+        """Print foot skating with and without the block, which is taken out of the same model."""
+        some = held_out(self.held, 1024, self.count)
+        how = asdict(self.sampling) | {"feet": "free"}
+        for name, refine in (("with", True), ("without", False)):
+            jobs = [
+                joblib.delayed(_skating)(self.model, w, k, how, refine) for k, w in enumerate(some)
+            ]
+            print(f"| {name} | {interval(in_processes(jobs, self.workers))} |")
+
+
+def _skating(name: str, window: Window, seed: int, how: dict, refine: bool) -> float:
+    stage = _loaded(name).local_stage
+    block, stage.foot_refine = stage.foot_refine, stage.foot_refine if refine else None
+    try:
+        return float(fsr(danced(name, window, seed, how).joints()))
+    finally:
+        stage.foot_refine = block
+
+
+@dataclass
+class Genre(Common):
+    """Is a dance of the genre that was asked for? Asked of a classifier of takes."""
+
+    train: tyro.conf.Positional[str] = "train"
+    held: tyro.conf.Positional[str] = "held"
+    each: int = 10
+
+    def run(self) -> None:
+        """Print how often the classifier is right about takes it never saw, and about dances."""
+        genres = hub.load(self.model).config.genres
+        rows = [
+            (described(solo.x[start : start + LOCAL]), solo.genre)
+            for solo in tqdm(prepared_solos(self.train, genres), desc="training takes")
+            for start in range(0, len(solo.x) - LOCAL + 1, LOCAL)
+        ]
+        judge = make_pipeline(
+            StandardScaler(), LogisticRegression(C=0.02, max_iter=2000, class_weight="balanced")
+        )
+        judge.fit(np.stack([row for row, _ in rows]), [genre for _, genre in rows])
+        held = [(w.genre, w.motion.features("lodge")[0]) for w in held_out(self.held, 1024, 200)]
+        for split in ("val", "test"):
+            held += [
+                (solo.genre, solo.x)
+                for solo in prepared_solos(self.train, genres, split)
+                if solo.captured and len(solo.x) >= LOCAL
+            ]
+        self._print("held-out takes", [(genre, verdict(judge, x)) for genre, x in held])
+        music = held_out(self.held, 1024, 10 * self.each)
+        how = asdict(self.sampling)
+        jobs = [
+            joblib.delayed(_asked_for)(self.model, music[k % len(music)], genre, k, how)
+            for genre in genres
+            for k in range(self.each)
+        ]
+        made = in_processes(jobs, self.workers)
+        self._print("dances", [(genre, verdict(judge, x)) for genre, x in made])
+
+    def _print(self, name: str, pairs: list[tuple[str, str]]) -> None:
+        right = np.mean([asked == found for asked, found in pairs])
+        print(f"| {name} | {100 * right:.0f} % of {len(pairs)} |")
+        for genre in dict.fromkeys(asked for asked, _ in pairs):
+            found = [other for asked, other in pairs if asked == genre]
+            wrong = sorted({other for other in found if other != genre})
+            hits = sum(other == genre for other in found)
+            print(f"|  {genre} | {hits} of {len(found)} | taken for {', '.join(wrong) or '-'} |")
+
+
+def described(x: torch.Tensor) -> np.ndarray:
+    """What the classifier sees of a window (f, 139): where joints turn, how much, how fast."""
+    motion = Motion.from_features(with_hands(x)[None], fps=FPS)
+    pose = x[:, 7:]
+    parts = [
+        pose.mean(0),
+        pose.std(0),
+        pose.diff(dim=0).abs().mean(0),
+        kinetic_features(motion.joints())[0].log1p(),
+    ]
+    return torch.cat([part.float() for part in parts]).numpy()
+
+
+def verdict(judge, x: torch.Tensor) -> str:
+    """The likeliest genre of a take, its windows taken together."""
+    starts = range(0, len(x) - LOCAL + 1, LOCAL)
+    rows = np.stack([described(x[start : start + LOCAL]) for start in starts])
+    return str(judge.classes_[judge.predict_log_proba(rows).sum(0).argmax()])
+
+
+def _asked_for(name: str, window: Window, genre: str, seed: int, how: dict):
+    dance = danced(name, replace(window, genre=genre), 1000 + seed, how)
+    return genre, dance.features("lodge")[0]
+
+
+@dataclass
+class Length(Common):
+    """How do time and memory grow with the song?"""
+
+    frames: tuple[int, ...] = (1024, 8192)
+    at_once: int = 4
+
+    def run(self) -> None:
+        """Print seconds for each length, one after the other in one process."""
+        model, times = hub.load(self.model), []
+        how = parallel.Sampling(
+            sampler=self.sampling.sampler, steps=self.sampling.steps, at_once=self.at_once
+        )
+        go = partial(parallel.dance, model.global_stage, model.local_stage, genre=0, how=how)
+        go(torch.zeros(LOCAL, 35), LOCAL)  # warm
+        for frames in self.frames:
+            M = torch.zeros(frames, 35)
+            M[::15, 34] = 1
+            began = time.perf_counter()
+            go(M, frames)
+            times.append(time.perf_counter() - began)
+            print(f"| {frames} | {times[-1]:.1f} s |")
+        print(f"| ratio (bar 8.8 for 8 times the length) | {times[-1] / times[0]:.2f} |")
+
+
+@dataclass
+class Fidelity(Common):
+    """Lodge and EDGE's naive long sampling against held-out takes."""
+
+    edge: tyro.conf.Positional[str] = "edge"
+    held: tyro.conf.Positional[str] = "held"
+    other: tyro.conf.Positional[str] = "other"
+    frames: int = 1024
+    count: int = 60
+
+    def run(self) -> None:
+        """Print every metric of both and of the held-out takes, against other takes."""
+        some = held_out(self.held, self.frames, self.count)
+        reference = [w.motion for w in held_out(self.other, self.frames, 10 * self.count)]
+        how = asdict(self.sampling)
+        sets = {"held-out": [w.motion for w in some]}
+        jobs = [joblib.delayed(danced)(self.model, w, k, how) for k, w in enumerate(some)]
+        sets[self.model] = in_processes(jobs, self.workers)
+        jobs = [joblib.delayed(_alone)(self.edge, w, k, how) for k, w in enumerate(some)]
+        sets[self.edge] = in_processes(jobs, self.workers)
+        for name, dances in sets.items():
+            report = evaluate_dances(dances, reference=reference, song=[w.beats for w in some])
+            print(f"| {name} | " + " | ".join(_cell(row) for row in report.rows) + " |")
+        print("| columns | " + " | ".join(row.name for row in report.rows) + " |")
+
+
+def _alone(name: str, window: Window, seed: int, how: dict) -> Motion:
+    torch.set_num_threads(1)
+    return _loaded(name).generate(window, dancers=1, seed=seed, **how)
+
+
+def _cell(row) -> str:
+    return "" if row.value is None else f"{row.value:.3g} [{row.low:.3g}, {row.high:.3g}]"
+
+
+if __name__ == "__main__":
+    parts = (Equal, Seams, Soft, Feet, Genre, Length, Fidelity)
+    tyro.extras.subcommand_cli_from_dict({part.__name__.lower(): part for part in parts}).run()
