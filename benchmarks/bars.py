@@ -123,12 +123,14 @@ class Sampling:
     eta: float = 1.0
     guidance: float = 1.5
     feet: str = "planted"
+    spacing: str = "free"
 
 
 def dance(model, window: Window, *, seed: int, naive: bool, sampling: Sampling) -> Motion:
     """The window's music, danced by as many; a group model is asked for the window's orders."""
     options = {"dancers": window.motion.num_dancers, "seed": seed} | asdict(sampling)
     if isinstance(model, EDGE):
+        del options["spacing"]  # its dancers do not see each other
         return model.generate(window, **options)
     draw = draw_naively if naive else draw_long_group
 

@@ -42,6 +42,8 @@ class Generate:
     """How much the music matters: 0 not at all, 1 as learned, 2 exaggerated."""
     feet: Literal["planted", "free"] = "planted"
     """Keep feet in place that stand, or leave them as the network draws them."""
+    spacing: Literal["kept", "free"] | None = None
+    """Of a group model: make room between dancers who would run into each other; default: free."""
     swap: tuple[int, ...] | None = None
     """Order at the end: the dancers (counted 0.. from the left at the start), left to right."""
     genre: str | None = None
@@ -66,6 +68,7 @@ class Generate:
         song = hub.packaged_song() if packaged else hub.Music.load(self.song)
         model = hub.load(self.model)
         wishes = {"swap": self.swap and list(self.swap), "genre": self.genre, "soft": self.soft}
+        wishes["spacing"] = self.spacing
         dance = model.generate(
             song,
             dancers=operator.index(self.dancers),

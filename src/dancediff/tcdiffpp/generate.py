@@ -93,6 +93,11 @@ def _prepared(model, song, device, dtype, options: dict) -> Wish:
         num_steps=c.num_steps,
         **options,
     )
+    if wish.spacing == "kept" and model.spread is None:
+        raise ValueError(
+            "spacing='kept' bends guesses by the spread of the training data, which a model with "
+            "precondition=False does not know; use 'free'"
+        )
     if song.is_silent:
         raise ValueError(f"song {song.name!r} is silent (peak {song.peak:.1e}); there is no beat")
     one_of("dtype", dtype, (None, torch.float32, torch.bfloat16))
@@ -147,6 +152,7 @@ def segments(model, song, wish: Wish, *, report=None, dtype=None) -> Iterator[Te
         spread=model.spread,
         constraint=known,
         plant_with=model.normalizer if wish.feet == "planted" else None,
+        part_with=model.normalizer if wish.spacing == "kept" else None,
         numbers=wish.numbers,
         redo=_redo(wish),
         seam=wish.seam,
@@ -189,6 +195,7 @@ def _meta(model, song, wish: Wish) -> dict:
             "overlap",
             "pinning",
             "feet",
+            "spacing",
         )
     }
     meta |= {"model": getattr(model, "name", "tcdiffpp"), "song": song.name}

@@ -27,6 +27,7 @@ from dancediff.diffusion.samplers import sample
 from dancediff.diffusion.schedule import gaussian
 from dancediff.motion.representation import Normalizer
 from dancediff.tcdiffpp.planting import Planting, held_legs, one_after_the_other
+from dancediff.tcdiffpp.spacing import Spacing
 from dancediff.tcdiffpp.swap_mode import check_order, left_to_right
 
 
@@ -68,6 +69,7 @@ def iter_long_group_sample(
     spread: Tensor | None = None,
     constraint: Constraint | None = None,
     plant_with: Normalizer | None = None,
+    part_with: Normalizer | None = None,
     numbers: Tensor | None = None,
     redo: int = 0,
     seam: str = "copy",
@@ -93,6 +95,7 @@ def iter_long_group_sample(
       guess so that it sets out from the known frames (`Constraint`); None is RePaint as published.
     - ``constraint``: what is known of the dance beforehand, frame by frame (n, F, d); needs spread.
     - ``plant_with``: the normaliser of the motion, to plant feet (`Planting`); None: leave them.
+    - ``part_with``: the same, to keep dancers apart (`Spacing`); needs spread.
     - ``numbers``: the dancers from left to right at the first frame, when the caller has numbered
       them; else they are numbered from the left.
     - ``redo``: so many shared frames are danced again instead of kept, so that a constraint shortly
@@ -142,7 +145,10 @@ def iter_long_group_sample(
             generator=generator,
             x_T=noise[None],
             pin=pin,
-            bend=_bend(told and told.dancers(order), spread, plant_with, known, (dancers, f)),
+            bend=one_after_the_other(
+                _bend(told and told.dancers(order), spread, part_with),
+                _plant(told and told.dancers(order), plant_with, known, (dancers, f)),
+            ),
             callback=progress and (lambda j, n, _, i=i: progress(i * n + j + 1, segments * n)),
             device=device,
             dtype=dtype,
@@ -180,13 +186,18 @@ def _told(
     return here.over(told)
 
 
-def _bend(told, spread, normalizer, known: Tensor | None, shape: tuple) -> Callable | None:
-    """What is done to every guess of a segment."""
-    plant = None
-    if normalizer is not None:
-        held = held_legs(told, 0 if known is None else known.shape[1], *shape)
-        plant = Planting(normalizer, held)
-    return one_after_the_other(told and partial(told.bend, spread=spread), plant)
+def _bend(told: Constraint | None, spread, part_with: Normalizer | None) -> Callable | None:
+    """How every guess of a segment is brought in line with what is known, and kept apart."""
+    if part_with is not None and spread is not None:
+        return Spacing(part_with, spread, told)
+    return told and partial(told.bend, spread=spread)
+
+
+def _plant(told, plant_with: Normalizer | None, known: Tensor | None, shape: tuple):
+    """How feet are planted in every guess of a segment."""
+    if plant_with is None:
+        return None
+    return Planting(plant_with, held_legs(told, 0 if known is None else known.shape[1], *shape))
 
 
 def relative_order(target: Tensor, order: Tensor) -> Tensor:

@@ -171,6 +171,7 @@ class TCDiffPP(nn.Module):
         pinning: str = "renoise",
         seam: str = "copy",
         feet: str = "planted",
+        spacing: str = "free",
         start=None,
         end=None,
         constraints=(),
@@ -183,8 +184,8 @@ class TCDiffPP(nn.Module):
         - ``song``: a `Music`.  ``seconds``: how much of it, from its start; default all.
         - ``dancers``: 1 to ``config.max_dancers``.  ``seed``: the same seed on the same machine
           gives the same bits.
-        - ``sampler`` "ddim" or "dpm" (``steps``, ``eta``; 0 = no fresh noise, best for "dpm"),
-          or "ddpm" (all 1000 steps).
+        - ``sampler`` "dpm" or "ddim" (``steps``, ``eta``: 0 = no fresh noise, 1 = as in the
+          papers, which take 50 steps of "ddim"), or "ddpm" (all 1000 steps).
         - ``guidance``: 0 ignores the music, 1 listens, 2 exaggerates (the papers' value).
         - ``swap[k]``: the dancer, counted 0.. from the left at the first frame, who stands k-th
           from the left in the end; ``swap_at``: when, in seconds (default: at the end).
@@ -192,6 +193,8 @@ class TCDiffPP(nn.Module):
           `dancediff.tcdiffpp.long_group_sampling`.
         - ``feet``: "planted" keeps feet in place that stand (`dancediff.motion.foot_planting`);
           "free" leaves them as the network draws them.
+        - ``spacing``: "kept" makes room between dancers who would run into each other
+          (`dancediff.tcdiffpp.spacing`); "free" leaves that to the network.
         - ``start``, ``end``: formations, one (x, z) in metres a dancer.  ``constraints``: what
           else must hold (`dancediff.tcdiffpp.control`): paths, parts of another dance.
         - ``progress``: True for a bar, or a function (done, total).
@@ -217,6 +220,7 @@ class TCDiffPP(nn.Module):
             pinning=pinning,
             seam=seam,
             feet=feet,
+            spacing=spacing,
             start=start,
             end=end,
             constraints=constraints,

@@ -18,6 +18,7 @@ from dancediff.diffusion.samplers import SAMPLERS
 from dancediff.tcdiffpp import control
 from dancediff.tcdiffpp.long_group_sampling import SEAMS
 from dancediff.tcdiffpp.planting import FEET
+from dancediff.tcdiffpp.spacing import SPACING
 from dancediff.tcdiffpp.swap_mode import check_order
 
 FPS = 30
@@ -52,6 +53,7 @@ class Wish:
     pinning: str = "renoise"
     seam: str = "copy"
     feet: str = "planted"
+    spacing: str = "free"
     start: Any = None
     end: Any = None
     constraints: Any = ()
@@ -69,6 +71,7 @@ class Wish:
         one_of("pinning", self.pinning, MODES)
         one_of("seam", self.seam, tuple(SEAMS))
         one_of("feet", self.feet, FEET)
+        one_of("spacing", self.spacing, SPACING)
         if self.swap is not None:
             self.swap = check_order(self.swap, self.dancers)
         elif self.swap_at is not None:
