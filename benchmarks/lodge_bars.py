@@ -88,6 +88,13 @@ class Common:
     sampling: Sampling = field(default_factory=Sampling)
     workers: int = 2
 
+    @property
+    def how(self) -> dict:
+        """Arguments of `generate` for one who dances alone: nobody to keep apart from."""
+        how = asdict(self.sampling)
+        del how["spacing"]
+        return how
+
 
 @dataclass
 class Equal(Common):
@@ -131,7 +138,7 @@ class Seams(Common):
     def run(self) -> None:
         """Print changes of velocity at seams and elsewhere, and the largest step of the root."""
         some = held_out(self.held, self.frames, self.songs)
-        how = asdict(self.sampling)
+        how = self.how
         jobs = [
             joblib.delayed(danced)(self.model, w, seed, how) for w in some for seed in self.seeds
         ]
@@ -172,7 +179,7 @@ class Soft(Common):
         some = held_out(self.held, 1024, self.count)
         print(f"| held-out | {_rhythm((w.motion, w.beats) for w in some)} |")
         for share in self.shares:
-            how = asdict(self.sampling) | {"soft": share}
+            how = self.how | {"soft": share}
             jobs = [joblib.delayed(danced)(self.model, w, k, how) for k, w in enumerate(some)]
             made = in_processes(jobs, self.workers)
             pairs = ((dance, w.beats) for dance, w in zip(made, some, strict=True))
@@ -198,7 +205,7 @@ class Feet(Common):
     def run(self) -> None:
         """Print foot skating with and without the block, which is taken out of the same model."""
         some = held_out(self.held, 1024, self.count)
-        how = asdict(self.sampling) | {"feet": "free"}
+        how = self.how | {"feet": "free"}
         for name, refine in (("with", True), ("without", False)):
             jobs = [
                 joblib.delayed(_skating)(self.model, w, k, how, refine) for k, w in enumerate(some)
@@ -244,7 +251,7 @@ class Genre(Common):
             ]
         self._print("held-out takes", [(genre, verdict(judge, x)) for genre, x in held])
         music = held_out(self.held, 1024, 10 * self.each)
-        how = asdict(self.sampling)
+        how = self.how
         jobs = [
             joblib.delayed(_asked_for)(self.model, music[k % len(music)], genre, k, how)
             for genre in genres
@@ -327,7 +334,7 @@ class Fidelity(Common):
         """Print every metric of both and of the held-out takes, against other takes."""
         some = held_out(self.held, self.frames, self.count)
         reference = [w.motion for w in held_out(self.other, self.frames, 10 * self.count)]
-        how = asdict(self.sampling)
+        how = self.how
         sets = {"held-out": [w.motion for w in some]}
         jobs = [joblib.delayed(danced)(self.model, w, k, how) for k, w in enumerate(some)]
         sets[self.model] = in_processes(jobs, self.workers)

@@ -4,9 +4,11 @@ import pytest
 import torch
 
 import dancediff as dd
+from dancediff.baselines.naive_long_sampling import draw_naively
 from dancediff.diffusion.constraint import Constraint
 from dancediff.metrics.collision import tif
 from dancediff.motion.representation import Normalizer, pack
+from dancediff.tcdiffpp.generate import generate
 from dancediff.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 from dancediff.tcdiffpp.spacing import ROOM, SLACK, Spacing, X, Z, girths, pushes
 
@@ -108,3 +110,9 @@ def test_arguments():
     plain = TCDiffPP(TCDiffPPConfig(d_model=16, num_layers=1, ff_dim=32, precondition=False))
     with pytest.raises(ValueError, match="spacing='kept' bends guesses"):
         plain.generate(song, spacing="kept")
+
+
+def test_naive_sampling_keeps_nobody_apart_and_says_so():
+    song, model = dd.packaged_song(), dd.load("tcdiffpp")
+    with pytest.raises(ValueError, match="not possible with naive long sampling"):
+        generate(model, song, draw=draw_naively, seconds=5, steps=2, spacing="kept")
