@@ -324,11 +324,11 @@ def test_every_variant_is_trained_and_sampled_with_every_seed(config):
     path.write_text("seeds = [3, 5]\n" + path.read_text())
     variants = read_ablation(path)
     assert [v.name for v in variants] == [
-        f"{name}-seed-{seed}" for name in ("full", "naive") for seed in (3, 5)
+        f"{name}-seed-{seed}" for seed in (3, 5) for name in ("full", "naive")
     ]
-    assert [v.tables["train"]["seed"] for v in variants] == [3, 5, 3, 5]
-    assert variants[0].training == variants[2].training != variants[1].training
-    assert variants[0].sample.seed != variants[1].sample.seed
+    assert [v.tables["train"]["seed"] for v in variants] == [3, 3, 5, 5]
+    assert variants[0].training == variants[1].training != variants[2].training
+    assert variants[0].sample.seed != variants[2].sample.seed
     assert {v.of for v in variants} == {"full", "naive"}
 
 

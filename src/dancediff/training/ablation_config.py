@@ -52,16 +52,17 @@ class Sample:
     """How to dance: arguments of `generate`, as far as a model has them, and ``long``."""
 
     seed: int = 0  # song i is danced with seed + i
-    steps: int = 50
-    sampler: str = "ddim"
-    guidance: float = 1.5
-    eta: float = 1.0
+    steps: int = 20
+    sampler: str = "dpm"
+    guidance: float = 2.0
+    eta: float = 0.0
     swap: list | None = None
     swap_at: float | None = None
     overlap: int = 75
     pinning: str = "renoise"
     seam: str = "copy"
     feet: str = "planted"
+    spacing: str | None = None
     soft: float = 1.0  # this and the next four: Lodge
     home: bool = True
     mirror: bool = True
@@ -131,7 +132,8 @@ def read_ablation(path) -> list[Variant]:
         _variant(name, changes, config, f"{source}, variant {name!r}")
         for name, changes in variants.items()
     ]
-    return found if seeds is None else [_seeded(v, seed) for v in found for seed in seeds]
+    # seed by seed: all variants have one before any has two
+    return found if seeds is None else [_seeded(v, seed) for seed in seeds for v in found]
 
 
 def is_lodge(tables: dict) -> bool:
