@@ -15,6 +15,7 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 
 from dancediff import __version__
+from dancediff.atomic import atomic_write
 from dancediff.baselines.edge import EDGE, EDGEConfig
 from dancediff.lodge.model import Lodge, LodgeConfig
 from dancediff.music.song import Music
@@ -53,16 +54,12 @@ def save_model(
             raise ValueError(f"model: {key} is not finite in {dtype}; train it again or save fp32")
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    part = folder / ".model.part"
-    try:
-        for name, prefix in _FILES.get(config["class"], _ONE_FILE).items():
+    for name, prefix in _FILES.get(config["class"], _ONE_FILE).items():
+        with atomic_write(folder / f"{name}.safetensors") as part:
             save_file(_under(tensors, prefix), part)
-            part.replace(folder / f"{name}.safetensors")
-        for name, text in (("config.json", json.dumps(config, indent=2) + "\n"), ("card.md", card)):
+    for name, text in (("config.json", json.dumps(config, indent=2) + "\n"), ("card.md", card)):
+        with atomic_write(folder / name) as part:
             part.write_text(text, encoding="utf-8")
-            part.replace(folder / name)
-    finally:
-        part.unlink(missing_ok=True)
     return folder
 
 

@@ -35,7 +35,7 @@ def test_cache_survives_a_kill_between_two_files(tmp_path):
     whole = choreographed_corpus([1], seconds=6.0, workers=1, cache=tmp_path)
     expected = [t.M.clone() for t in whole]
     (tmp_path / "synth-1.M.npy").unlink()
-    (tmp_path / ".synth-1.M.npy.99.part").write_bytes(b"half a file")
+    (tmp_path / ".part.99.synth-1.M.npy").write_bytes(b"half a file")
     again = choreographed_corpus([1], seconds=6.0, workers=1, cache=tmp_path)
     assert all(torch.equal(t.M, M) for t, M in zip(again, expected, strict=True))
 

@@ -9,8 +9,8 @@ import pytest
 
 SOURCE = Path(__file__).parents[2] / "src" / "dancediff"
 ORDER = [
-    *["axes", "music", "motion", "data", "diffusion", "metrics", "nn", "tcdiffpp", "lodge"],
-    *["baselines", "training", "viz", "export", "hub", "exercises", "nb", "cli"],
+    *["atomic", "axes", "music", "motion", "data", "diffusion", "metrics", "nn", "tcdiffpp"],
+    *["lodge", "baselines", "training", "viz", "export", "hub", "exercises", "nb", "cli"],
 ]
 PICTURES = {"viz", "export"}  # methods may reach for these when they are called
 HEAVY = ["torch", "librosa", "matplotlib", "ipywidgets", "pythreejs", "av"]

@@ -8,9 +8,7 @@ Symbols (axes: f frames · j joints, End Sites included)
     translations  offset of each joint in each frame, metres         (f, j, 3)
 """
 
-import contextlib
 import math
-import os
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -18,6 +16,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from dancediff.atomic import atomic_write
 from dancediff.motion.motion import Motion
 
 CENTIMETRE = 0.01
@@ -302,13 +301,8 @@ def write_bvh(motion: Motion, path, *, scale: float = CENTIMETRE) -> Path:
     times = [f"Frames: {motion.num_frames}", f"Frame Time: {1 / motion.fps:.9f}"]
     frames = (" ".join(f"{value:.5f}" for value in row) for row in rows)
     path = Path(path)
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
+    with atomic_write(path) as part:
         part.write_text("\n".join([*header, "MOTION", *times, *frames, ""]))
-        part.replace(path)
-    finally:
-        with contextlib.suppress(FileNotFoundError):
-            part.unlink()
     return path
 
 

@@ -8,7 +8,6 @@ Symbols (axes: f frames · m music features)
 
 import contextlib
 import hashlib
-import os
 from collections.abc import Callable, Iterator
 from contextvars import ContextVar
 from functools import lru_cache
@@ -18,6 +17,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from dancediff.atomic import atomic_write
 from dancediff.music.song import Music
 
 _FOLDER: ContextVar[Path | None] = ContextVar("feature cache", default=None)
@@ -81,13 +81,8 @@ def cached(key: str, make: Callable[[], np.ndarray]) -> np.ndarray:
         pass  # not there, or cut short
     array = make()
     folder.mkdir(parents=True, exist_ok=True)
-    part = folder / f".{key}.{os.getpid()}.part"
-    try:
-        with part.open("wb") as file:
-            np.save(file, array, allow_pickle=False)
-        part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)
+    with atomic_write(path) as part, part.open("wb") as file:
+        np.save(file, array, allow_pickle=False)
     return array
 
 

@@ -1,6 +1,5 @@
 """A training set without a folder: synthetic songs, each danced by a group of every size."""
 
-import os
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from itertools import chain
@@ -13,6 +12,7 @@ import torch
 from torch import Tensor
 from tqdm.auto import tqdm
 
+from dancediff.atomic import atomic_write
 from dancediff.data.choreographer import choreograph
 from dancediff.data.windows import Take
 from dancediff.music.synth import synth_song
@@ -108,13 +108,8 @@ def _check_cache(cache: Path, seed: int, seconds: float) -> None:
 
 
 def _write(path: Path, array: np.ndarray) -> None:
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        with part.open("wb") as file:
-            np.save(file, array, allow_pickle=False)
-        part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)
+    with atomic_write(path) as part, part.open("wb") as file:
+        np.save(file, array, allow_pickle=False)
 
 
 def _read_song(cache: Path, seed: int) -> list[Tensor]:

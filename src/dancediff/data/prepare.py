@@ -9,7 +9,6 @@ number of workers, nor on how often the run was stopped.
 import contextlib
 import json
 import operator
-import os
 import shutil
 from collections import Counter
 from collections.abc import Iterator
@@ -19,6 +18,7 @@ from pathlib import Path
 
 from tqdm.auto import tqdm
 
+from dancediff.atomic import UNFINISHED, atomic_write
 from dancediff.data.cache import code_digest, use_cache
 from dancediff.data.prepared import FOLDERS, FORMAT, FPS, NAME, read_index
 from dancediff.data.summary import Summary
@@ -50,7 +50,7 @@ def prepare(
         (out / folder).mkdir(parents=True, exist_ok=True)
     for left in out.glob(f"{SCRATCH}*"):  # of a run that was killed
         shutil.rmtree(left)
-    for left in (out / "cache").rglob(".*.part"):
+    for left in (out / "cache").rglob(f"{UNFINISHED}*"):
         left.unlink()
     summary = Summary(out)
     bar = partial(tqdm, total=len(jobs), desc="preparing", unit="take", disable=not progress)
@@ -230,21 +230,16 @@ def _write_index(out: Path, names: list[str], summary: Summary) -> None:
     wanted = {*names, *(row["name"] for row in old.get("takes", []))} - set(summary.skipped)
     skipped = {row["name"]: row["reason"] for row in old.get("skipped", [])}
     skipped = {name: why for name, why in skipped.items() if name not in wanted} | summary.skipped
-    part = out / f".index.json.{os.getpid()}.part"
-    try:
-        with part.open("w", encoding="utf-8") as file:
-            file.write(f'{{\n"format": "{FORMAT}",\n"fps": {FPS},\n"takes": [')
-            comma = "\n"
-            for name in sorted(wanted):
-                if (path := _find(out, name)) is None:
-                    continue  # somebody deleted it
-                row = read_row(path)
-                summary.add(row)
-                row["file"] = path.relative_to(out).as_posix()
-                file.write(comma + json.dumps(row, sort_keys=True))
-                comma = ",\n"
-            rows = [{"name": name, "reason": skipped[name]} for name in sorted(skipped)]
-            file.write(f'\n],\n"skipped": {json.dumps(rows, indent=0)}\n}}\n')
-        part.replace(out / "index.json")
-    finally:
-        part.unlink(missing_ok=True)
+    with atomic_write(out / "index.json") as part, part.open("w", encoding="utf-8") as file:
+        file.write(f'{{\n"format": "{FORMAT}",\n"fps": {FPS},\n"takes": [')
+        comma = "\n"
+        for name in sorted(wanted):
+            if (path := _find(out, name)) is None:
+                continue  # somebody deleted it
+            row = read_row(path)
+            summary.add(row)
+            row["file"] = path.relative_to(out).as_posix()
+            file.write(comma + json.dumps(row, sort_keys=True))
+            comma = ",\n"
+        rows = [{"name": name, "reason": skipped[name]} for name in sorted(skipped)]
+        file.write(f'\n],\n"skipped": {json.dumps(rows, indent=0)}\n}}\n')

@@ -7,13 +7,13 @@ import itertools
 import json
 import math
 import operator
-import os
 from collections import Counter
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 import numpy as np
 
+from dancediff.atomic import atomic_write
 from dancediff.metrics.gather import find_dances, measure_all
 from dancediff.metrics.measure import SHORTEST_WINDOW, Measured
 from dancediff.metrics.rows import DRAWS, LEVEL, METRICS, Row, table_rows
@@ -68,12 +68,8 @@ class Report:
     def save(self, path) -> Path:
         """Write the JSON; the file appears whole or not at all."""
         path = Path(path)
-        part = path.with_name(f".{path.name}.{os.getpid()}.part")
-        try:
+        with atomic_write(path) as part:
             part.write_text(self.to_json() + "\n", encoding="utf-8")
-            part.replace(path)
-        finally:
-            part.unlink(missing_ok=True)
         return path
 
 

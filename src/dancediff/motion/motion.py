@@ -6,11 +6,9 @@ Symbols (axes: n dancers · f frames · j joints)
     contact  foot on the floor, 0..1                         (n, f, 4)
 """
 
-import contextlib
 import io
 import json
 import math
-import os
 import struct
 import zipfile
 from dataclasses import dataclass, field, replace
@@ -20,6 +18,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from dancediff.atomic import atomic_write
 from dancediff.motion.contact import foot_contact
 from dancediff.motion.representation import pack, spec_named, unpack, whole_pose
 from dancediff.motion.rotation import matrix_to_rot6d, rot6d_to_matrix
@@ -188,14 +187,8 @@ def _write_npz(path: Path, motion: Motion) -> None:
     }
     if motion.contact is not None:
         arrays["contact"] = motion.contact.numpy()
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        with part.open("wb") as file:
-            np.savez(file, **arrays)
-        part.replace(path)
-    finally:
-        with contextlib.suppress(FileNotFoundError):
-            part.unlink()
+    with atomic_write(path) as part, part.open("wb") as file:
+        np.savez(file, **arrays)
 
 
 def _read_npz(path: Path) -> Motion:

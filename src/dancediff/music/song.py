@@ -11,6 +11,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from dancediff.atomic import atomic_write
 from dancediff.music.features import BEATS, FPS, HOP, SAMPLE_RATE, music_features
 
 SILENT = 1e-4  # peak below which a song counts as silent
@@ -78,15 +79,11 @@ class Music:
         import soundfile
 
         path = Path(path)
-        part = path.with_name(f".part.{path.name}")
-        try:
-            # in blocks: libsndfile's vorbis encoder overflows its stack on one long write
-            with soundfile.SoundFile(part, "w", self.rate, self.audio.shape[1]) as file:
-                for start in range(0, len(self.audio), self.rate):
-                    file.write(self.audio[start : start + self.rate])
-            part.replace(path)
-        finally:
-            part.unlink(missing_ok=True)
+        shape = self.rate, self.audio.shape[1]
+        # in blocks: libsndfile's vorbis encoder overflows its stack on one long write
+        with atomic_write(path) as part, soundfile.SoundFile(part, "w", *shape) as file:
+            for start in range(0, len(self.audio), self.rate):
+                file.write(self.audio[start : start + self.rate])
         return path
 
     @property

@@ -3,6 +3,8 @@
 import math
 from pathlib import Path
 
+from dancediff.atomic import atomic_write
+
 
 def metric_scores(dances: list, *, reference: list, songs: list) -> dict[str, dict]:
     """All metrics of `dancediff.metrics.report`, as plain values.
@@ -107,9 +109,5 @@ def cell(score: dict | None) -> str:
 def write_text(path: Path, text: str) -> None:
     """Write a file whole or not at all."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(f".{path.name}.part")
-    try:
+    with atomic_write(path) as part:
         part.write_text(text, encoding="utf-8")
-        part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)

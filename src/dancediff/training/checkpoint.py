@@ -8,6 +8,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 from torch import nn
 
+from dancediff.atomic import atomic_write
 from dancediff.training.ema import EMA
 
 
@@ -33,12 +34,8 @@ def save_checkpoint(
         tensors |= {f"optimizer.{i}.{k}": torch.as_tensor(v) for k, v in state.items()}
     tensors |= {f"extra.{k}": v for k, v in (extra or {}).items()}
     meta = {"step": str(step), "ema_updates": str(ema.updates), "config": json.dumps(config)}
-    part = path.with_name(f".{path.name}.part")
-    try:
+    with atomic_write(path) as part:
         save_file({k: v.detach().contiguous().clone() for k, v in tensors.items()}, part, meta)
-        part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)
 
 
 def load_checkpoint(path, *, model: nn.Module, ema: EMA, optimizer) -> int:

@@ -4,6 +4,8 @@ import csv
 import time
 from pathlib import Path
 
+from dancediff.atomic import atomic_write
+
 
 class LossLog:
     """The CSV of every loss of every step; on resuming, steps that will be run again are cut off.
@@ -23,10 +25,8 @@ class LossLog:
             rows = rows[:1] + [r for r in rows[1:] if r and r[0].isdigit() and int(r[0]) < first]
         before = float(rows[-1][1]) if len(rows) > 1 else 0.0
         self.started = time.monotonic() - before
-        part = path.with_name(f".{path.name}.part")
-        with part.open("w", newline="", encoding="utf-8") as file:
+        with atomic_write(path) as part, part.open("w", newline="", encoding="utf-8") as file:
             csv.writer(file).writerows(rows)
-        part.replace(path)
         self.has_header = bool(rows)
         self.file = path.open("a", newline="", encoding="utf-8")
         self.board = tensorboard(path.parent / "tensorboard", first)

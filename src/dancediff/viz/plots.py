@@ -5,11 +5,11 @@ Axes it drew on; `plot_filmstrip`, which is a page, returns the Figure. Nothing 
 except by `save_filmstrip`. A dancer has the same colour and number in all of them.
 """
 
-import os
 from pathlib import Path
 
 import numpy as np
 
+from dancediff.atomic import atomic_write
 from dancediff.motion.contact import foot_contact
 from dancediff.motion.motion import Motion
 from dancediff.viz.body import (
@@ -174,13 +174,9 @@ def _draw_moments(points, cameras, grid, names: dict[int, str]) -> None:
 def save_filmstrip(motion: Motion, path, song=None, *, count: int = 8) -> Path:
     """Write `plot_filmstrip` as a picture; the file appears whole or not at all."""
     path = Path(path)
-    part = path.with_name(f".part.{os.getpid()}.{path.name}")
-    try:
-        figure = plot_filmstrip(motion, count=count, song=song)
+    figure = plot_filmstrip(motion, count=count, song=song)
+    with atomic_write(path) as part:
         figure.savefig(part, format=path.suffix[1:], dpi=160, metadata={"Software": None})
-        part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)
     return path
 
 

@@ -4,12 +4,12 @@ A frame is one collection of filled shapes and a few letters on a background tha
 nothing else of matplotlib runs per frame.
 """
 
-import os
 from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
 
+from dancediff.atomic import atomic_write
 from dancediff.motion.motion import Motion
 from dancediff.viz.body import (
     body_points,
@@ -140,12 +140,8 @@ def save_video(motion: Motion, path, song=None, *, size=None, fps: float | None 
         raise ValueError(f"size={size} must be two even numbers of at least 16 pixels")
     if not fps > 0:
         raise ValueError(f"fps={fps} must be positive")
-    part = path.with_name(f".part.{os.getpid()}.{path.name}")
-    try:
+    with atomic_write(path) as part:
         (_write_gif if gif else _write_mp4)(motion, part, song, size, fps)
-        part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)
     return path
 
 
