@@ -74,6 +74,18 @@ def test_normalizer_keeps_unseen_songs_in_range(song, real_data):
     assert cut.float().mean() < 0.02
 
 
+def test_a_normalizer_without_chroma_hears_the_rest_as_before(song):
+    M = song[0].features()
+    whole = MusicNormalizer.fit([M])
+    deaf = whole.without(["chroma"])
+    x, y = whole.normalize(M), deaf.normalize(M)
+    assert x[:, CHROMA].abs().max() > 1 and y[:, CHROMA].abs().max() < 1e-4
+    rest = [k for k in range(M.shape[1]) if not CHROMA.start <= k < CHROMA.stop]
+    assert torch.equal(x[:, rest], y[:, rest])
+    with pytest.raises(ValueError, match="'colour' is not one of onset, mfcc"):
+        whole.without(["colour"])
+
+
 def test_bad_samples_are_named():
     with pytest.raises(ValueError, match="samples"):
         music_features(np.array([0.0, np.nan]))

@@ -17,6 +17,7 @@ from dancediff.lodge.model import Lodge
 from dancediff.lodge.primitives import LAYOUT, Layout, primitives_of
 from dancediff.motion.mirror import mirror_features
 from dancediff.motion.representation import LODGE, Normalizer
+from dancediff.music.features import CHROMA
 from dancediff.training.checkpoint import load_extra
 from dancediff.training.lodge import (
     check_lodge_tables,
@@ -144,6 +145,8 @@ def test_statistics_fit_what_the_stage_sees(solos):
     on_floor = [LODGE.root.start, LODGE.root.start + 2]
     assert model.normalizer.scale[on_floor].max() <= FLOOR_UNIT, "no unit is as wide as the stage"
     assert model.normalizer.normalize(far.batch(0)[0])[..., on_floor].max() > 3
+    fit_stage(model, data, ["chroma"])
+    assert model.music_normalizer.normalize(solos[0].songs[0])[:, CHROMA].abs().max() < 1e-4
     coarse = GlobalDenoiser(GlobalConfig(**TINY, music_frames=256, local_frames=64, genres=GENRES))
     fit_stage(coarse, windows(solos, num_frames=256, layout=SMALL))
     assert coarse.spread.shape == (8, 139)

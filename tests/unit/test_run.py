@@ -7,6 +7,7 @@ import torch
 
 from dancediff.data.corpus import choreographed_takes
 from dancediff.data.windows import GroupDanceWindows
+from dancediff.music.features import CHROMA
 from dancediff.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 from dancediff.training.loop import TrainConfig, train
 from dancediff.training.run import fit_statistics, read_config, take_over, train_from_config
@@ -65,6 +66,26 @@ def test_losses_are_logged_by_name(takes, tmp_path):
     rows = logged(tmp_path)
     assert len(rows) == 2 and {"simple", "vel", "fk", "contact", "dist", "total"} <= set(rows[0])
     assert not list(tmp_path.glob(".*"))  # no temporary file stays
+
+
+def test_without_chroma_another_harmony_changes_nothing(takes):
+    torch.manual_seed(3)
+    model = TCDiffPP(TCDiffPPConfig(**TINY, head_dim=32, d_state=4))
+    M = takes[0].M[:30]
+    other = M.clone()
+    other[:, CHROMA] = other[:, CHROMA].flip(1)
+    change = {}
+    for unheard in ((), ("chroma",)):
+        fit_statistics(model, takes, unheard=unheard)
+        heard = model.music_normalizer.normalize
+        change[unheard] = (heard(M) - heard(other)).abs().max()
+    assert change[()] > 1 and change["chroma",] < 1e-4
+    started = TCDiffPP(model.config)
+    fit_statistics(started, takes, start=model)
+    assert torch.equal(started.music_normalizer.std, model.music_normalizer.std)
+    fit_statistics(model, takes)
+    fit_statistics(started, takes, start=model, unheard=["chroma"])  # a start that hears it
+    assert (started.music_normalizer.normalize(M) - heard(M)).abs().max() < 1e-4
 
 
 def test_bf16_runs(takes, tmp_path):

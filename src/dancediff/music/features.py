@@ -8,6 +8,7 @@ Symbols (axes: f frames at 30 fps · m = 35 features)
 """
 
 import warnings
+from collections.abc import Iterable
 
 import numpy as np
 import torch
@@ -22,6 +23,8 @@ MFCC = slice(1, 21)
 CHROMA = slice(21, 33)
 PEAKS = slice(33, 34)
 BEATS = slice(34, 35)
+BLOCKS = {"onset": ONSET, "mfcc": MFCC, "chroma": CHROMA, "peaks": PEAKS, "beats": BEATS}
+_UNHEARD = 1e6  # a spread so wide that no value is far from the mean
 _SHORTEST = 16 * HOP  # librosa's filters want half a second; shorter sound is padded with silence
 
 
@@ -110,6 +113,22 @@ class MusicNormalizer(nn.Module):
         mean, std = M.mean(0), M.std(0).clamp_min(1e-3)
         mean[PEAKS.start :], std[PEAKS.start :] = 0, 1
         return cls(mean, std)
+
+    def without(self, blocks: Iterable[str]) -> "MusicNormalizer":
+        """One that turns every value of these `BLOCKS` into 0, the mean: the model is deaf to them.
+
+        Raises: ValueError naming what is no block.
+
+        >>> norm = MusicNormalizer(torch.zeros(35), torch.ones(35)).without(["chroma"])
+        >>> norm.normalize(torch.ones(1, 35))[0, 20:23].round(decimals=4).tolist()
+        [1.0, 0.0, 0.0]
+        """
+        std = self.std.clone()
+        for name in blocks:
+            if name not in BLOCKS:
+                raise ValueError(f"unheard: {name!r} is not one of {', '.join(BLOCKS)}")
+            std[BLOCKS[name]] = _UNHEARD
+        return MusicNormalizer(self.mean, std)
 
     def normalize(self, M: Tensor) -> Tensor:
         """(…, 35) raw -> standardised, cut to [-4, 4] but for the binary columns."""

@@ -11,7 +11,7 @@ Tables of the file
     [discriminator]           see DiscriminatorConfig; only with this table there is one
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import fields
 from pathlib import Path
 
@@ -38,7 +38,7 @@ STAGES = {
     "local": LodgeWeights.local,
     "fine_tune": LodgeWeights.fine_tune,
 }
-_CORPUS = {"folder", "songs", "first_seed", "seconds"}
+_CORPUS = {"folder", "songs", "first_seed", "seconds", "unheard"}
 _WINDOWS = {"windows_per_batch", "mirror", "captured", "music"}
 
 
@@ -82,8 +82,13 @@ def stage_config(tables: dict, stage: str) -> TrainConfig | None:
     return TrainConfig(**settings, weights=STAGES[stage](**tables[f"weights_{stage}"]))
 
 
-def fit_stage(model: GlobalDenoiser | LocalDenoiser, windows: SoloWindows) -> None:
-    """Set the scales of motion and music and the spectrum of dance from the windows, once."""
+def fit_stage(
+    model: GlobalDenoiser | LocalDenoiser, windows: SoloWindows, unheard: Iterable[str] = ()
+) -> None:
+    """Set the scales of motion and music and the spectrum of dance from the windows, once.
+
+    ``unheard``: blocks of the music that the model shall be deaf to, see `MusicNormalizer.without`.
+    """
     low_high = [
         torch.stack([x.amin((0, 1)), x.amax((0, 1))]) for x in windows.pieces()
     ]  # all pieces at once would take gigabytes
@@ -92,7 +97,7 @@ def fit_stage(model: GlobalDenoiser | LocalDenoiser, windows: SoloWindows) -> No
     norm.low[on_floor] = norm.low[on_floor].clamp_min(-FLOOR_UNIT)
     norm.high[on_floor] = norm.high[on_floor].clamp_max(FLOOR_UNIT)
     songs = {solo.songs.data_ptr(): solo.songs[0] for solo in windows.solos}
-    model.music_normalizer = MusicNormalizer.fit(list(songs.values()))
+    model.music_normalizer = MusicNormalizer.fit(list(songs.values())).without(unheard)
     model.fit_precondition(
         (model.normalizer.normalize(x) for x in windows.pieces()), weights=_weights(windows)
     )
@@ -137,15 +142,16 @@ def train_lodge(
         solos = _solos(tables["data"], data, sizes.genres)
     common = {"device": device if world is None else world.device, "resume": resume, "world": world}
     out = Path(out)
+    unheard = tables["data"].get("unheard", ())
 
     model = _start(GlobalDenoiser, coarse, tables)
     windows = _windows(tables, solos, sizes, layout_of(model), batch="global_windows_per_batch")
-    fit_stage(model, windows)
+    fit_stage(model, windows, unheard)
     first = _run(model, windows, settings["global"], out / "global", lodge_losses_of(), common)
 
     model = _start(LocalDenoiser, sizes.local_stage, tables)
     windows = _windows(tables, solos, sizes)
-    fit_stage(model, windows)
+    fit_stage(model, windows, unheard)
     for stage in ("local", "fine_tune"):
         critic = _critic(tables, sizes, settings[stage], out / stage, common)
         losses = lodge_losses_of(clean=stage == "fine_tune", critic=critic)

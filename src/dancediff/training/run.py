@@ -1,7 +1,7 @@
 r"""From a TOML file to a trained model: what ``dancediff train`` runs."""
 
 import tomllib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import fields
 from pathlib import Path
 
@@ -23,7 +23,7 @@ from dancediff.training.loop import TrainConfig, train
 from dancediff.training.units import FLOOR_UNIT, MIN_SPAN
 
 MODELS = {"TCDiffPP": (TCDiffPP, TCDiffPPConfig), "EDGE": (EDGE, EDGEConfig)}
-_CORPUS = {"folder", "songs", "first_seed", "seconds", "workers"}
+_CORPUS = {"folder", "songs", "first_seed", "seconds", "workers", "unheard"}
 _WINDOWS = {"dancers_per_batch", "mirror", "shift", "rotate", "music", "captured", "swaps"}
 
 
@@ -76,11 +76,13 @@ def fit_statistics(
     takes: list[Take],
     captured: float | None = None,
     start: nn.Module | None = None,
+    unheard: Iterable[str] = (),
 ) -> None:
     """Set the scales of motion and music and the spectrum of dance from the takes, once.
 
     ``captured``: the share of captured takes that training will see, see `GroupDanceWindows`.
     ``start``: a model to take the scales from, because its weights go with them.
+    ``unheard``: blocks of the music that the model shall be deaf to, see `MusicNormalizer.without`.
     """
     if start is not None:
         model.normalizer.load_state_dict(start.normalizer.state_dict())
@@ -92,6 +94,7 @@ def fit_statistics(
         model.normalizer.low[on_floor], model.normalizer.high[on_floor] = -FLOOR_UNIT, FLOOR_UNIT
         songs = {take.M.data_ptr(): take.M for take in takes}
         model.music_normalizer = MusicNormalizer.fit(list(songs.values()))
+    model.music_normalizer = model.music_normalizer.without(unheard)
     if model.decoder.precondition is not None:
         _fit_preconditioning(model, takes, _weights(takes, captured))
 
@@ -218,7 +221,7 @@ def train_from_config(
     model = model_class(sizes)
     if isinstance(model, EDGE):
         takes = solo_takes(takes)
-    fit_statistics(model, takes, corpus.get("captured"), start)
+    fit_statistics(model, takes, corpus.get("captured"), start, corpus.get("unheard", ()))
     if start is not None:
         take_over(model, start)
     windows = GroupDanceWindows(
