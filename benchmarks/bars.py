@@ -3,10 +3,10 @@
     dancediff prepare cmu CMU_FOLDER held                      # its composed takes count, too
     dancediff prepare choreograph 200 held --seconds 25 --seed 500000
     dancediff prepare choreograph 400 other --seconds 25 --seed 700000
-    python benchmarks/bars.py dances tcdiffpp held other --frames 150 --count 1000
+    python benchmarks/bars.py dances tcdiffpp held other --frames 150 --count 1050
     python benchmarks/bars.py swaps tcdiffpp other
     python benchmarks/bars.py music tcdiffpp SONG SONG SONG SONG SONG
-    python benchmarks/bars.py memory runs/bars/tcdiffpp-150-0 TRAINING_FOLDER held
+    python benchmarks/bars.py memory runs/bars/tcdiffpp-150 TRAINING_FOLDER held
 
 Every held-out window is danced again: to its music, by as many dancers, who are asked for the
 left-to-right orders that its own dancers took. So both sets agree in group sizes, genres and
@@ -14,7 +14,7 @@ changes of place. What was danced is kept in --out and not danced again.
 """
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass, field
 from itertools import permutations
 from pathlib import Path
@@ -29,6 +29,7 @@ from dancediff import hub
 from dancediff.baselines.edge import EDGE
 from dancediff.baselines.naive_long_sampling import draw_naively
 from dancediff.data.prepared import PreparedData
+from dancediff.metrics.fidelity import fid
 from dancediff.metrics.kinetic import kinetic_features
 from dancediff.metrics.report import evaluate_dances
 from dancediff.metrics.rhythm import beat_alignment
@@ -118,12 +119,12 @@ def chosen(all_of_them: list[Window], count: int, max_dancers: int = 5) -> list[
 class Sampling:
     """How to dance, the same for all models of a table."""
 
-    sampler: str = "ddim"
-    steps: int = 50
-    eta: float = 1.0
-    guidance: float = 1.5
+    sampler: str = "dpm"
+    steps: int = 20
+    eta: float = 0.0
+    guidance: float = 2.0
     feet: str = "planted"
-    spacing: str = "free"
+    spacing: str | None = None
 
 
 def dance(model, window: Window, *, seed: int, naive: bool, sampling: Sampling) -> Motion:
@@ -167,56 +168,84 @@ class Dances:
     held: tyro.conf.Positional[str]
     other: tyro.conf.Positional[str]
     frames: int = 150
-    count: int = 1000
+    count: int = 1050
     kinds: tuple[str, ...] = ("synthetic", "composed")
-    seed: int = 0
+    seeds: tuple[int, ...] = (0, 1, 2)  # every window is danced with one of them, in turn
     naive: bool = False
     sampling: Sampling = field(default_factory=Sampling)
     workers: int = 2
     out: Path = Path("runs/bars")
 
     def run(self) -> None:
-        """Print what the dances and the held-out windows score, side by side."""
+        """Print what the dances and the held-out windows score, side by side; fidelity by seed."""
         todo = chosen(list(windows(self.held, self.frames, self.kinds)), self.count)
-        name = f"{Path(self.model).name}-{self.frames}-{self.seed}{'-naive' * self.naive}"
+        name = f"{Path(self.model).name}-{self.frames}{'-naive' * self.naive}"
         name += "-free" * (self.sampling.feet == "free")
         name += "" if "synthetic" in self.kinds else "-" + "-".join(self.kinds)
         folder = self.out / name
         folder.mkdir(parents=True, exist_ok=True)
         files = [folder / f"{window.name}.npz" for window in todo]
         how = {"sampling": self.sampling, "naive": self.naive}
+        seeds = [self.seeds[k % len(self.seeds)] for k in range(len(todo))]
         jobs = [
-            joblib.delayed(_dance_to)(path, self.model, window, seed=self.seed * 100_003 + k, **how)
-            for k, (path, window) in enumerate(zip(files, todo, strict=True))
+            joblib.delayed(_dance_to)(path, self.model, window, seed=seed * 100_003 + k, **how)
+            for k, (path, window, seed) in enumerate(zip(files, todo, seeds, strict=True))
             if not path.exists()
         ]
         _in_processes(jobs, self.workers, "dancing")
-        beats = [window.beats for window in todo]
-        options = {"reference": self.other, "song": beats, "window": min(self.frames, 150)}
-        made = evaluate_dances(files, **options, workers=self.workers, progress=True)
-        truth = evaluate_dances([window.motion for window in todo], **options)
-        rows = []
-        for ours, theirs in zip(made.rows, truth.rows, strict=True):
-            rows.append(
-                {
-                    "metric": ours.name,
-                    "made": [ours.value, ours.low, ours.high],
-                    "held-out": [theirs.value, theirs.low, theirs.high],
-                }
+        rows = self.compare(files, todo)
+        for row in rows:
+            made, held = (_cell(*row[of]) for of in ("made", "held-out"))
+            print(f"| {row['metric']} | {made} | {held} |")
+        other = PreparedData(self.other)
+        known = _kinetic(other.load(entry).motion for entry in other)
+        by_seed = {}
+        for seed in self.seeds:
+            part = [k for k, drawn in enumerate(seeds) if drawn == seed]
+            made, held = (
+                fid(_kinetic(some), known)
+                for some in ((Motion.load(files[k]) for k in part), (todo[k].motion for k in part))
             )
-            cells = [f"{v:.4g}" if v is not None else "" for v in rows[-1]["made"]]
-            true = [f"{v:.4g}" if v is not None else "" for v in rows[-1]["held-out"]]
-            print(
-                f"| {ours.name} | {cells[0]} [{cells[1]}, {cells[2]}] "
-                f"| {true[0]} [{true[1]}, {true[2]}] |"
-            )
+            by_seed[seed] = made, held
+            print(f"| FID_k, seed {seed} | {made:.4g} | {held:.4g} |")
         facts = {
             "windows": len(todo),
             "dancers": sum(window.motion.num_dancers for window in todo),
             "sampling": asdict(self.sampling),
             "rows": rows,
+            "FID_k by seed": by_seed,
         }
         (self.out / f"{name}.json").write_text(json.dumps(facts) + "\n", encoding="utf-8")
+
+    def compare(self, files: list[Path], todo: list[Window]) -> list[dict]:
+        """What the dances and their windows score, with intervals: a row a metric."""
+        beats = [window.beats for window in todo]
+        options = {"reference": self.other, "song": beats, "window": min(self.frames, SEGMENT)}
+        made = evaluate_dances(files, **options, workers=self.workers, progress=True)
+        truth = evaluate_dances([w.motion for w in todo], **options, workers=self.workers)
+        return [
+            {
+                "metric": ours.name,
+                "made": [ours.value, ours.low, ours.high],
+                "held-out": [theirs.value, theirs.low, theirs.high],
+            }
+            for ours, theirs in zip(made.rows, truth.rows, strict=True)
+        ]
+
+
+def _cell(value: float | None, low: float | None, high: float | None) -> str:
+    if value is None:
+        return ""
+    return f"{value:.4g}" if low is None else f"{value:.4g} [{low:.4g}, {high:.4g}]"
+
+
+def _kinetic(motions: Iterable[Motion]) -> torch.Tensor:
+    """Kinetic features of every dancer in every whole window of 150 frames."""
+    rows = []
+    for motion in motions:
+        pieces = motion.joints().split(SEGMENT, dim=1)
+        rows += [kinetic_features(piece) for piece in pieces if piece.shape[1] == SEGMENT]
+    return torch.cat(rows)
 
 
 @dataclass

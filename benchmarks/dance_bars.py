@@ -43,7 +43,7 @@ class Args:
     model: str = "tcdiffpp"
     seconds: float = 20.0
     seed: int = 1
-    steps: int = 50
+    steps: int = 20
     guidance: float | None = None
     dancers: tuple[int, ...] = (1, 2, 3, 5)
 

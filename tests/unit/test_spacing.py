@@ -116,3 +116,13 @@ def test_naive_sampling_keeps_nobody_apart_and_says_so():
     song, model = dd.packaged_song(), dd.load("tcdiffpp")
     with pytest.raises(ValueError, match="not possible with naive long sampling"):
         generate(model, song, draw=draw_naively, seconds=5, steps=2, spacing="kept")
+    naive = generate(model, song, draw=draw_naively, seconds=5, steps=2)
+    assert naive.meta["spacing"] == "free"
+
+
+def test_room_is_kept_where_the_model_can():
+    song, model = dd.packaged_song(), dd.load("tcdiffpp")
+    plain = TCDiffPP(TCDiffPPConfig(d_model=16, num_layers=1, ff_dim=32, precondition=False))
+    ask = {"seconds": 5, "steps": 1}
+    made = [m.generate(song, **ask).meta["spacing"] for m in (model, plain)]
+    assert made == ["kept", "free"]

@@ -118,6 +118,7 @@ def draw_naively(model, song, wish: Wish, *, report=None, dtype=None, ramp: bool
     """
     if wish.spacing == "kept":
         raise ValueError("spacing='kept' is not possible with naive long sampling; use 'free'")
+    wish.spacing = "free"
     device, k, n = model.abar.device, wish.segments, wish.dancers
     M = model.music_normalizer.normalize(song.features().to(device))
     M = cut_music(M, k, length=wish.num_frames, stride=wish.stride)

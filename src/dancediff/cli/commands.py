@@ -36,14 +36,14 @@ class Generate:
     """How much of the song, from its start; default: all of it."""
     seed: int = 0
     """The same seed gives the same dance."""
-    steps: int = 50
-    """Denoising steps."""
-    guidance: float = 1.5
+    steps: int | None = None
+    """Denoising steps; default: what the model does best with few."""
+    guidance: float | None = None
     """How much the music matters: 0 not at all, 1 as learned, 2 exaggerated."""
     feet: Literal["planted", "free"] = "planted"
     """Keep feet in place that stand, or leave them as the network draws them."""
     spacing: Literal["kept", "free"] | None = None
-    """Of a group model: make room between dancers who would run into each other; default: free."""
+    """Of a group model: make room between dancers who would run into each other; default: kept."""
     swap: tuple[int, ...] | None = None
     """Order at the end: the dancers (counted 0.. from the left at the start), left to right."""
     genre: str | None = None
@@ -68,14 +68,12 @@ class Generate:
         song = hub.packaged_song() if packaged else hub.Music.load(self.song)
         model = hub.load(self.model)
         wishes = {"swap": self.swap and list(self.swap), "genre": self.genre, "soft": self.soft}
-        wishes["spacing"] = self.spacing
+        wishes |= {key: getattr(self, key) for key in ("steps", "guidance", "spacing")}
         dance = model.generate(
             song,
             dancers=operator.index(self.dancers),
             seconds=self.seconds,
             seed=self.seed,
-            steps=self.steps,
-            guidance=self.guidance,
             feet=self.feet,
             progress=not self.json,
             **possible(model, wishes),

@@ -134,6 +134,8 @@ def segments(model, song, wish: Wish, *, report=None, dtype=None) -> Iterator[Te
     device = model.abar.device
     M = model.music_normalizer.normalize(song.features().to(device))
     music = cut_music(M, wish.segments, length=wish.num_frames, stride=wish.stride)
+    if wish.spacing is None:
+        wish.spacing = "free" if model.spread is None else "kept"
     weight = wish.guidance
     if wish.sampler == "ddpm":
         weight = off_at_the_end(weight, wish.num_steps)
@@ -199,6 +201,8 @@ def _meta(model, song, wish: Wish) -> dict:
         )
     }
     meta |= {"model": getattr(model, "name", "tcdiffpp"), "song": song.name}
+    if wish.spacing is None:
+        del meta["spacing"]  # whoever drew the dance knows nothing of it
     # the frames in which a segment takes over from the one before; metrics look for faults there
     first = wish.num_frames - _redo(wish)
     meta["seams"] = list(range(first, wish.frames, wish.stride)) if wish.segments > 1 else []

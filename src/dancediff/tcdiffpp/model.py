@@ -161,17 +161,17 @@ class TCDiffPP(nn.Module):
         dancers: int = 3,
         seconds: float | None = None,
         seed: int = 0,
-        steps: int = 50,
-        sampler: str = "ddim",
-        guidance: float = 1.5,
-        eta: float = 1.0,
+        steps: int = 20,
+        sampler: str = "dpm",
+        guidance: float = 2.0,
+        eta: float = 0.0,
         swap=None,
         swap_at: float | None = None,
         overlap: int = 75,
         pinning: str = "renoise",
         seam: str = "copy",
         feet: str = "planted",
-        spacing: str = "free",
+        spacing: str | None = None,
         start=None,
         end=None,
         constraints=(),
@@ -185,7 +185,8 @@ class TCDiffPP(nn.Module):
         - ``dancers``: 1 to ``config.max_dancers``.  ``seed``: the same seed on the same machine
           gives the same bits.
         - ``sampler`` "dpm" or "ddim" (``steps``, ``eta``: 0 = no fresh noise, 1 = as in the
-          papers, which take 50 steps of "ddim"), or "ddpm" (all 1000 steps).
+          papers, which take 50 steps of "ddim"), or "ddpm" (all 1000 steps).  Changes of order
+          need "dpm": see "Why nobody swapped" in docs/training_log.md.
         - ``guidance``: 0 ignores the music, 1 listens, 2 exaggerates (the papers' value).
         - ``swap[k]``: the dancer, counted 0.. from the left at the first frame, who stands k-th
           from the left in the end; ``swap_at``: when, in seconds (default: at the end).
@@ -194,7 +195,8 @@ class TCDiffPP(nn.Module):
         - ``feet``: "planted" keeps feet in place that stand (`dancediff.motion.foot_planting`);
           "free" leaves them as the network draws them.
         - ``spacing``: "kept" makes room between dancers who would run into each other
-          (`dancediff.tcdiffpp.spacing`); "free" leaves that to the network.
+          (`dancediff.tcdiffpp.spacing`), as is usual; "free" leaves that to the network, and a
+          model without preconditioning knows nothing else.
         - ``start``, ``end``: formations, one (x, z) in metres a dancer.  ``constraints``: what
           else must hold (`dancediff.tcdiffpp.control`): paths, parts of another dance.
         - ``progress``: True for a bar, or a function (done, total).

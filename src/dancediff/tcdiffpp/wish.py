@@ -43,17 +43,17 @@ class Wish:
     dancers: int = 3
     seconds: float | None = None
     seed: int = 0
-    steps: int = 50
-    sampler: str = "ddim"
-    guidance: float = 1.5
-    eta: float = 1.0
+    steps: int = 20
+    sampler: str = "dpm"
+    guidance: float = 2.0
+    eta: float = 0.0
     swap: Any = None
     swap_at: float | None = None
     overlap: int = 75
     pinning: str = "renoise"
     seam: str = "copy"
     feet: str = "planted"
-    spacing: str = "free"
+    spacing: str | None = None  # kept if the model can
     start: Any = None
     end: Any = None
     constraints: Any = ()
@@ -71,7 +71,7 @@ class Wish:
         one_of("pinning", self.pinning, MODES)
         one_of("seam", self.seam, tuple(SEAMS))
         one_of("feet", self.feet, FEET)
-        one_of("spacing", self.spacing, SPACING)
+        one_of("spacing", self.spacing, (None, *SPACING))
         if self.swap is not None:
             self.swap = check_order(self.swap, self.dancers)
         elif self.swap_at is not None:
