@@ -6,7 +6,8 @@ import roma
 import torch
 from scipy.spatial.transform import Rotation
 
-from dancediff.data.bvh import read_bvh, write_bvh
+from dancediff.data.bvh import read_bvh
+from dancediff.export.bvh import save_bvh
 from dancediff.motion.motion import Motion
 from dancediff.motion.skeleton import SMPL24
 
@@ -16,7 +17,7 @@ def written(tmp_path):
     generator = torch.Generator().manual_seed(3)
     quats = torch.nn.functional.normalize(torch.randn(30, 24, 4, generator=generator), dim=-1)
     dance = Motion(roma.unitquat_to_rotmat(quats)[None], torch.randn(1, 30, 3, generator=generator))
-    return dance, write_bvh(dance, tmp_path / "dance.bvh")
+    return dance, save_bvh(dance, tmp_path / "dance.bvh")
 
 
 def pybvh_error(path, scale=0.01) -> float:

@@ -4,7 +4,8 @@ import pytest
 import roma
 import torch
 
-from dancediff.data.bvh import read_bvh, write_bvh
+from dancediff.data.bvh import read_bvh
+from dancediff.export.bvh import save_bvh
 from dancediff.motion.motion import Motion
 
 SMALL = """HIERARCHY
@@ -38,7 +39,7 @@ def motion(f=40, seed=0):
 
 
 def round_trip_error(dance, path, scale=0.01):
-    bvh = read_bvh(write_bvh(dance, path, scale=scale), scale=scale)
+    bvh = read_bvh(save_bvh(dance, path, scale=scale), scale=scale)
     at = [bvh.index(name) for name in dance.skeleton.names]
     return (bvh.world()[0][:, at] - dance.joints()[0]).norm(dim=-1).max().item()
 
@@ -103,11 +104,11 @@ def test_round_trip_holds_where_euler_angles_are_not_unique(tmp_path):
 
 
 def test_writes_one_dancer_and_leaves_nothing_else(tmp_path):
-    write_bvh(motion(), tmp_path / "a.bvh")
+    save_bvh(motion(), tmp_path / "a.bvh")
     assert [path.name for path in tmp_path.iterdir()] == ["a.bvh"]
     two = Motion(torch.eye(3).expand(2, 5, 24, 3, 3), torch.zeros(2, 5, 3))
     with pytest.raises(ValueError, match=r"2 dancers.*dancer\(k\)"):
-        write_bvh(two, tmp_path / "b.bvh")
+        save_bvh(two, tmp_path / "b.bvh")
     assert not (tmp_path / "b.bvh").exists()
 
 

@@ -5,7 +5,7 @@ import pytest
 import roma
 import torch
 
-from dancediff.data.bvh import read_bvh, write_bvh
+from dancediff.data.bvh import read_bvh
 from dancediff.data.choreographer import choreograph
 from dancediff.data.retarget import (
     floor_height,
@@ -15,6 +15,7 @@ from dancediff.data.retarget import (
     retarget,
     skating_ratio,
 )
+from dancediff.export.bvh import save_bvh
 from dancediff.motion.contact import foot_contact
 from dancediff.motion.rotation import rotation_about
 from dancediff.motion.skeleton import SMPL24
@@ -40,7 +41,7 @@ def dance():
 
 @pytest.fixture
 def recording(dance, tmp_path):
-    return read_bvh(write_bvh(dance, tmp_path / "dance.bvh"))
+    return read_bvh(save_bvh(dance, tmp_path / "dance.bvh"))
 
 
 def bone_angles(a, b):

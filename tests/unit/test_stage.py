@@ -10,6 +10,7 @@ from dancediff.motion.motion import Motion
 from dancediff.motion.rotation import axis_angle_to_matrix
 from dancediff.music.song import Music
 from dancediff.viz import stage
+from dancediff.viz.mannequin import steady_quaternions
 
 p3 = pytest.importorskip("pythreejs")
 widgets = pytest.importorskip("ipywidgets")
@@ -71,7 +72,7 @@ def test_quaternions_never_jump():
     angle = torch.linspace(0, 4 * torch.pi, 60)  # two full turns: the sign must come along
     pose = torch.eye(3).repeat(1, 60, 24, 1, 1)
     pose[0, :, 3] = axis_angle_to_matrix(angle[:, None] * torch.tensor([0.0, 1.0, 0.0]))
-    q = stage.steady_quaternions(Motion(pose, torch.zeros(1, 60, 3)))
+    q = steady_quaternions(Motion(pose, torch.zeros(1, 60, 3)))
     assert ((q[:, 1:] * q[:, :-1]).sum(-1) > 0.9).all()
 
 

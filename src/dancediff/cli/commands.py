@@ -13,7 +13,7 @@ import tyro
 from dancediff.cli.evaluate import Evaluate
 from dancediff.cli.files import (
     EXTRAS,
-    FORMATS,
+    USUAL,
     check_folder,
     check_formats,
     check_targets,
@@ -52,8 +52,8 @@ class Generate:
     """Of a Lodge model: how long, 0 to 1, the dance is held at its key motions; default 1."""
     out: Path = Path("out")
     """Folder for the results."""
-    formats: str = ",".join(FORMATS)
-    """Which files to write, of npz, mp4, png."""
+    formats: str = ",".join(USUAL)
+    """Which files to write, of npz, mp4, png, glb, bvh, smpl (the last two one for each dancer)."""
     json: bool = False
     """Print one line of JSON instead of text."""
 

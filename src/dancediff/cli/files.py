@@ -6,8 +6,10 @@ import json
 import tempfile
 from pathlib import Path
 
-FORMATS = ("npz", "mp4", "png")
-EXTRAS = {"av": "video", "pythreejs": "notebooks", "ipywidgets": "notebooks"}
+FORMATS = ("npz", "mp4", "png", "glb", "bvh", "smpl")
+USUAL = ("npz", "mp4", "png")
+EXTRAS = {"av": "video", "pygltflib": "gltf", "pythreejs": "notebooks", "ipywidgets": "notebooks"}
+_NEEDS = {"mp4": "av", "glb": "pygltflib"}
 
 
 def tell(as_json: bool, facts: dict, lines: list[str]) -> None:
@@ -21,11 +23,14 @@ def check_formats(text: str) -> list[str]:
     for name in formats or [text]:
         if name not in FORMATS:
             raise ValueError(f"--formats {text!r}: {name!r} is not one of {','.join(FORMATS)}")
-    if "mp4" in formats and importlib.util.find_spec("av") is None:
-        raise RuntimeError(
-            f'--formats {text!r}: mp4 needs PyAV; pip install "dancediff[{EXTRAS["av"]}]", '
-            "or choose --formats npz,png"
-        )
+    for name in formats:
+        module = _NEEDS.get(name)
+        if module and importlib.util.find_spec(module) is None:
+            others = ",".join(other for other in USUAL if other != name)
+            raise RuntimeError(
+                f"--formats {text!r}: {name} needs {module}; pip install "
+                f'"dancediff[{EXTRAS[module]}]", or choose --formats {others}'
+            )
     return formats
 
 
@@ -48,10 +53,18 @@ def check_folder(folder: Path, name: str = "--out") -> None:
 def check_targets(out: Path, formats: list[str]) -> None:
     """Refuse to write a file where a folder is."""
     for name in formats:
-        if (target := out / f"dance.{name}").is_dir():
-            raise ValueError(
-                f"--out {str(out)!r}: {str(target)!r} is a folder; remove it or name another folder"
-            )
+        suffix = _file(name).removeprefix("dance")
+        for target in (out / _file(name), *out.glob(f"dance.*{suffix}")):
+            if target.is_dir():
+                raise ValueError(
+                    f"--out {str(out)!r}: {str(target)!r} is a folder; remove it or name another "
+                    "folder"
+                )
+
+
+def _file(name: str) -> str:
+    """The file of a format; of some, each dancer of a group has her own."""
+    return "dance.smpl.npz" if name == "smpl" else f"dance.{name}"
 
 
 def write_all(out: Path, formats: list[str], dance, song) -> list[Path]:
@@ -61,9 +74,10 @@ def write_all(out: Path, formats: list[str], dance, song) -> list[Path]:
         out.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=".dancediff-", dir=out) as folder:
             work = Path(folder)
-            for suffix in formats:
-                dance.save(work / f"dance.{suffix}", song=song)
-            return [(work / f"dance.{s}").replace(out / f"dance.{s}") for s in formats]
+            for name in formats:
+                dance.save(work / _file(name), song=song)
+            files = sorted(work.iterdir())  # a BVH of a group is a file for each dancer
+            return [file.replace(out / file.name) for file in files]
     except BaseException:
         for part in new:
             with contextlib.suppress(OSError):  # not there yet, or somebody else wrote into it

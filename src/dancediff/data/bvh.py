@@ -1,4 +1,4 @@
-r"""Motion capture as BVH files: a reader for any of them, a writer for the SMPL-24 tree.
+r"""Motion capture as BVH files: a reader for any of them. The writer is `dancediff.export.bvh`.
 
 A BVH file is a joint tree with rest offsets (HIERARCHY) and one line of numbers per frame (MOTION).
 
@@ -15,9 +15,6 @@ from pathlib import Path
 import numpy as np
 import torch
 from torch import Tensor
-
-from dancediff.atomic import atomic_write
-from dancediff.motion.motion import Motion
 
 CENTIMETRE = 0.01
 END = "_end"  # an End Site has no name of its own: it is called after its joint
@@ -269,57 +266,3 @@ def _about(axis: int, angle: Tensor) -> Tensor:
     R[:, k, i] = angle.sin()
     R[:, i, k] = -angle.sin()
     return R
-
-
-def _euler_zxy(R: Tensor) -> Tensor:
-    r"""Angles with $R = R_z(a) R_x(b) R_y(c)$, degrees, (..., 3, 3) -> (..., 3).
-
-    b and c are read after a is taken off, so that the product is right at b = 90 degrees too.
-    """
-    a = torch.atan2(-R[..., 0, 1], R[..., 1, 1])
-    rest = _about(2, -a.flatten()).unflatten(0, a.shape) @ R
-    b = torch.atan2(rest[..., 2, 1], rest[..., 1, 1])
-    c = torch.atan2(rest[..., 0, 2], rest[..., 0, 0])
-    return torch.rad2deg(torch.stack([a, b, c], -1))
-
-
-def write_bvh(motion: Motion, path, *, scale: float = CENTIMETRE) -> Path:
-    r"""Write one dancer as BVH: the SMPL-24 tree, channels Z X Y, in units of ``scale`` metres.
-
-    The file appears whole or not at all. `read_bvh` gives the joints back within 1 mm.
-
-    Raises: ValueError for more than one dancer; pick one with ``motion.dancer(k)``.
-    """
-    if motion.num_dancers != 1:
-        raise ValueError(
-            f"motion has {motion.num_dancers} dancers and a BVH file holds one; "
-            "write motion.dancer(k) for each k"
-        )
-    header, order = _tree_text(motion.skeleton, scale)
-    angles = _euler_zxy(motion.pose[0].double())[:, order].flatten(1)
-    rows = torch.cat([motion.root[0].double() / scale, angles], 1).numpy()
-    times = [f"Frames: {motion.num_frames}", f"Frame Time: {1 / motion.fps:.9f}"]
-    frames = (" ".join(f"{value:.5f}" for value in row) for row in rows)
-    path = Path(path)
-    with atomic_write(path) as part:
-        part.write_text("\n".join([*header, "MOTION", *times, *frames, ""]))
-    return path
-
-
-def _tree_text(skeleton, scale: float) -> tuple[list[str], list[int]]:
-    """The HIERARCHY part, and the joints in the order in which it names them: depth first."""
-    place = [" ".join(f"{x:.6f}" for x in offset / scale) for offset in skeleton.offsets.double()]
-    order: list[int] = []
-
-    def lines(j: int) -> list[str]:
-        order.append(j)
-        children = [k for k, p in enumerate(skeleton.parents) if p == j]
-        where = "3" if j else "6 Xposition Yposition Zposition"
-        inside = [f"OFFSET {place[j]}", f"CHANNELS {where} Zrotation Xrotation Yrotation"]
-        inside += [row for k in children for row in lines(k)]
-        if not children:
-            inside += ["End Site", "{", "\tOFFSET 0.000000 0.000000 0.000000", "}"]
-        head = f"{'JOINT' if j else 'ROOT'} {skeleton.names[j]}"
-        return [head, "{", *(f"\t{row}" for row in inside), "}"]
-
-    return ["HIERARCHY", *lines(0)], order

@@ -11,6 +11,7 @@ import json
 import math
 import struct
 import zipfile
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -25,6 +26,8 @@ from dancediff.motion.rotation import matrix_to_rot6d, rot6d_to_matrix
 from dancediff.motion.skeleton import SMPL24, Skeleton, forward_kinematics
 
 FORMAT = "dancediff-motion-1"
+PER_DANCER = (".bvh", ".smpl.npz")
+SUFFIXES = (".npz", ".mp4", ".gif", ".png", ".glb", *PER_DANCER)
 _PARTS = ("rot6d", "root", "fps", "offsets", "header", "contact")
 
 
@@ -133,35 +136,108 @@ class Motion:
         return cls(whole_pose(pose), root, fps, contact=contact.clamp(0, 1), meta=meta or {})
 
     def save(self, path, song=None) -> Path:
-        """Write the dance; the suffix decides: .npz (this class), .mp4 .gif .png (pictures).
+        """Write the dance; the suffix decides.
 
-        ``song`` is muxed into a video. The file appears whole or not at all.
-        Raises: ValueError for another suffix.
+        - ``.npz``: all of this class.
+        - ``.mp4``, ``.gif``, ``.png``: pictures; ``song`` is muxed into an .mp4.
+        - ``.glb``: bodies that move, for 3-D programs.
+        - ``.bvh``, ``.smpl.npz``: a file for each dancer. Of a group ``dance.bvh`` becomes
+          ``dance.1.bvh``, ``dance.2.bvh`` ..., the first of which is returned.
+
+        Each file appears whole or not at all.
+        Raises: ValueError for another suffix; ImportError naming the extra that is missing.
         """
         path = Path(path)
-        if path.suffix == ".npz":
+        kind = suffix_of(path)
+        if kind not in SUFFIXES:
+            raise ValueError(f"suffix {kind!r} of {path} is unknown; use {' '.join(SUFFIXES)}")
+        if kind in PER_DANCER:
+            return self._save_dancers(path, kind)
+        if kind == ".npz":
             _write_npz(path, self)
-        elif path.suffix in (".mp4", ".gif"):
+        elif kind in (".mp4", ".gif"):
             from dancediff.viz.video import save_video
 
             save_video(self, path, song=song)
-        elif path.suffix == ".png":
+        elif kind == ".png":
             from dancediff.viz.plots import save_filmstrip
 
             save_filmstrip(self, path, song=song)
         else:
-            raise ValueError(
-                f"suffix {path.suffix!r} of {path} is unknown; use .npz .mp4 .gif .png"
-            )
+            from dancediff.export.gltf import save_glb
+
+            save_glb(self, path)
         return path
 
-    @classmethod
-    def load(cls, path) -> "Motion":
-        """Read an .npz written by `save`.
+    def _save_dancers(self, path: Path, kind: str) -> Path:
+        from dancediff.export import bvh, smpl
 
+        write = {".bvh": bvh.save_bvh, ".smpl.npz": smpl.save_smpl}[kind]
+        if self.num_dancers == 1:
+            return write(self, path)
+        numbered = [path.with_suffix(f".{k + 1}{path.suffix}") for k in range(self.num_dancers)]
+        for k, name in enumerate(numbered):
+            write(self.dancer(k), name)
+        return numbered[0]
+
+    @classmethod
+    def load(cls, path, *more) -> "Motion":
+        """Read a dance that `save` wrote: .npz, .glb, .bvh, or SMPL arrays in an .npz.
+
+        Several files, such as those of a group's dancers, are put side by side.
         Raises: FileNotFoundError, or ValueError naming the file when it is no such motion.
         """
-        return _read_npz(Path(path))
+        motions = [_load(Path(name)) for name in (path, *more)]
+        return motions[0] if len(motions) == 1 else cls.side_by_side(motions)
+
+    @classmethod
+    def side_by_side(cls, motions: Sequence["Motion"]) -> "Motion":
+        """Dances of the same length as one, the first one's dancers first.
+
+        Raises: ValueError when lengths, frame rates or skeletons differ.
+
+        >>> solo = Motion(torch.eye(3).expand(1, 30, 24, 3, 3), torch.zeros(1, 30, 3))
+        >>> Motion.side_by_side([solo, solo]).num_dancers
+        2
+        """
+        first = motions[0]
+        for other in motions[1:]:
+            for name in ("num_frames", "fps"):
+                if getattr(other, name) != getattr(first, name):
+                    raise ValueError(
+                        f"{name}={getattr(other, name)} of one dance, {getattr(first, name)} of "
+                        "another; cut or resample them first"
+                    )
+            if other.skeleton.names != first.skeleton.names:
+                raise ValueError("the dances have different skeletons")
+        parts = [motion.contact for motion in motions]
+        contact = None if any(part is None for part in parts) else torch.cat(parts)
+        pose = torch.cat([motion.pose for motion in motions])
+        return replace(
+            first, pose=pose, root=torch.cat([motion.root for motion in motions]), contact=contact
+        )
+
+
+def suffix_of(path: Path) -> str:
+    """``.smpl.npz`` for SMPL arrays, else what pathlib says.
+
+    >>> suffix_of(Path("dance.smpl.npz")), suffix_of(Path("my.dance.npz"))
+    ('.smpl.npz', '.npz')
+    """
+    two = "".join(path.suffixes[-2:])
+    return two if two in SUFFIXES else path.suffix
+
+
+def _load(path: Path) -> Motion:
+    if path.suffix == ".bvh":
+        from dancediff.export.bvh import load_bvh
+
+        return load_bvh(path)
+    if path.suffix == ".glb":
+        from dancediff.export.gltf import load_glb
+
+        return load_glb(path)
+    return _read_npz(path)
 
 
 def _plain(x: Tensor) -> Tensor:
@@ -193,7 +269,11 @@ def _write_npz(path: Path, motion: Motion) -> None:
 
 def _read_npz(path: Path) -> Motion:
     try:
-        data = read_arrays(path, _PARTS)
+        data = read_arrays(path, (*_PARTS, "poses"))
+        if "poses" in data:
+            from dancediff.export.smpl import load_smpl
+
+            return load_smpl(path)
         header = json.loads(str(data["header"]))
         if header.get("format") != FORMAT:
             raise ValueError(f"format is {header.get('format')!r}, not {FORMAT!r}")

@@ -9,36 +9,21 @@ import io
 from collections import deque
 
 import numpy as np
-import roma
 
 from dancediff.motion.motion import Motion
+from dancediff.viz.mannequin import (
+    EGGS,
+    FACE,
+    SKULL,
+    TUBES,
+    lighter,
+    steady_quaternions,
+    turn_up_to,
+)
 from dancediff.viz.palette import FLOOR, GRID, MUTED, WALL, dancer_color
 
 _MAX_OPEN = 6  # a page holds 8 to 16 WebGL pictures; beyond that the browser blanks the oldest
 _open: deque = deque()
-
-# (frame of joint, centre, half axes), metres: the trunk is four eggs that melt into each other
-_EGGS = (
-    ("root", (0, -0.035, -0.005), (0.155, 0.125, 0.108)),
-    ("belly", (0, 0.01, 0.005), (0.128, 0.150, 0.098)),
-    ("spine", (0, 0.06, -0.005), (0.135, 0.160, 0.105)),
-    ("chest", (0, 0.06, -0.015), (0.158, 0.130, 0.105)),
-)
-# (frame of joint, from, to, radius at from, radius at to); a joint's name or an offset in metres
-_TUBES = (
-    ("chest", (0, 0.12, -0.02), "neck", 0.070, 0.052),
-    ("neck", (0, 0, 0), "head", 0.050, 0.050),
-    *[(f"{s}collar", (0, 0, 0), f"{s}shoulder", 0.060, 0.055) for s in "lr"],
-    *[(f"{s}shoulder", (0, 0, 0), f"{s}elbow", 0.052, 0.042) for s in "lr"],
-    *[(f"{s}elbow", (0, 0, 0), f"{s}wrist", 0.040, 0.029) for s in "lr"],
-    *[(f"{s}wrist", (0, 0, 0), f"{s}hand", 0.031, 0.034) for s in "lr"],
-    *[(f"{s}hip", (0, 0, 0), f"{s}knee", 0.086, 0.060) for s in "lr"],
-    *[(f"{s}knee", (0, 0, 0), f"{s}ankle", 0.057, 0.037) for s in "lr"],
-    *[(f"{s}ankle", (0, 0, 0), (0, -0.045, -0.04), 0.038, 0.036) for s in "lr"],
-    *[(f"{s}ankle", (0, -0.045, -0.04), f"{s}toe", 0.036, 0.032) for s in "lr"],
-    *[(f"{s}toe", (0, 0, 0), (0, 0, 0.06), 0.032, 0.024) for s in "lr"],
-)
-_SKULL, _FACE = (0.0, 0.075, 0.015), (0.0, 0.060, 0.062)
 
 
 def stage(motion: Motion, song=None, *, size=(760, 430)):
@@ -114,14 +99,14 @@ class _Skin:
         p3, parents = self.p3, self.skeleton.parents
         color = dancer_color(k)
         skin = p3.MeshStandardMaterial(color=color, roughness=0.75, metalness=0.0)
-        face = p3.MeshStandardMaterial(color=_lighter(color), roughness=0.8, metalness=0.0)
+        face = p3.MeshStandardMaterial(color=lighter(color), roughness=0.8, metalness=0.0)
         parts: list[list] = [[] for _ in parents]
-        for joint, centre, axes in _EGGS:
+        for joint, centre, axes in EGGS:
             parts[self.skeleton.index(joint)].append(self._egg(centre, axes, skin))
-        for joint, *tube in _TUBES:
+        for joint, *tube in TUBES:
             parts[self.skeleton.index(joint)] += self._capsule(*tube, skin)
         head = parts[self.skeleton.index("head")]
-        head += [self._egg(_SKULL, [0.105] * 3, skin), self._egg(_FACE, [0.072] * 3, face)]
+        head += [self._egg(SKULL, [0.105] * 3, skin), self._egg(FACE, [0.072] * 3, face)]
         groups: list = [None] * len(parents)
         for j in reversed(range(len(parents))):  # children come after their parents
             kids = [groups[c] for c, parent in enumerate(parents) if parent == j]
@@ -145,7 +130,7 @@ class _Skin:
             self.tubes[radius_a, radius_b],
             material,
             position=tuple(map(float, (a + b) / 2)),
-            quaternion=_turn_up_to(b - a),
+            quaternion=turn_up_to(b - a),
             scale=(1.0, float(np.linalg.norm(b - a)), 1.0),
             castShadow=True,
         )
@@ -157,24 +142,11 @@ class _Skin:
 
 
 def _radii() -> set[tuple[float, float]]:
-    return {(part[3], part[4]) for part in _TUBES}
+    return {(part[3], part[4]) for part in TUBES}
 
 
 def _name(k: int, j: int) -> str:
     return f"dancer{k}joint{j}"
-
-
-def _lighter(color: str) -> str:
-    return "#" + "".join(f"{(int(color[i : i + 2], 16) + 255) // 2:02X}" for i in (1, 3, 5))
-
-
-def _turn_up_to(direction: np.ndarray) -> tuple[float, float, float, float]:
-    """Quaternion (x, y, z, w) that turns the y axis, on which tubes are built, to a direction."""
-    x, y, z = direction / np.linalg.norm(direction)
-    if y < -0.999999:
-        return 1.0, 0.0, 0.0, 0.0
-    q = np.array([z, 0.0, -x, 1 + y])
-    return tuple((q / np.linalg.norm(q)).tolist())
 
 
 def make_clip(p3, motion: Motion):
@@ -194,22 +166,6 @@ def make_clip(p3, motion: Motion):
             for j in range(motion.skeleton.num_joints)
         ]
     return p3.AnimationClip(tracks=tracks, duration=float(max(motion.num_frames - 1, 1)))
-
-
-def steady_quaternions(motion: Motion) -> np.ndarray:
-    """Joint rotations as quaternions (x, y, z, w) that never flip sign from frame to frame.
-
-    Shapes: motion -> float32 (n, f, j, 4).
-
-    >>> import torch
-    >>> still = Motion(torch.eye(3).expand(1, 2, 24, 3, 3), torch.zeros(1, 2, 3))
-    >>> steady_quaternions(still)[0, 0, 0].tolist()
-    [0.0, 0.0, 0.0, 1.0]
-    """
-    q = roma.rotmat_to_unitquat(motion.pose).numpy()
-    same = np.sign((q[:, 1:] * q[:, :-1]).sum(-1, keepdims=True))
-    q[:, 1:] *= np.cumprod(np.where(same == 0, 1, same), axis=1)
-    return q.astype(np.float32)
 
 
 def _room(p3, motion: Motion) -> list:

@@ -1,0 +1,1 @@
+"""Dances as files of other programs, and back: BVH, SMPL arrays, glTF."""
