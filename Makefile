@@ -7,7 +7,7 @@ BIN    := $(VENV)/bin
 READY  := $(VENV)/.ready
 export MPLBACKEND ?= Agg
 
-.PHONY: setup dance test lint lab clean
+.PHONY: setup dance test lint lab player clean
 setup: $(READY)
 
 # The stamp is written last, so an interrupted set-up is done again.
@@ -41,6 +41,10 @@ lint: $(READY)
 
 lab: $(READY)
 	$(BIN)/jupyter lab notebooks/00_tour.ipynb
+
+# The bundle is committed; this rebuilds it (needs node and npm).
+player:
+	cd src/dancediff/assets/player && npm install --no-package-lock --no-audit --no-fund && npm run build && rm -rf node_modules
 
 clean:
 	rm -rf $(VENV) out

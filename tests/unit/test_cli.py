@@ -53,7 +53,7 @@ def songs(tmp_path):
         (["."], ["folder", "wav, flac"]),
         (["noise.wav", "--steps", "0"], ["steps=0"]),
         (["noise.wav", "--model", "nobody"], ["'nobody'", "tcdiffpp"]),
-        (["noise.wav", "--formats", "npz,exe"], ["'exe'", "npz,mp4,png,glb,bvh,smpl"]),
+        (["noise.wav", "--formats", "npz,exe"], ["'exe'", "npz,mp4,png,html,glb,bvh,smpl"]),
         (["noise.wav", "--swap", "0", "0", "1"], ["swap"]),
     ],
 )

@@ -53,7 +53,7 @@ class Generate:
     out: Path = Path("out")
     """Folder for the results."""
     formats: str = ",".join(USUAL)
-    """Which files to write, of npz, mp4, png, glb, bvh, smpl (the last two one for each dancer)."""
+    """Which files to write, of npz, mp4, png, html (a player), glb; bvh, smpl (one a dancer)."""
     json: bool = False
     """Print one line of JSON instead of text."""
 

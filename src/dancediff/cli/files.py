@@ -6,7 +6,7 @@ import json
 import tempfile
 from pathlib import Path
 
-FORMATS = ("npz", "mp4", "png", "glb", "bvh", "smpl")
+FORMATS = ("npz", "mp4", "png", "html", "glb", "bvh", "smpl")
 USUAL = ("npz", "mp4", "png")
 EXTRAS = {"av": "video", "pygltflib": "gltf", "pythreejs": "notebooks", "ipywidgets": "notebooks"}
 _NEEDS = {"mp4": "av", "glb": "pygltflib"}

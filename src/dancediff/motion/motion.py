@@ -27,7 +27,7 @@ from dancediff.motion.skeleton import SMPL24, Skeleton, forward_kinematics
 
 FORMAT = "dancediff-motion-1"
 PER_DANCER = (".bvh", ".smpl.npz")
-SUFFIXES = (".npz", ".mp4", ".gif", ".png", ".glb", *PER_DANCER)
+SUFFIXES = (".npz", ".mp4", ".gif", ".png", ".html", ".glb", *PER_DANCER)
 _PARTS = ("rot6d", "root", "fps", "offsets", "header", "contact")
 
 
@@ -140,6 +140,7 @@ class Motion:
 
         - ``.npz``: all of this class.
         - ``.mp4``, ``.gif``, ``.png``: pictures; ``song`` is muxed into an .mp4.
+        - ``.html``: a page that plays it in 3-D, with ``song``, from disk.
         - ``.glb``: bodies that move, for 3-D programs.
         - ``.bvh``, ``.smpl.npz``: a file for each dancer. Of a group ``dance.bvh`` becomes
           ``dance.1.bvh``, ``dance.2.bvh`` ..., the first of which is returned.
@@ -163,6 +164,10 @@ class Motion:
             from dancediff.viz.plots import save_filmstrip
 
             save_filmstrip(self, path, song=song)
+        elif kind == ".html":
+            from dancediff.viz.player import save_player
+
+            save_player(self, path, song=song)
         else:
             from dancediff.export.gltf import save_glb
 

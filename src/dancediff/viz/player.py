@@ -1,0 +1,127 @@
+"""One page that plays a dance with its song: opens from disk, needs no network, no kernel.
+
+The page's own code is ``assets/player/player.js``, bundled with three.js (`make player`). Here the
+dance is packed into it: rotations as 16-bit quaternions (turned by at most 0.01 degrees), roots as
+32-bit metres, the song as MP3.
+"""
+
+import base64
+import io
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+
+from dancediff.atomic import atomic_write
+from dancediff.motion.contact import foot_contact
+from dancediff.motion.motion import Motion
+from dancediff.viz.mannequin import EGGS, FACE, SKULL, TUBES, steady_quaternions
+from dancediff.viz.palette import BEAT, FLOOR, GRID, MUTED, WALL, dancer_color
+
+PAGE = Path(__file__).parents[1] / "assets" / "player"
+SHOWN = ("TIF", "BAS", "MMC", "PFC", "FSR", "joint speed")  # metrics that need no reference set
+
+
+def save_player(
+    motion: Motion,
+    path,
+    song=None,
+    *,
+    other: Motion | None = None,
+    titles: tuple[str, str] = ("A", "B"),
+    metrics: bool = True,
+) -> Path:
+    """Write a dance as one .html page; with ``other`` two dances side by side, played together.
+
+    ``metrics``: below each dance, those of `dancediff.evaluate` that need no reference set. The
+    file appears whole or not at all.
+
+    Raises: ValueError when the two dances differ in length, frame rate or skeleton.
+    """
+    path, motions = Path(path), [motion] if other is None else [motion, other]
+    for name in ("num_frames", "fps"):
+        if other is not None and getattr(motion, name) != getattr(other, name):
+            raise ValueError(
+                f"other has {name}={getattr(other, name)}, the dance {getattr(motion, name)}; they "
+                "play together, so cut or resample one of them first"
+            )
+    if other is not None and motion.skeleton.names != other.skeleton.names:
+        raise ValueError("other has another skeleton than the dance")
+    facts = _facts(motions, song)
+    facts["panes"] = [
+        _pane(dance, title if other is not None else "", _numbers(dance, song) if metrics else [])
+        for dance, title in zip(motions, titles, strict=False)
+    ]
+    text = json.dumps(facts, separators=(",", ":")).replace("<", "\\u003c")  # no tag can begin
+    page = (PAGE / "page.html").read_text(encoding="utf-8")
+    code = (PAGE / "player.min.js").read_text(encoding="utf-8")
+    for mark, content in (("{{PLAYER}}", code), ("{{DATA}}", text)):
+        before, after = page.split(mark)
+        page = before + content + after
+    with atomic_write(path) as part:
+        part.write_text(page, encoding="utf-8")
+    return path
+
+
+def _facts(motions: list[Motion], song) -> dict:
+    """What all panes share: length, beats, sound, the body, and where the floor lies."""
+    motion, skeleton = motions[0], motions[0].skeleton
+    floor = np.concatenate([m.root.numpy().reshape(-1, 3)[:, [0, 2]] for m in motions])
+    low, high = floor.min(0), floor.max(0)
+    beats = [] if song is None else song.beats()
+    return {
+        "title": " · ".join(
+            [*([song.name] if song is not None else []), f"{motion.num_dancers} dancers"]
+        ),
+        "fps": motion.fps,
+        "frames": motion.num_frames,
+        "beats": [round(float(b), 3) for b in beats if b < motion.duration],
+        "song": None if song is None else _sound(song, motion.duration),
+        "centre": ((low + high) / 2).round().tolist(),
+        "side": 2 * math.ceil((high - low).max() / 2 + 2),
+        "body": {
+            "names": skeleton.names,
+            "parents": skeleton.parents,
+            "offsets": skeleton.offsets.double().numpy().round(5).tolist(),
+            "eggs": EGGS,
+            "tubes": TUBES,
+            "skull": SKULL,
+            "face": FACE,
+        },
+        "colors": {"wall": WALL, "floor": FLOOR, "grid": GRID, "muted": MUTED, "beat": BEAT},
+    }
+
+
+def _pane(motion: Motion, title: str, numbers: list) -> dict:
+    contact = foot_contact(motion.joints()) if motion.contact is None else motion.contact
+    bits = (contact.numpy() > 0.5).astype(np.uint8) @ np.array([1, 2, 4, 8], np.uint8)
+    return {
+        "title": title,
+        "metrics": numbers,
+        "colors": [dancer_color(k) for k in range(motion.num_dancers)],
+        "turns": _text(np.round(steady_quaternions(motion) * 32767).astype("<i2")),
+        "root": _text(motion.root.numpy().astype("<f4")),
+        "contact": _text(bits.astype(np.uint8)),
+    }
+
+
+def _numbers(motion: Motion, song) -> list[list[str]]:
+    from dancediff.metrics.report import evaluate_dances
+
+    rows = {row["name"]: row for row in evaluate_dances([motion], song=song).facts()["rows"]}
+    values = [(name, rows[name]["value"]) for name in SHOWN if name in rows]
+    return [[name, f"{value:.3g}"] for name, value in values if value is not None]
+
+
+def _sound(song, seconds: float) -> str:
+    import soundfile
+
+    part = song.slice(0, min(seconds, song.duration))
+    sound = io.BytesIO()
+    soundfile.write(sound, part.audio[:, :2], part.rate, format="MP3")
+    return f"data:audio/mpeg;base64,{base64.b64encode(sound.getvalue()).decode()}"
+
+
+def _text(array: np.ndarray) -> str:
+    return base64.b64encode(np.ascontiguousarray(array).tobytes()).decode()
