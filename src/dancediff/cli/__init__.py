@@ -1,4 +1,4 @@
-"""The command line: ``dancediff generate``, evaluate, prepare, train, ablate, warm and doctor.
+"""The command line: ``dancediff generate``, evaluate, gallery, prepare, train, ...
 
 Exit status: 0 done, 1 nothing could be done though the arguments were fine, 2 bad arguments or
 input; the last line then names the value and the fix. torch is imported inside commands only.

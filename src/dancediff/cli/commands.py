@@ -20,6 +20,7 @@ from dancediff.cli.files import (
     tell,
     write_all,
 )
+from dancediff.cli.gallery import Gallery
 
 
 @dataclass
@@ -273,6 +274,7 @@ class Doctor:
 COMMANDS = {
     "generate": Generate,
     "evaluate": Evaluate,
+    "gallery": Gallery,
     "prepare": Prepare,
     "train": Train,
     "ablate": Ablate,

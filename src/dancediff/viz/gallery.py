@@ -1,0 +1,113 @@
+"""A static page of many dances: a picture, the metrics and a player of each; failures stay in.
+
+    gallery/
+        index.html          the table
+        NAME.html           a player for each dance
+
+No server is needed, and nothing is fetched: the folder can be zipped and sent.
+"""
+
+import base64
+import html
+import io
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from tqdm.auto import tqdm
+
+from dancediff.atomic import atomic_write
+from dancediff.metrics.report import evaluate_dances
+from dancediff.motion.motion import Motion
+from dancediff.viz.player import PAGE, SHOWN, save_player
+from dancediff.viz.plots import plot_filmstrip
+
+SUFFIXES = (".npz", ".glb", ".bvh")
+
+
+@dataclass
+class Gallery:
+    """What `save_gallery` made: the page, and which files are no dances, with the reason."""
+
+    index: Path
+    dances: list[str] = field(default_factory=list)
+    failed: dict[str, str] = field(default_factory=dict)
+
+
+def save_gallery(folder, out, song=None, *, progress: bool = False) -> Gallery:
+    """Write a page with all dances of a folder and of the folders in it.
+
+    Dances are .npz, .glb or .bvh files. One that cannot be read or measured has its line, too, with
+    the reason. ``song`` is played with each and gives the beats.
+
+    Raises: ValueError when the folder holds no such file.
+    """
+    folder, out = Path(folder), Path(out)
+    files = sorted(
+        path for path in folder.rglob("*") if path.suffix in SUFFIXES and out not in path.parents
+    )
+    if not files:
+        raise ValueError(f"{str(folder)!r} holds no dance ({', '.join(SUFFIXES)}); name another")
+    out.mkdir(parents=True, exist_ok=True)
+    made, rows = Gallery(out / "index.html"), []
+    for path in tqdm(files, desc="gallery", unit="dance", disable=not progress):
+        name = path.relative_to(folder).as_posix()
+        try:
+            rows.append(_row(name, Motion.load(path), out, song))
+            made.dances.append(name)
+        except (ValueError, ArithmeticError, RuntimeError) as err:  # shown, not hidden
+            made.failed[name] = " ".join(str(err).split())
+            rows.append(_failure(name, made.failed[name]))
+    with atomic_write(made.index) as part:
+        part.write_text(_page(folder.name or "dances", rows, made, song), encoding="utf-8")
+    return made
+
+
+def _row(name: str, motion: Motion, out: Path, song) -> str:
+    facts = evaluate_dances([motion], song=song).facts()["rows"]
+    values = {row["name"]: row["value"] for row in facts}
+    page = name.replace("/", "_") + ".html"
+    save_player(motion, out / page, song, metrics=False)
+    cells = "".join(_number(values.get(metric)) for metric in SHOWN)
+    label = html.escape(name)
+    return (
+        f'<tr><td><a href="{html.escape(page)}">{label}</a><br>'
+        f"{motion.num_dancers} dancers, {motion.duration:.1f} s</td>"
+        f'<td><a href="{html.escape(page)}"><img alt="{label}" src="{_strip(motion)}"></a></td>'
+        f"{cells}</tr>"
+    )
+
+
+def _failure(name: str, why: str) -> str:
+    wide = len(SHOWN) + 1
+    return (
+        f"<tr><td>{html.escape(name)}</td>"
+        f'<td colspan="{wide}" class="why">no dance: {html.escape(why)}</td></tr>'
+    )
+
+
+def _number(value) -> str:
+    if value is None:
+        return '<td class="n">-</td>'
+    return f'<td class="n" data-v="{value:.6g}">{value:.3g}</td>'
+
+
+def _strip(motion: Motion) -> str:
+    """A filmstrip as a data address."""
+    file = io.BytesIO()
+    plot_filmstrip(motion, count=4).savefig(file, format="png", dpi=60)
+    return f"data:image/png;base64,{base64.b64encode(file.getvalue()).decode()}"
+
+
+def _page(title: str, rows: list[str], made: Gallery, song) -> str:
+    lost = len(made.failed)
+    music = "" if song is None else f" to {html.escape(song.name)}"
+    parts = {
+        "TITLE": html.escape(title),
+        "COUNT": f"{len(made.dances)} dances{music}"
+        + (f", {lost} files that are none" if lost else ""),
+        "HEADS": "".join(f"<th>{name}</th>" for name in ("dance", "", *SHOWN)),
+        "ROWS": "\n".join(rows),
+    }
+    text = (PAGE / "gallery.html").read_text(encoding="utf-8")
+    return re.sub(r"\{\{(\w+)\}\}", lambda mark: parts[mark[1]], text)

@@ -1,0 +1,49 @@
+"""A gallery shows every dance and every file that is none."""
+
+import numpy as np
+import pytest
+
+from dancediff.cli import main
+from dancediff.data.choreographer import choreograph
+from dancediff.viz.gallery import save_gallery
+
+
+@pytest.fixture
+def folder(tmp_path):
+    for k in (1, 2):
+        dance = choreograph(np.arange(0.2, 4, 0.5), dancers=k, seed=k)[0]
+        dance.meta["note"] = "<script>"
+        (tmp_path / "dances" / "sub").mkdir(parents=True, exist_ok=True)
+        dance.save(tmp_path / "dances" / "sub" / f"<b>{k}.npz")
+    (tmp_path / "dances" / "broken.npz").write_bytes(b"PK nonsense")
+    return tmp_path / "dances"
+
+
+def test_every_dance_and_every_failure_has_a_line(folder, tmp_path):
+    made = save_gallery(folder, tmp_path / "out")
+    assert made.dances == ["sub/<b>1.npz", "sub/<b>2.npz"]
+    assert list(made.failed) == ["broken.npz"]
+    text = made.index.read_text()
+    assert text.count("<tr>") == 4 and "no dance: " in text  # the heading is one, too
+    assert "{{" not in text
+    assert "<b>1" not in text and "&lt;b&gt;1" in text
+    assert sorted(p.name for p in (tmp_path / "out").glob("sub_*")) == [
+        "sub_<b>1.npz.html",
+        "sub_<b>2.npz.html",
+    ]
+
+
+def test_a_gallery_in_its_own_folder_does_not_list_itself(folder):
+    save_gallery(folder, folder / "gallery")
+    assert len(save_gallery(folder, folder / "gallery").dances) == 2
+
+
+def test_an_empty_folder_is_refused(tmp_path):
+    with pytest.raises(ValueError, match="holds no dance"):
+        save_gallery(tmp_path, tmp_path / "out")
+
+
+def test_the_command_says_what_it_made(folder, capsys):
+    assert main(["gallery", str(folder)]) == 0
+    out = capsys.readouterr().out
+    assert "2 dances" in out and "broken.npz" in out and "index.html" in out
