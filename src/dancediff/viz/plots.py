@@ -20,6 +20,13 @@ from dancediff.viz.body import (
     shadow_shapes,
     to_paths,
 )
+from dancediff.viz.charts import (
+    plot_beat_alignment,
+    plot_distances,
+    plot_energy,
+    plot_losses,
+    plot_radar,
+)
 from dancediff.viz.numbers import (
     plot_barcode,
     plot_beats,
@@ -34,13 +41,18 @@ from dancediff.viz.style import bare, new_axes, set_title
 __all__ = [
     "moments",
     "plot_barcode",
+    "plot_beat_alignment",
     "plot_beats",
     "plot_contact_strip",
+    "plot_distances",
+    "plot_energy",
     "plot_features",
     "plot_filmstrip",
     "plot_floor_paths",
+    "plot_losses",
     "plot_moment",
     "plot_noise_filmstrip",
+    "plot_radar",
     "plot_schedule",
     "plot_skeleton",
     "save_filmstrip",
