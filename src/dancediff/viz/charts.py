@@ -19,30 +19,27 @@ HARD, SOFT = "#D55E00", "#0072B2"
 
 
 def plot_energy(
-    motion: Motion, *, ax=None, frames=(), beats=(), seams=(), dancer: int = 0, title=None
+    motion: Motion, *, ax=None, hard=(), soft=(), beats=(), seams=(), dancer: int = 0, title=None
 ):
-    """Mean joint speed of a dancer, with the primitives that lie in it.
+    """Mean joint speed of a dancer, with the primitives or cues that lie in it.
 
-    ``frames``: the frames of each primitive, hard, soft, soft, hard, ... as in
+    ``hard``, ``soft``: the frames of each, such as those of
     `dancediff.lodge.primitives.primitive_frames`; ``beats`` in seconds, ``seams`` in frames.
 
-    Shapes: frames (p, k) -> Axes; metres a second over seconds.
+    Shapes: hard, soft (p, k) -> Axes; metres a second over seconds.
     """
     ax = new_axes(ax, (7.2, 2.2))
     fps = motion.fps
     v = fps * mean_speed(motion.joints()[dancer])
     ax.plot(np.arange(len(v)) / fps, v, color=dancer_color(dancer), lw=1.3)
-    seen = set()
-    for k, row in enumerate(frames):
-        name, color = ("soft", SOFT) if k % 3 else ("hard", HARD)
-        first, last = int(row[0]) / fps, (int(row[-1]) + 1) / fps
-        label = None if name in seen else name
-        ax.axvspan(first, last, color=color, alpha=0.3, lw=0, label=label)
-        seen.add(name)
+    for name, rows, color in (("hard", hard, HARD), ("soft", soft, SOFT)):
+        for k, row in enumerate(rows):
+            first, last = int(row[0]) / fps, (int(row[-1]) + 1) / fps
+            ax.axvspan(first, last, color=color, alpha=0.3, lw=0, label=None if k else name)
     for seam in seams:
         ax.axvline(seam / fps, color=MUTED, lw=1, ls="--")
     ax.vlines([b for b in beats if b <= motion.duration], 0, 0.06 * v.max(), color=BEAT, lw=1)
-    if seen:
+    if len(hard) or len(soft):
         ax.legend(frameon=False, fontsize=8, ncols=2, loc="upper right")
     bare(ax).set(xlim=(0, motion.duration), xlabel="time (s)", ylabel="speed (m/s)")
     return set_title(ax, title)
