@@ -123,6 +123,7 @@ class Sampling:
     steps: int = 20
     eta: float = 0.0
     guidance: float = 2.0
+    autoguidance: float | None = None
     feet: str = "planted"
     spacing: str | None = None
 

@@ -6,7 +6,7 @@ import pytest
 import torch
 
 import dancediff as dd
-from dancediff.tcdiffpp.generate import cut_music
+from dancediff.tcdiffpp.generate import AUTOGUIDANCE, cut_music, denoise_segments
 from dancediff.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 from dancediff.tcdiffpp.wish import Wish
 
@@ -231,3 +231,31 @@ def test_a_long_dance_says_where_its_seams_are():
     assert model.generate(song, seconds=9, **wish).meta["seams"] == [150, 225]
     held = model.generate(song, seconds=9, start=[(-1, 0), (1, 0)], **wish)
     assert held.meta["seams"] == [120, 195]
+
+
+# ---- autoguidance ----
+
+
+def test_autoguidance_is_on_where_there_is_a_linear_guess():
+    model, song = dd.load("tcdiffpp"), dd.packaged_song()
+    plain = TCDiffPP(TCDiffPPConfig(d_model=16, num_layers=1, ff_dim=32, precondition=False))
+    ask = {"dancers": 2, "seconds": 2, "steps": 3}
+    assert model.generate(song, **ask).meta["autoguidance"] == AUTOGUIDANCE
+    assert plain.generate(song, **ask).meta["autoguidance"] == 1
+    with pytest.raises(ValueError, match=r"autoguidance=1\.5 pushes"):
+        plain.generate(song, autoguidance=1.5, **ask)
+    with pytest.raises(ValueError, match=r"autoguidance=0\.5 must lie in 1"):
+        model.generate(song, autoguidance=0.5, **ask)
+
+
+def test_autoguidance_pushes_what_the_sampler_sees():
+    model = dd.load("tcdiffpp")
+    x_t = torch.randn(1, 2, 150, 151, generator=torch.Generator().manual_seed(0))
+    M, S = torch.zeros(1, 150, 35), torch.tensor([[1, 0]])
+    with torch.inference_mode():
+        plain, pushed = (
+            denoise_segments(model, 2.0, autoguidance=w)(x_t, 500, M, S) for w in (1, 1.3)
+        )
+        linear = model.linear_guess(x_t, torch.tensor([500]), S)
+    torch.testing.assert_close(pushed, linear + 1.3 * (plain - linear), atol=1e-5, rtol=1e-4)
+    assert (plain - linear).abs().mean() > 1e-3

@@ -1,7 +1,7 @@
 import pytest
 import torch
 
-from dancediff.diffusion.guidance import guided, off_at_the_end, ramp_up
+from dancediff.diffusion.guidance import autoguided, guided, off_at_the_end, ramp_up
 from dancediff.diffusion.samplers import ddim_times
 
 M = torch.randn(2, 6, 35, generator=torch.Generator().manual_seed(0))
@@ -74,3 +74,24 @@ def test_ramp_up_is_edges_long_ddim_rule():
 def test_negative_weight():
     with pytest.raises(ValueError, match="guidance=-1"):
         guided(Fake(), M=M, S=S, guidance=-1)(X, 7)
+
+
+# ---- autoguidance ----
+
+
+def test_autoguidance_pushes_away_from_the_linear_guess():
+    push = autoguided(lambda x, t, m: 2 * x + m, lambda x, t, m: x, 1.5)
+    torch.testing.assert_close(push(X, 5, 1.0), X + 1.5 * (X + 1.0))
+
+
+def test_a_weight_of_one_asks_no_linear_guess():
+    def never(x, t):
+        raise AssertionError("not needed")
+
+    assert autoguided(torch.add, never, 1) is torch.add
+
+
+def test_a_weight_below_one_would_smooth_and_is_refused():
+    for weight in (0.9, float("nan")):
+        with pytest.raises(ValueError, match="autoguidance"):
+            autoguided(torch.add, torch.add, weight)

@@ -124,6 +124,13 @@ class EDGE(nn.Module):
         x_hat = x_hat if present is None else x_hat * present[:, :, None, None]
         return x_hat, x_hat
 
+    def linear_guess(self, x_t: Tensor, t: Tensor, S: Tensor | None = None) -> Tensor:
+        """What a model with preconditioning guesses without its network, (b, n, f, d)."""
+        n = x_t.shape[1]
+        nobody_swaps = torch.zeros(x_t.shape[0] * n, 1, dtype=torch.long, device=x_t.device)
+        alone, t = x_t.flatten(0, 1)[:, None], t.repeat_interleave(n, 0)
+        return self.decoder.linear_guess(alone, t, nobody_swaps).reshape(x_t.shape)
+
     def generate(
         self,
         song,
@@ -134,6 +141,7 @@ class EDGE(nn.Module):
         steps: int = 20,
         sampler: str = "dpm",
         guidance: float = 2.0,
+        autoguidance: float | None = None,
         eta: float = 0.0,
         swap=None,
         overlap: int = 75,
@@ -166,6 +174,7 @@ class EDGE(nn.Module):
             steps=steps,
             sampler=sampler,
             guidance=guidance,
+            autoguidance=autoguidance,
             eta=eta,
             overlap=overlap,
             feet=feet,

@@ -25,7 +25,13 @@ from dancediff.diffusion.schedule import cosine_abar
 from dancediff.motion.motion import Motion
 from dancediff.motion.representation import pack, unpack
 from dancediff.motion.rotation import slerp
-from dancediff.tcdiffpp.generate import cut_music, denoise_segments, generate, largest_guess
+from dancediff.tcdiffpp.generate import (
+    autoguidance_of,
+    cut_music,
+    denoise_segments,
+    generate,
+    largest_guess,
+)
 from dancediff.tcdiffpp.planting import Planting
 from dancediff.tcdiffpp.wish import Wish
 
@@ -124,7 +130,8 @@ def draw_naively(model, song, wish: Wish, *, report=None, dtype=None, ramp: bool
     M = cut_music(M, k, length=wish.num_frames, stride=wish.stride)
     targets = wish.target_orders() or [None] * k
     S = torch.stack([torch.arange(n) if order is None else order for order in targets]).to(device)
-    denoise = denoise_segments(model, _guidance(wish, ramp=ramp and k > 1), dtype)
+    weight = _guidance(wish, ramp=ramp and k > 1)
+    denoise = denoise_segments(model, weight, dtype, autoguidance_of(model, wish))
 
     def denoise_in_parts(x_t, t):
         parts = zip(x_t.split(AT_ONCE), M.split(AT_ONCE), S.split(AT_ONCE), strict=True)

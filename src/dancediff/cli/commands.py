@@ -43,6 +43,8 @@ class Generate:
     """How much the music matters: 0 not at all, 1 as learned, 2 exaggerated."""
     feet: Literal["planted", "free"] = "planted"
     """Keep feet in place that stand, or leave them as the network draws them."""
+    autoguidance: float | None = None
+    """1 takes guesses as they are, more pushes them away from the mean of all dances."""
     spacing: Literal["kept", "free"] | None = None
     """Of a group model: make room between dancers who would run into each other; default: kept."""
     swap: tuple[int, ...] | None = None
@@ -69,7 +71,9 @@ class Generate:
         song = hub.packaged_song() if packaged else hub.Music.load(self.song)
         model = hub.load(self.model)
         wishes = {"swap": self.swap and list(self.swap), "genre": self.genre, "soft": self.soft}
-        wishes |= {key: getattr(self, key) for key in ("steps", "guidance", "spacing")}
+        wishes |= {
+            key: getattr(self, key) for key in ("steps", "guidance", "autoguidance", "spacing")
+        }
         dance = model.generate(
             song,
             dancers=operator.index(self.dancers),

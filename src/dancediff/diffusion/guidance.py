@@ -63,6 +63,36 @@ def guided(
     return denoise
 
 
+def autoguided(denoise: Callable, linear: Callable, weight: float) -> Callable:
+    r"""Push every guess away from that of a bad version of the network: the linear guess.
+
+    $$\hat x_0 \leftarrow \hat x_0^{lin} + w\,(\hat x_0 - \hat x_0^{lin})$$
+
+    A network that has not learned all there is to know stays too near to the best guess without
+    knowledge of dance, and its dances too near to the mean. What it does know is exaggerated here.
+
+    Source: Karras et al. 2024, "Guiding a Diffusion Model with a Bad Version of Itself".  Differs:
+    the bad version is the linear guess of `dancediff.diffusion.precondition`, which costs nothing.
+
+    Shapes: denoise(x_t, t, ...), linear(x_t, t, ...) -> x0_hat, the same.
+    Raises: ValueError for a weight below 1, which would smooth instead.
+
+    >>> push = autoguided(lambda x_t, t: x_t + 2, lambda x_t, t: x_t, 1.5)
+    >>> push(torch.zeros(1), 10).item()
+    3.0
+    """
+    if not weight >= 1:
+        raise ValueError(f"autoguidance={weight} must be at least 1; 1 switches it off")
+    if weight == 1:
+        return denoise
+
+    def pushed(x_t: Tensor, t: int, *more) -> Tensor:
+        start = linear(x_t, t, *more)
+        return start + weight * (denoise(x_t, t, *more) - start)
+
+    return pushed
+
+
 def _repeat(a: Tensor | None, copies: int) -> Tensor | None:
     return None if a is None else torch.cat([a] * copies)
 

@@ -14,12 +14,13 @@ from collections.abc import Callable, Iterator
 import torch
 from torch import Tensor
 
-from dancediff.diffusion.guidance import guided, off_at_the_end
+from dancediff.diffusion.guidance import autoguided, guided, off_at_the_end
 from dancediff.motion.motion import Motion
 from dancediff.tcdiffpp import control
 from dancediff.tcdiffpp.long_group_sampling import iter_long_group_sample
 from dancediff.tcdiffpp.wish import FPS, Wish, one_of
 
+AUTOGUIDANCE = 1.2  # of preconditioned models; docs/training_log.md, "Away from the mean"
 LOOK_AHEAD = 30  # frames danced again where a constraint may lie just behind a segment's end
 
 
@@ -98,6 +99,11 @@ def _prepared(model, song, device, dtype, options: dict) -> Wish:
             "spacing='kept' bends guesses by the spread of the training data, which a model with "
             "precondition=False does not know; use 'free'"
         )
+    if (wish.autoguidance or 1) != 1 and not model.config.precondition:
+        raise ValueError(
+            f"autoguidance={wish.autoguidance:g} pushes guesses away from the linear one, which a "
+            "model with precondition=False does not have; use 1"
+        )
     if song.is_silent:
         raise ValueError(f"song {song.name!r} is silent (peak {song.peak:.1e}); there is no beat")
     one_of("dtype", dtype, (None, torch.float32, torch.bfloat16))
@@ -106,10 +112,11 @@ def _prepared(model, song, device, dtype, options: dict) -> Wish:
     return wish
 
 
-def denoise_segments(model, guidance, dtype=None) -> Callable:
+def denoise_segments(model, guidance, dtype=None, autoguidance: float = 1.0) -> Callable:
     """The model with guidance, as a function of x_t (b, n, f, d), t, M (b, f, m) and S (b, n).
 
-    ``guidance``: a weight or a function of t, see `dancediff.diffusion.guidance.guided`.
+    ``guidance``: a weight or a function of t, see `dancediff.diffusion.guidance.guided`;
+    ``autoguidance``: see `dancediff.diffusion.guidance.autoguided`.
     """
     device = model.abar.device
 
@@ -120,7 +127,18 @@ def denoise_segments(model, guidance, dtype=None) -> Callable:
     def denoise_segment(x_t, t, M, S):
         return guided(denoiser, M=M, S=S, guidance=guidance)(x_t, t)
 
-    return denoise_segment
+    def linear(x_t, t, M, S):
+        steps = torch.full((len(x_t),), t, dtype=torch.long, device=device)
+        return model.linear_guess(x_t, steps, S)
+
+    return autoguided(denoise_segment, linear, autoguidance)
+
+
+def autoguidance_of(model, wish: Wish) -> float:
+    """The weight that was wished for, or the usual one of a model that can."""
+    if wish.autoguidance is None:
+        wish.autoguidance = AUTOGUIDANCE if model.config.precondition else 1.0
+    return wish.autoguidance
 
 
 def draw_long_group(model, song, wish: Wish, *, report=None, dtype=None) -> Tensor:
@@ -142,7 +160,7 @@ def segments(model, song, wish: Wish, *, report=None, dtype=None) -> Iterator[Te
 
     known = wish.known and control.normalized(wish.known, model.normalizer)
     pieces = iter_long_group_sample(
-        denoise_segments(model, weight, dtype),
+        denoise_segments(model, weight, dtype, autoguidance_of(model, wish)),
         music,
         dancers=wish.dancers,
         motion_dim=model.config.motion_dim,
@@ -193,6 +211,7 @@ def _meta(model, song, wish: Wish) -> dict:
             "steps",
             "sampler",
             "guidance",
+            "autoguidance",
             "eta",
             "overlap",
             "pinning",
@@ -201,8 +220,9 @@ def _meta(model, song, wish: Wish) -> dict:
         )
     }
     meta |= {"model": getattr(model, "name", "tcdiffpp"), "song": song.name}
-    if wish.spacing is None:
-        del meta["spacing"]  # whoever drew the dance knows nothing of it
+    for name in ("autoguidance", "spacing"):
+        if meta[name] is None:
+            del meta[name]  # whoever drew the dance knows nothing of it
     # the frames in which a segment takes over from the one before; metrics look for faults there
     first = wish.num_frames - _redo(wish)
     meta["seams"] = list(range(first, wish.frames, wish.stride)) if wish.segments > 1 else []

@@ -139,6 +139,11 @@ class GroupDanceDecoder(nn.Module):
                 x_raw = x_raw + self.non_local(h.float(), guess, left_over(x_t, guess, abar))
         return x_raw if present is None else x_raw * present[:, :, None, None]
 
+    def linear_guess(self, x_t: Tensor, t: Tensor, S: Tensor) -> Tensor:
+        """What the preconditioning guesses without any network, (b, n, f, d)."""
+        group = self.group_modes(S, f=x_t.shape[2])
+        return self.precondition.linear_guess(x_t, self.abar[t].float(), group)
+
     def group_modes(
         self, S: Tensor, present: Tensor | None = None, f: int | None = None
     ) -> GroupModes | None:

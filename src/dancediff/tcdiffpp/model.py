@@ -154,6 +154,10 @@ class TCDiffPP(nn.Module):
             x_hat = precondition(x_hat - x_raw, x_raw, self.abar[t].float(), group)
         return x_raw, x_hat if present is None else x_hat * present[:, :, None, None]
 
+    def linear_guess(self, x_t: Tensor, t: Tensor, S: Tensor) -> Tensor:
+        """What a model with preconditioning guesses without its network, (b, n, f, d)."""
+        return self.decoder.linear_guess(x_t, t, S)
+
     def generate(
         self,
         song,
@@ -164,6 +168,7 @@ class TCDiffPP(nn.Module):
         steps: int = 20,
         sampler: str = "dpm",
         guidance: float = 2.0,
+        autoguidance: float | None = None,
         eta: float = 0.0,
         swap=None,
         swap_at: float | None = None,
@@ -188,6 +193,9 @@ class TCDiffPP(nn.Module):
           papers, which take 50 steps of "ddim"), or "ddpm" (all 1000 steps).  Changes of order
           need "dpm": see "Why nobody swapped" in docs/training_log.md.
         - ``guidance``: 0 ignores the music, 1 listens, 2 exaggerates (the papers' value).
+        - ``autoguidance``: 1 takes the network's guesses as they are, more pushes them away from
+          the mean of all dances (`dancediff.diffusion.guidance.autoguided`); default 1.2, and 1
+          for a model without preconditioning, which knows nothing else.
         - ``swap[k]``: the dancer, counted 0.. from the left at the first frame, who stands k-th
           from the left in the end; ``swap_at``: when, in seconds (default: at the end).
         - ``overlap``, ``pinning``, ``seam``: how segments of 5 s are joined, see
@@ -215,6 +223,7 @@ class TCDiffPP(nn.Module):
             steps=steps,
             sampler=sampler,
             guidance=guidance,
+            autoguidance=autoguidance,
             eta=eta,
             swap=swap,
             swap_at=swap_at,

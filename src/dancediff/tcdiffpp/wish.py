@@ -46,6 +46,7 @@ class Wish:
     steps: int = 20
     sampler: str = "dpm"
     guidance: float = 2.0
+    autoguidance: float | None = None  # AUTOGUIDANCE if the model can
     eta: float = 0.0
     swap: Any = None
     swap_at: float | None = None
@@ -66,6 +67,8 @@ class Wish:
         self.steps = _integer("steps", self.steps, 1, self.num_steps)
         self.overlap = _integer("overlap", self.overlap, 1, self.num_frames - 1)
         self.guidance = _number("guidance", self.guidance, 0, 100)
+        if self.autoguidance is not None:
+            self.autoguidance = _number("autoguidance", self.autoguidance, 1, 10)
         self.eta = _number("eta", self.eta, 0, 1)
         one_of("sampler", self.sampler, SAMPLERS)
         one_of("pinning", self.pinning, MODES)

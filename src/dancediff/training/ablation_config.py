@@ -55,6 +55,7 @@ class Sample:
     steps: int = 20
     sampler: str = "dpm"
     guidance: float = 2.0
+    autoguidance: float | None = None
     eta: float = 0.0
     swap: list | None = None
     swap_at: float | None = None
