@@ -149,7 +149,7 @@ class Knows(torch.nn.Module):
     def __init__(self, dance):
         super().__init__()
         self.dance, self.calls = dance, []
-        self.config = TCDiffPPConfig()
+        self.config = TCDiffPPConfig(precondition=False)
         self.normalizer = Normalizer(-3 * torch.ones(151), 3 * torch.ones(151))
         self.register_buffer("abar", ABAR)
 

@@ -1,0 +1,77 @@
+"""The packaged Lodge's dances: what a viewer would notice first, without any post-processing.
+
+One dance of 34 s to the packaged song played twice: four locals, three seams.
+"""
+
+import pytest
+import torch
+
+import dancediff as dd
+from dancediff.data.choreographed import choreograph_jobs
+from dancediff.lodge.parallel import Sampling
+from dancediff.motion.contact import feet_low, foot_speed
+from dancediff.music.synth import synth_song
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def model():
+    return dd.load("lodge")
+
+
+@pytest.fixture(scope="module")
+def song():
+    return synth_song(2_000_001, seconds=36.0)[0]
+
+
+@pytest.fixture(scope="module")
+def dance(model, song):
+    return model.generate(song, seconds=34, seed=1, genre="hiphop")
+
+
+def speed(dance):
+    """Mean over joints and frames, m/s."""
+    return 30 * dance.joints().diff(dim=1).norm(dim=-1).mean().item()
+
+
+def test_bodies_stay_between_floor_and_reach(dance):
+    height = dance.joints()[..., 1]
+    assert height.isfinite().all()
+    assert height.min() > -0.08 and height.max() < 2.4
+
+
+def test_no_root_jumps_not_even_at_seams(dance):
+    assert dance.meta["seams"] == [256, 512, 768]
+    assert dance.root.diff(dim=1).norm(dim=-1).max() < 0.12
+
+
+def test_nobody_walks_off(dance):
+    assert dance.root[..., (0, 2)].norm(dim=-1).max() < 4.0
+
+
+def test_feet_stand(dance):
+    joints = dance.joints()
+    low = feet_low(joints)
+    assert (foot_speed(joints)[low] < 0.015).float().mean() > 0.8
+
+
+def test_it_moves_as_much_as_the_dances_it_learned_from(dance):
+    jobs = choreograph_jobs(10, seconds=20.0, sizes=(1,))  # one of each genre
+    learned = [speed(job.make().motion) for job in jobs]
+    assert speed(dance) == pytest.approx(sum(learned) / 10, rel=0.4)
+
+
+def test_another_seed_and_another_genre_are_other_dances(model, song):
+    short = {"seconds": 8, "steps": 6, "seed": 0, "genre": "hiphop"}
+    one = model.generate(song, **short)
+    again = model.generate(song, **short)
+    assert torch.equal(one.root, again.root)
+    for change in ({"seed": 1}, {"genre": "salsa"}):
+        other = model.generate(song, **short | change)
+        assert (other.joints() - one.joints()).norm(dim=-1).mean() > 0.05
+
+
+def test_knows_the_genres_it_names(model):
+    assert list(model.config.genres) == dd.genres()
+    assert Sampling().sampler in ("ddim", "dpm")
