@@ -140,10 +140,10 @@ class Lodge(nn.Module):
         feet: str = "planted",
         mirror: bool = True,
         beat_align: bool = True,
-        steps: int = 50,
-        sampler: str = "ddim",
+        steps: int = 20,
+        sampler: str = "dpm",
         guidance: float = 2.0,
-        eta: float = 1.0,
+        eta: float = 0.0,
         at_once: int | None = None,
         formation: str = "line",
         relation: str = "unison",
@@ -163,8 +163,8 @@ class Lodge(nn.Module):
         - ``dancers``: 1 to 5, all with the same solo, in a ``formation`` ("line", "V", ...);
           ``relation`` "unison", "canon" (each 4 beats later than the one to her left) or "mirror".
         - ``seed``: the same seed on the same machine gives the same bits.
-        - ``sampler`` "ddim" or "dpm" (``steps``, ``eta``; 0 = no fresh noise, best for "dpm"),
-          or "ddpm" (all 1000 steps).
+        - ``sampler`` "dpm" or "ddim" (``steps``, ``eta``: 0 = no fresh noise, 1 = as in the paper,
+          which takes 50 steps of "ddim"), or "ddpm" (all 1000 steps).
         - ``guidance``: 0 ignores the music, 1 listens, 2 exaggerates (the papers' value).
         - ``at_once``: segments in memory together, default all; the dance is the same.
         - ``progress``: True for a bar, or a function (done, total).
