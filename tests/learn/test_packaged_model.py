@@ -87,21 +87,24 @@ def test_every_group_size(model, song, dancers):
     assert torch.equal(start, start.sort().values)
 
 
-def test_no_part_of_the_fusion_projection_is_dead(model):
-    """Units of its second layer that hear something, over dances at three noise levels."""
+def test_no_part_of_the_fusion_projection_is_dead(model, song):
+    """Units of its second layer that hear something: dances of all sizes, to music, five levels."""
     heard = []
     hook = model.decoder.fp.middle.register_forward_hook(
         lambda _, __, out: heard.append((out > 0).flatten(0, -2).float().mean(0))
     )
     generator = torch.Generator().manual_seed(0)
-    for seed in range(3):
-        dance, _ = choreograph(torch.arange(0.3, 5, 0.5).numpy(), dancers=5, seed=seed, seconds=5)
+    M = model.music_normalizer.normalize(song.features())
+    for seed in range(12):
+        n = 1 + seed % 5  # a unit may listen to some group sizes only
+        dance, _ = choreograph(torch.arange(0.3, 5, 0.5).numpy(), dancers=n, seed=seed, seconds=5)
         x_0 = model.normalizer.normalize(dance.features())[None]
-        for t in (20, 500, 999):
+        part, S = M[None, 30 * seed : 30 * seed + 150], torch.randperm(n, generator=generator)
+        for t in (20, 200, 500, 800, 999):
             noise = torch.randn(x_0.shape, generator=generator)
             x_t = q_sample(x_0, t, model.abar, noise).float()
             with torch.no_grad():
-                model(x_t, torch.tensor([t]), torch.zeros(1, 150, 35), torch.arange(5)[None])
+                model(x_t, torch.tensor([t]), part, S[None])
     hook.remove()
     active = torch.stack(heard)
     assert (active.amax(0) > 0).float().mean() > 0.9

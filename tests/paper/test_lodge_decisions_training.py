@@ -37,16 +37,22 @@ def solos():
     return [Solo("made", x, torch.rand(1, 300, 35, generator=g), "salsa")]
 
 
-def test_l03_fifty_steps_in_each_stage():
+def test_l03_as_many_steps_in_each_stage():
     model = Lodge(
         LodgeConfig(
             GlobalConfig(**TINY, music_frames=256, local_frames=64),
             LocalConfig(**TINY, num_frames=64),
         )
     )
-    steps = inspect.signature(model.generate).parameters["steps"].default
-    assert steps == 50 == Sampling().steps
-    assert Sampling().calls(rows=7) == 50
+    usual = inspect.signature(model.generate).parameters
+    how = Sampling()
+    assert (
+        (usual["sampler"].default, usual["steps"].default)
+        == (how.sampler, how.steps)
+        == ("dpm", 20)
+    )
+    assert how.calls(rows=7) == 20
+    assert Sampling("ddim", 50).calls(rows=7) == 50
 
 
 def test_l09_adan_at_1e_4_can_be_asked_for(solos, tmp_path):

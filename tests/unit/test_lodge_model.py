@@ -77,7 +77,7 @@ def test_options_matter(model):
     usual = make(model, steps=6)
     changed = {
         **{"genre": "salsa", "soft": 0.0, "mirror": False, "beat_align": False},
-        **{"guidance": 1.0, "eta": 1.0, "steps": 4},
+        **{"guidance": 1.0, "autoguidance": 1.5, "eta": 1.0, "steps": 4},
     }
     for name, value in changed.items():
         other = make(model, **{"steps": 6, name: value})
@@ -113,6 +113,7 @@ def test_genres_without_a_known_tempo():
         ("sampler", "euler", "sampler='euler'"),
         ("guidance", -1, "guidance=-1"),
         ("eta", 2, "eta=2"),
+        ("autoguidance", 0.5, "autoguidance=0.5"),
         ("genre", "polka", "genre='polka' is unknown; choose one of hiphop"),
         ("soft", 1.5, "soft=1.5"),
         ("soft", "much", "soft='much'"),

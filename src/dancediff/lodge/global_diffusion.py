@@ -227,6 +227,11 @@ class GlobalDenoiser(nn.Module):
         F = self.trunk(x_t, memory, cond, self.frames, **linear)
         return self.precondition(self.clips(F), guess, abar).flatten(1, 2)
 
+    def linear_guess(self, x_t: Tensor, t: Tensor) -> Tensor:
+        """What preconditioning guesses without a network, (b, f, d)."""
+        abar = self.abar[t].float()
+        return self.precondition.linear_guess(self.clips(x_t), abar).flatten(1, 2)
+
     def _check(self, x_t: Tensor, t: Tensor, M: Tensor, style: Tensor | None) -> None:
         c, b = self.config, len(x_t)
         check_shapes(

@@ -178,6 +178,10 @@ class LocalDenoiser(nn.Module):
         delta = self.foot_refine(x_raw, self.feet(x_raw), steps, cond)
         return x_raw, self._added(delta, x_raw, abar)
 
+    def linear_guess(self, x_t: Tensor, t: Tensor) -> Tensor:
+        """What preconditioning guesses without a network, (b, f, d)."""
+        return self.precondition.linear_guess(x_t[:, None], self.abar[t].float())[:, 0]
+
     def hear_beats(self, M: Tensor, keep: Tensor | None = None) -> Tensor | None:
         """How far each frame is between two beats, embedded, where the config says so.
 

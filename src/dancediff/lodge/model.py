@@ -79,6 +79,11 @@ class LodgeConfig:
         return MAX_DANCERS
 
     @property
+    def precondition(self) -> bool:
+        """Have both stages a linear guess to start from?"""
+        return self.global_stage.precondition and self.local_stage.precondition
+
+    @property
     def num_frames(self) -> int:
         """Of a local segment."""
         return self.local_stage.num_frames
@@ -143,6 +148,7 @@ class Lodge(nn.Module):
         steps: int = 20,
         sampler: str = "dpm",
         guidance: float = 2.0,
+        autoguidance: float = 1.0,
         eta: float = 0.0,
         at_once: int | None = None,
         formation: str = "line",
@@ -166,6 +172,8 @@ class Lodge(nn.Module):
         - ``sampler`` "dpm" or "ddim" (``steps``, ``eta``: 0 = no fresh noise, 1 = as in the paper,
           which takes 50 steps of "ddim"), or "ddpm" (all 1000 steps).
         - ``guidance``: 0 ignores the music, 1 listens, 2 exaggerates (the papers' value).
+        - ``autoguidance``: above 1 pushes guesses away from the mean of all dances
+          (`dancediff.diffusion.guidance.autoguided`); a model without preconditioning cannot.
         - ``at_once``: segments in memory together, default all; the dance is the same.
         - ``progress``: True for a bar, or a function (done, total).
         - ``device``: move the model there first.  ``dtype``: torch.bfloat16 computes with half the
@@ -200,6 +208,7 @@ class Lodge(nn.Module):
             steps=steps,
             sampler=sampler,
             guidance=guidance,
+            autoguidance=autoguidance,
             eta=eta,
             feet=feet,
             overlap=1,  # not used: segments share nothing but halves of primitives
@@ -249,7 +258,7 @@ def draw_group(
     """
     slots = places(wish.dancers, formation)
     genre = genre or genre_for(song.tempo, model.config.genres)
-    sampling = ("sampler", "steps", "guidance", "eta", "seed")
+    sampling = ("sampler", "steps", "guidance", "autoguidance", "eta", "seed")
     M = song.features()
     solo = dance(
         model.global_stage,

@@ -22,7 +22,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from dancediff.diffusion.guidance import guided, off_at_the_end
+from dancediff.diffusion.guidance import autoguided, guided, off_at_the_end
 from dancediff.diffusion.samplers import sample, sampling_times
 from dancediff.diffusion.schedule import cosine_abar
 from dancediff.lodge.choreography import Cues, make_cues
@@ -45,10 +45,11 @@ STYLE, GLOBALS, LOCALS, SOFT_CUES = range(4)  # what noise is for
 class Sampling:
     """How both stages are sampled; see `dancediff.diffusion.samplers.sample`."""
 
-    sampler: str = "ddim"
-    steps: int = 50
+    sampler: str = "dpm"
+    steps: int = 20
     guidance: float = 2.0
-    eta: float = 1.0
+    autoguidance: float = 1.0
+    eta: float = 0.0
     seed: int = 0
     at_once: int | None = None
     dtype: torch.dtype | None = None  # torch.bfloat16: half the digits inside the networks
@@ -130,6 +131,7 @@ def sample_rows(
             S=None if style is None else style[part],  # the condition that is never dropped
             guidance=weight,
         )
+        denoise = autoguided(denoise, partial(_linear, model), how.autoguidance)
         pieces.append(
             sample(
                 denoise,
@@ -154,6 +156,10 @@ def _guess(model, dtype, x_t, t, M, style, *, keep, present=None) -> Tensor:
     with torch.autocast(x_t.device.type, torch.bfloat16, enabled=dtype == torch.bfloat16):
         guess = model(x_t, t, M, style, keep=keep)
     return (guess[1] if isinstance(guess, tuple) else guess).float()
+
+
+def _linear(model, x_t: Tensor, t: int) -> Tensor:
+    return model.linear_guess(x_t, torch.full((len(x_t),), t, device=x_t.device))
 
 
 def sample_primitives(

@@ -51,8 +51,8 @@ def steady_quaternions(motion: Motion) -> np.ndarray:
 def turn_up_to(direction: np.ndarray) -> tuple[float, float, float, float]:
     """Quaternion (x, y, z, w) that turns the y axis, on which tubes are built, to a direction.
 
-    >>> turn_up_to(np.array([0.0, 2.0, 0.0]))
-    (0.0, 0.0, 0.0, 1.0)
+    >>> [round(q, 3) for q in turn_up_to(np.array([-2.0, 0.0, 0.0]))]
+    [0.0, 0.0, 0.707, 0.707]
     """
     x, y, z = direction / np.linalg.norm(direction)
     if y < -0.999999:
