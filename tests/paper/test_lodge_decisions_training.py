@@ -45,13 +45,8 @@ def test_l03_as_many_steps_in_each_stage():
         )
     )
     usual = inspect.signature(model.generate).parameters
-    how = Sampling()
-    assert (
-        (usual["sampler"].default, usual["steps"].default)
-        == (how.sampler, how.steps)
-        == ("dpm", 20)
-    )
-    assert how.calls(rows=7) == 20
+    assert [usual[name].default for name in ("sampler", "steps")] == ["dpm", 20]
+    assert Sampling("dpm", 20).calls(rows=7) == 20
     assert Sampling("ddim", 50).calls(rows=7) == 50
 
 

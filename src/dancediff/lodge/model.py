@@ -148,7 +148,7 @@ class Lodge(nn.Module):
         steps: int = 20,
         sampler: str = "dpm",
         guidance: float = 2.0,
-        autoguidance: float = 1.0,
+        autoguidance: float | None = None,
         eta: float = 0.0,
         at_once: int | None = None,
         formation: str = "line",
@@ -173,7 +173,8 @@ class Lodge(nn.Module):
           which takes 50 steps of "ddim"), or "ddpm" (all 1000 steps).
         - ``guidance``: 0 ignores the music, 1 listens, 2 exaggerates (the papers' value).
         - ``autoguidance``: above 1 pushes guesses away from the mean of all dances
-          (`dancediff.diffusion.guidance.autoguided`); a model without preconditioning cannot.
+          (`dancediff.diffusion.guidance.autoguided`); a model without preconditioning cannot;
+          default 1, off.
         - ``at_once``: segments in memory together, default all; the dance is the same.
         - ``progress``: True for a bar, or a function (done, total).
         - ``device``: move the model there first.  ``dtype``: torch.bfloat16 computes with half the
@@ -258,6 +259,8 @@ def draw_group(
     """
     slots = places(wish.dancers, formation)
     genre = genre or genre_for(song.tempo, model.config.genres)
+    if wish.autoguidance is None:
+        wish.autoguidance = 1.0
     sampling = ("sampler", "steps", "guidance", "autoguidance", "eta", "seed")
     M = song.features()
     solo = dance(

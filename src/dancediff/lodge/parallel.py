@@ -45,11 +45,11 @@ STYLE, GLOBALS, LOCALS, SOFT_CUES = range(4)  # what noise is for
 class Sampling:
     """How both stages are sampled; see `dancediff.diffusion.samplers.sample`."""
 
-    sampler: str = "dpm"
-    steps: int = 20
+    sampler: str = "ddim"
+    steps: int = 50
     guidance: float = 2.0
     autoguidance: float = 1.0
-    eta: float = 0.0
+    eta: float = 1.0
     seed: int = 0
     at_once: int | None = None
     dtype: torch.dtype | None = None  # torch.bfloat16: half the digits inside the networks
