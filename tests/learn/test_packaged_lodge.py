@@ -8,7 +8,6 @@ import torch
 
 import dancediff as dd
 from dancediff.data.choreographed import choreograph_jobs
-from dancediff.lodge.parallel import Sampling
 from dancediff.motion.contact import feet_low, foot_speed
 from dancediff.music.synth import synth_song
 
@@ -74,4 +73,3 @@ def test_another_seed_and_another_genre_are_other_dances(model, song):
 
 def test_knows_the_genres_it_names(model):
     assert list(model.config.genres) == dd.genres()
-    assert Sampling().sampler in ("ddim", "dpm")

@@ -9,7 +9,9 @@ import pytest
 import torch
 
 from dancediff.data.choreographer import choreograph
+from dancediff.motion.motion import Motion
 from dancediff.motion.rotation import axis_angle_to_matrix
+from dancediff.motion.skeleton import Skeleton
 from dancediff.music.song import Music
 from dancediff.viz.mannequin import steady_quaternions
 from dancediff.viz.player import save_player
@@ -53,8 +55,6 @@ def test_page_holds_the_motion(dance, song, tmp_path):
 
 def test_quaternions_lose_next_to_nothing():
     R = axis_angle_to_matrix(torch.randn(1, 50, 24, 3, generator=torch.Generator().manual_seed(0)))
-    from dancediff.motion.motion import Motion
-
     q = steady_quaternions(Motion(R, torch.zeros(1, 50, 3))).astype(float)
     kept = np.round(q * 32767) / 32767
     kept /= np.linalg.norm(kept, axis=-1, keepdims=True)
@@ -75,6 +75,13 @@ def test_page_may_ask_for_nothing(dance, tmp_path):
 def test_metrics_stand_below(dance, song, tmp_path):
     _, data = data_of(save_player(dance, tmp_path / "a.html", song))
     assert {"FSR", "PFC", "BAS"} <= {name for name, _ in data["panes"][0]["metrics"]}
+
+
+def test_another_skeleton_has_no_body_to_show(tmp_path):
+    two = Skeleton(("root", "tail"), (-1, 0), torch.zeros(2, 3))
+    dance = Motion(torch.eye(3).expand(1, 4, 2, 3, 3), torch.zeros(1, 4, 3), skeleton=two)
+    with pytest.raises(ValueError, match="SMPL-24"):
+        save_player(dance, tmp_path / "a.html")
 
 
 def test_two_dances_must_fit(dance, tmp_path):

@@ -17,6 +17,7 @@ from dancediff.cli.files import (
     check_folder,
     check_formats,
     check_targets,
+    song_named,
     tell,
     write_all,
 )
@@ -67,8 +68,7 @@ class Generate:
         formats = check_formats(self.formats)
         check_folder(self.out)
         check_targets(self.out, formats)
-        packaged = self.song in ("packaged", hub.SONG)
-        song = hub.packaged_song() if packaged else hub.Music.load(self.song)
+        song = song_named(self.song)
         model = hub.load(self.model)
         wishes = {"swap": self.swap and list(self.swap), "genre": self.genre, "soft": self.soft}
         wishes |= {

@@ -12,6 +12,13 @@ EXTRAS = {"av": "video", "pygltflib": "gltf", "pythreejs": "notebooks", "ipywidg
 _NEEDS = {"mp4": "av", "glb": "pygltflib"}
 
 
+def song_named(name: str):
+    """A `Music` from a sound file, or the song of the package by either of its names."""
+    from dancediff import hub
+
+    return hub.packaged_song() if name in ("packaged", hub.SONG) else hub.Music.load(name)
+
+
 def tell(as_json: bool, facts: dict, lines: list[str]) -> None:
     """Print a result, for programs or for people."""
     print(json.dumps(facts, default=str) if as_json else "\n".join(lines))

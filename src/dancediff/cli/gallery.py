@@ -5,7 +5,7 @@ from pathlib import Path
 
 import tyro
 
-from dancediff.cli.files import check_folder, tell
+from dancediff.cli.files import check_folder, song_named, tell
 
 
 @dataclass
@@ -23,17 +23,13 @@ class Gallery:
 
     def run(self) -> None:
         """Check what is cheap to check, then draw and measure every dance."""
-        from dancediff import hub
         from dancediff.viz.gallery import save_gallery
 
         if not self.folder.is_dir():
             raise ValueError(f"{str(self.folder)!r} is no folder; name one that holds dances")
         out = self.out or self.folder / "gallery"
         check_folder(out)
-        song = None
-        if self.song is not None:
-            packaged = self.song in ("packaged", hub.SONG)
-            song = hub.packaged_song() if packaged else hub.Music.load(self.song)
+        song = None if self.song is None else song_named(self.song)
         made = save_gallery(self.folder, out, song, progress=not self.json)
         lines = [f"{len(made.dances)} dances: {made.index}"]
         lines += [f"  no dance: {name}: {why}" for name, why in made.failed.items()]

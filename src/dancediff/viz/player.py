@@ -16,6 +16,7 @@ import numpy as np
 from dancediff.atomic import atomic_write
 from dancediff.motion.contact import foot_contact
 from dancediff.motion.motion import Motion
+from dancediff.motion.skeleton import SMPL24
 from dancediff.viz.mannequin import EGGS, FACE, SKULL, TUBES, steady_quaternions
 from dancediff.viz.palette import BEAT, FLOOR, GRID, MUTED, WALL, dancer_color
 
@@ -37,17 +38,21 @@ def save_player(
     ``metrics``: below each dance, those of `dancediff.evaluate` that need no reference set. The
     file appears whole or not at all.
 
-    Raises: ValueError when the two dances differ in length, frame rate or skeleton.
+    Raises: ValueError when the two dances differ in length or frame rate, or a skeleton is not
+    SMPL-24.
     """
     path, motions = Path(path), [motion] if other is None else [motion, other]
+    if any(shown.skeleton.names != SMPL24.names for shown in motions):
+        raise ValueError(
+            "the page shows SMPL-24 bodies; this skeleton is another one, see "
+            "dancediff.data.retarget"
+        )
     for name in ("num_frames", "fps"):
         if other is not None and getattr(motion, name) != getattr(other, name):
             raise ValueError(
                 f"other has {name}={getattr(other, name)}, the dance {getattr(motion, name)}; they "
                 "play together, so cut or resample one of them first"
             )
-    if other is not None and motion.skeleton.names != other.skeleton.names:
-        raise ValueError("other has another skeleton than the dance")
     facts = _facts(motions, song)
     facts["panes"] = [
         _pane(dance, title if other is not None else "", _numbers(dance, song) if metrics else [])
