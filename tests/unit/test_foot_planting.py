@@ -12,7 +12,9 @@ from dancediff.motion.foot_planting import (
     STAND,
     plant_feet,
     planting_shift,
+    support,
 )
+from dancediff.motion.ground import TOE_CLEARANCE, flights
 from dancediff.motion.representation import LODGE, TCDIFFPP, joints_of, pack, unpack
 from dancediff.motion.skeleton import FOOT_JOINTS, SMPL24, world_rotations
 
@@ -48,8 +50,15 @@ def test_the_shift_minimises_its_equation():
         weight = (STAND * sure).sqrt()[:, None]
         rows.append(weight * D)
         right.append(-weight * p[:, j].double().diff(dim=0))
+    u = planting_shift(p, c).double()
     wanted = torch.linalg.lstsq(torch.cat(rows), torch.cat(right)).solution
-    assert torch.allclose(planting_shift(p, c).double(), wanted, atol=1e-5)
+    assert torch.allclose(u[:, ::2], wanted[:, ::2], atol=1e-5)
+    toe = (STAND * ((c[:, 1].double() - 0.3) / 0.4).clamp(0, 1)).sqrt()[:, None]
+    rows.append(toe * torch.eye(f))
+    right.append(toe * (TOE_CLEARANCE - p[:, 1].double()))
+    up = torch.linalg.lstsq(torch.cat(rows), torch.cat(right)).solution[:, 1:2]
+    lift = (torch.tensor(LOWEST) - p[..., 1] - up).amax(-1).clamp_min(0)
+    assert torch.allclose(u[:, 1], up[:, 0] + lift, atol=1e-5)
 
 
 def test_sliding_feet_come_to_stand(dance, sliding):
@@ -100,12 +109,41 @@ def test_a_dance_whose_feet_stand_stays_as_it_is(dance):
     assert moved.median() < 0.001
 
 
-def test_without_contact_nothing_is_planted(sliding):
-    """Where no foot is said to stand, legs stay."""
+def both_travel(x):
+    """Share of frames on the floor in which both toes go more than a centimetre."""
+    joints = joints_of(x)
+    step = joints[..., FOOT_JOINTS[2:], :][..., (0, 2)].diff(dim=1).norm(dim=-1)
+    on_floor = joints[:, 1:, :, 1].amin(-1) < TOE_CLEARANCE + 0.02
+    return ((step > 0.01).all(-1) & on_floor).sum() / on_floor.sum()
+
+
+def test_somebody_stands_even_if_no_contact_says_so(dance, sliding):
+    """Without any contact both feet would slide with the root; one does not."""
     free = sliding.clone()
     free[..., TCDIFFPP.contact] = 0
-    moved = (joints_of(plant_feet(free)) - joints_of(free)).norm(dim=-1)
-    assert moved.max() < 0.003  # two_bone_knee keeps a thousandth of the leg in reserve
+    assert both_travel(dance) < 0.02
+    assert both_travel(free) > 0.5
+    assert both_travel(plant_feet(free)) < 0.1
+
+
+def test_support_only_adds_contacts_where_there_are_none(dance):
+    """Where a toe is planted, and in the air, contacts stay; elsewhere one toe stands."""
+    contact, joints = dance[..., TCDIFFPP.contact], joints_of(dance)
+    assert torch.equal(support(contact, joints), contact)
+    none = torch.zeros_like(contact)
+    stands = support(none, joints)
+    assert (stands[..., :2] == 0).all() and ((stands > 0).sum(-1) <= 1).all()
+    leaps = flights(joints[..., 1].amin(-1) - TOE_CLEARANCE)
+    assert leaps.any() and (stands[leaps] == 0).all()
+    assert (stands > 0).any(-1)[~leaps].float().mean() > 0.95
+
+
+def test_a_leap_is_not_supported(sliding):
+    """Nine frames up and down again."""
+    high = sliding.clone()
+    high[:, 60:69, TCDIFFPP.root.start + 1] += 0.12 * torch.sin(torch.linspace(0.3, 2.8, 9))
+    none = torch.zeros_like(high[..., TCDIFFPP.contact])
+    assert (support(none, joints_of(high))[:, 61:68] == 0).all()
 
 
 def test_held_frames_stay_and_the_next_sets_out_from_there(sliding):
@@ -127,6 +165,18 @@ def test_feet_under_the_floor_are_lifted(dance):
     lowest = joints_of(plant_feet(low))[:, :, FOOT_JOINTS, 1].amin()
     assert joints_of(low)[:, :, FOOT_JOINTS, 1].amin() < -0.05
     assert lowest > min(LOWEST) - 0.01
+
+
+def test_feet_that_hover_come_down(dance):
+    """A body 3 cm too high puts the feet it stands on down to the floor, on straighter knees."""
+    high = dance.clone()
+    high[..., 5] += 0.03
+    stands = dance[..., TCDIFFPP.contact][..., 2:] > 0.7
+    before, after = (
+        joints_of(x)[..., FOOT_JOINTS[2:], 1][stands] for x in (high, plant_feet(high))
+    )
+    assert before.median() > 0.045
+    assert after.median() < 0.025
 
 
 def test_a_foot_out_of_reach_slides_along():

@@ -7,10 +7,11 @@ import dancediff as dd
 from dancediff.diffusion.constraint import Constraint
 from dancediff.metrics.physical import fsr
 from dancediff.motion.foot_planting import plant_feet
+from dancediff.motion.ground import stand_on_floor
 from dancediff.motion.representation import TCDIFFPP, Normalizer
 from dancediff.motion.skeleton import FOOT_JOINTS
 from dancediff.tcdiffpp.control import Keep
-from dancediff.tcdiffpp.planting import Planting, held_legs
+from dancediff.tcdiffpp.planting import Planting, held
 
 KNEE = TCDIFFPP.joint_channels([dd.motion.skeleton.SMPL24.index("lknee")])
 
@@ -27,7 +28,7 @@ def test_guesses_that_are_mostly_noise_stay():
     norm = Normalizer(-2 * torch.ones(151), torch.ones(151))
     x = torch.randn(1, 2, 20, 151, generator=torch.Generator().manual_seed(0))
     assert torch.equal(Planting(norm)(x, abar=0.49), x)
-    wanted = norm.normalize(plant_feet(norm.unnormalize(x)))
+    wanted = norm.normalize(plant_feet(stand_on_floor(norm.unnormalize(x))))
     assert torch.equal(Planting(norm)(x, abar=0.5), wanted)
 
 
@@ -35,8 +36,10 @@ def test_legs_are_held_where_any_of_their_rotations_is_known():
     mask = torch.zeros(2, 6, 151, dtype=torch.bool)
     mask[0, 4, KNEE] = True
     mask[1, 3, TCDIFFPP.root] = True  # a place alone does not hold a leg
-    held = held_legs(Constraint(mask, torch.zeros(mask.shape)), 2, n=2, f=6)
-    assert held.int().tolist() == [[1, 1, 0, 0, 1, 0], [1, 1, 0, 0, 0, 0]]
+    mask[1, 5, [TCDIFFPP.root.start, TCDIFFPP.root.start + 2]] = True  # a path leaves the height
+    known = held(Constraint(mask, torch.zeros(mask.shape)), 2, n=2, f=6)
+    assert known["legs"].int().tolist() == [[1, 1, 0, 0, 1, 0], [1, 1, 0, 0, 0, 0]]
+    assert known["height"].int().tolist() == [[1, 1, 0, 0, 0, 0], [1, 1, 0, 1, 0, 0]]
 
 
 def test_dances_slide_less_with_planted_feet(dance_with):

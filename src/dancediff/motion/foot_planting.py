@@ -1,4 +1,4 @@
-r"""Foot planting: move the legs of a dance so that a foot which is said to stand does stand.
+r"""Foot planting: move the legs of a dance so that feet which are said to stand do stand.
 
 Read first: notebook 09.
 
@@ -12,23 +12,29 @@ Symbols (axes: f frames · j the ankle and the toe of one foot)
 
 import torch
 from torch import Tensor
+from torch.nn.functional import avg_pool1d, one_hot
 
+from dancediff.motion.ground import AIR, TOE_CLEARANCE, flights
 from dancediff.motion.ik import two_bone_knee
 from dancediff.motion.representation import TCDIFFPP, MotionSpec, unpack, whole_pose
 from dancediff.motion.rotation import matrix_to_rot6d, rotation_between
-from dancediff.motion.skeleton import SMPL24, forward_kinematics, world_rotations
+from dancediff.motion.skeleton import FOOT_JOINTS, SMPL24, forward_kinematics, world_rotations
 
 STAND = 1e4  # what a step of a planted foot costs; moving a foot by as much costs 1
 SMOOTH = 50.0  # what a change of u's speed costs: a foot is hurried no more than dancers do
 UNSURE, SURE = 0.3, 0.7  # contacts from which a foot counts as a little and as fully planted
 HELD = 1e8  # what moving a foot costs where the legs must stay
 STRAIGHT = 0.02  # metres; a knee bent less than that keeps to the front of the thigh
+WEIGHT_SHIFT = 5  # frames over which the standing foot is chosen, if none is sure
+TAKE_OFF = 2  # frames in which a body on its way up is still low
+REACH = 0.1  # metres by which the other foot must be higher to make up for a sure contact
 LOWEST = (0.05, 0.01)  # metres over the floor: ankle, toe; retargeted dances keep to the same
 
 
 def plant_feet(x: Tensor, held: Tensor | None = None, spec: MotionSpec = TCDIFFPP) -> Tensor:
     r"""Let the legs follow feet that stand where x itself says that they stand.
 
+    Where it says that of no foot and the body does not leap, one stands nevertheless (`support`).
     The feet are moved as little as that takes (`planting_shift`) and keep their direction; hips,
     knees and ankles follow by two-bone inverse kinematics. The root and everything above it stay
     as they are, so that a foot out of the leg's reach still slides.
@@ -49,6 +55,7 @@ def plant_feet(x: Tensor, held: Tensor | None = None, spec: MotionSpec = TCDIFFP
     contact, root, pose = unpack(x, spec)
     pose = whole_pose(pose)
     joints, Q = forward_kinematics(pose, root), world_rotations(pose)
+    contact = support(contact, joints)
     planted = x.clone()
     for k, side in enumerate("lr"):
         leg = [SMPL24.index(side + part) for part in ("hip", "knee", "ankle", "toe")]
@@ -62,16 +69,46 @@ def plant_feet(x: Tensor, held: Tensor | None = None, spec: MotionSpec = TCDIFFP
     return planted
 
 
+def support(c: Tensor, joints: Tensor) -> Tensor:
+    r"""Contacts with a foot to stand on wherever a body does not leap.
+
+    If no toe is planted although a foot is near the floor, one is called planted: the one with the
+    larger $c_\text{toe} - y_\text{toe} / 10\,\text{cm}$ on average over five frames. A body whose
+    feet both travel is carried by nothing, which is what `dancediff.metrics.physical.pfc` counts.
+
+    Source: ours.
+
+    Shapes: c (..., f, 4), joints (..., f, j, 3) metres -> (..., f, 4).
+
+    >>> joints = torch.zeros(2, 24, 3)
+    >>> joints[:, 11, 1] = 0.04                               # the right toe is higher
+    >>> [round(c, 3) for c in support(torch.zeros(2, 4), joints)[0].tolist()]
+    [0.0, 0.0, 0.7, 0.0]
+    """
+    toe, y = c[..., 2:], joints[..., FOOT_JOINTS, 1]
+    score = toe.clamp(0, 1) - y[..., 2:] / REACH
+    rows = score.reshape(-1, *score.shape[-2:]).mT
+    mean = avg_pool1d(rows, WEIGHT_SHIFT, 1, WEIGHT_SHIFT // 2, count_include_pad=False)
+    surest = one_hot(mean.mT.reshape(score.shape).argmax(-1), 2).bool()
+    stands = (toe.amax(-1) < SURE) & (y.amin(-1) < TOE_CLEARANCE + AIR)
+    leaps = flights(joints[..., 1].amin(-1) - TOE_CLEARANCE)
+    for ahead in range(TAKE_OFF + 1):
+        stands[..., : leaps.shape[-1] - ahead] &= ~leaps[..., ahead:]
+    toe = torch.where(surest & stands[..., None], toe.clamp_min(SURE), toe)
+    return torch.cat([c[..., :2], toe], -1)
+
+
 def planting_shift(p: Tensor, c: Tensor, held: Tensor | None = None) -> Tensor:
     r"""How far to move a foot in every frame so that it stands while it is planted.
 
     $$\min_u \sum_i \Big[\lVert u_i \rVert^2 + S\,\lVert \Delta^2 u_i \rVert^2
-      + H \sum_j s_{ij}\,\lVert \Delta p_{ij} + \Delta u_i \rVert^2\Big], \qquad
+      + H \sum_j s_{ij}\,\lVert \Delta p_{ij} + \Delta u_i \rVert^2
+      + H s_{i,\text{toe}}\,(p_{i,\text{toe}} + u_i - 2\,\text{cm})_y^2\Big], \qquad
       s_{ij} = \operatorname{clip}\frac{c_{ij} - 0.3}{0.4}$$
 
-    A stance is moved as a whole to its middle, and in the air the shift passes smoothly from one
-    stance to the next: a foot may not wait on the floor and then jump. Then feet below the floor
-    are lifted onto it.
+    A stance is moved as a whole to its middle and down to the floor, and in the air the shift
+    passes smoothly from one stance to the next: a foot may not wait on the floor and then jump.
+    Then feet below the floor are lifted onto it.
 
     Source: ours.
 
@@ -83,7 +120,8 @@ def planting_shift(p: Tensor, c: Tensor, held: Tensor | None = None) -> Tensor:
     [0.1, 0.1, 0.1, 0.1, 0.1]
     """
     f = p.shape[-3]
-    w = STAND * ((c.double() - UNSURE) / (SURE - UNSURE)).clamp(0, 1)[..., :-1, :]
+    stands = STAND * ((c.double() - UNSURE) / (SURE - UNSURE)).clamp(0, 1)
+    w, toe = stands[..., :-1, :], stands[..., -1]
     step = p.double().diff(dim=-3)
     D = torch.eye(f, dtype=w.dtype, device=p.device).diff(dim=0)
     stay = torch.ones(p.shape[:-2], dtype=w.dtype, device=p.device)
@@ -91,7 +129,11 @@ def planting_shift(p: Tensor, c: Tensor, held: Tensor | None = None) -> Tensor:
         stay = stay.masked_fill(held, HELD)
     bend = D.diff(dim=0)
     A = D.mT @ (w.sum(-1)[..., None] * D) + SMOOTH * bend.mT @ bend + torch.diag_embed(stay)
-    u = torch.linalg.solve(A, -D.mT @ (w[..., None] * step).sum(-2)).to(p)
+    b = -D.mT @ (w[..., None] * step).sum(-2)
+    b_up = b[..., 1] + toe * (TOE_CLEARANCE - p[..., -1, 1].double())
+    x, z = torch.linalg.solve(A, b[..., (0, 2)]).unbind(-1)
+    y = torch.linalg.solve(A + torch.diag_embed(toe), b_up)
+    u = torch.stack([x, y, z], -1).to(p)
     lowest = p.new_tensor(LOWEST[: p.shape[-2]])
     lift = (lowest - p[..., 1] - u[..., None, 1]).amax(-1).clamp_min(0)
     if held is not None:

@@ -1,10 +1,28 @@
-r"""Where the floor is."""
+r"""The floor: where it is, and that bodies stand on it unless they fly.
 
+Read first: notebook 09 · `dancediff.motion.foot_planting`.
+
+Symbols (axes: f frames · j joints)
+    h       how far the lowest joint is above where a toe stands, metres   (..., f)
+    v       how far a body is lifted, metres                               (..., f)
+    T       how long no joint was near the floor, seconds
+    g       gravity, 9.81 m/s^2
+"""
+
+import torch
 from torch import Tensor
 
+from dancediff.motion.representation import TCDIFFPP, MotionSpec, joints_of
 from dancediff.motion.skeleton import FOOT_JOINTS
 
 TOE_CLEARANCE = 0.02  # metres: height of the toe joint of a foot that stands flat
+GRAVITY = 9.81
+AIR = 0.02  # metres: a body higher than that is in the air
+TUCK = (
+    0.4  # feet rise less than the body, which only counts joints here, if legs reach for the floor
+)
+SMOOTH = 50.0  # what a change of v's speed costs, a step of 1 costs 1
+HELD = 1e8  # what lifting a body costs where its height is known
 
 
 def ground_height(joints: Tensor, *, quantile: float = 0.05) -> Tensor:
@@ -14,9 +32,73 @@ def ground_height(joints: Tensor, *, quantile: float = 0.05) -> Tensor:
 
     Shapes: joints (..., f, j, 3) metres -> (...) metres.
 
-    >>> import torch
     >>> round(ground_height(torch.full((10, 24, 3), 0.32)).item(), 3)
     0.3
     """
     toes = joints[..., FOOT_JOINTS[2:], 1].flatten(-2)
     return toes.quantile(quantile, dim=-1) - TOE_CLEARANCE
+
+
+def flights(h: Tensor, *, fps: float = 30.0) -> Tensor:
+    r"""Frames of leaps: a body in the air for a time T that its height allows.
+
+    $$\max h \ge 0.4\,\frac{g T^2}{8}$$
+
+    Who is in the air for longer does not leap but floats.
+
+    Source: ours; the flight of a body that is thrown up.
+
+    Shapes: h (..., f) metres -> (..., f) bool.
+
+    >>> flights(torch.tensor([0.0, 0.05, 0.1, 0.05, 0.0, 0.0])).tolist()
+    [False, True, True, True, False, False]
+    >>> flights(torch.full((60,), 0.1)).any().item()                   # two seconds at 10 cm
+    False
+    """
+    air = h > AIR
+    run = (~air).cumsum(-1)  # frames of one run in the air share a number
+    zeros = torch.zeros(*h.shape[:-1], h.shape[-1] + 1, dtype=h.dtype, device=h.device)
+    peak = zeros.scatter_reduce(-1, run, h.where(air, zeros[..., :-1]), "amax").gather(-1, run)
+    T = zeros.scatter_add(-1, run, air.to(h.dtype)).gather(-1, run) / fps
+    return air & (peak >= TUCK * GRAVITY * T**2 / 8)
+
+
+def grounding_shift(h: Tensor, held: Tensor | None = None) -> Tensor:
+    r"""How far to lift a body in every frame so that it stands on the floor unless it leaps.
+
+    $$\min_v \sum_{i \notin \text{leap}} (v_i + h_i)^2 + S \sum_i (\Delta^2 v)_i^2$$
+
+    Source: ours.
+
+    Shapes: h (..., f) metres, held (..., f) bool -> (..., f) metres.
+
+    >>> round(grounding_shift(torch.full((40,), 0.1))[0].item(), 3)    # floats: down by 10 cm
+    -0.1
+    """
+    f = h.shape[-1]
+    weight = 1 - flights(h.detach()).double() * (1 - 1e-6)
+    target = -h.double()
+    if held is not None:
+        weight, target = weight.masked_fill(held, HELD), target.masked_fill(held, 0)
+    bend = torch.eye(f, dtype=weight.dtype, device=h.device).diff(n=2, dim=0)
+    A = torch.diag_embed(weight) + SMOOTH * bend.mT @ bend
+    return torch.linalg.solve(A, (weight * target)[..., None])[..., 0].to(h)
+
+
+def stand_on_floor(x: Tensor, held: Tensor | None = None, spec: MotionSpec = TCDIFFPP) -> Tensor:
+    """Put bodies that float or sink on the floor; only the height of the root changes.
+
+    Source: ours.
+
+    Shapes: x (..., f, d), held (..., f) bool -> (..., f, d), with the d of ``spec``.
+
+    >>> from dancediff.motion.representation import pack
+    >>> x = pack(torch.zeros(90, 4), torch.zeros(90, 3) + 2, torch.eye(3).expand(90, 24, 3, 3))
+    >>> lowest = joints_of(stand_on_floor(x))[..., 1].amin(-1)
+    >>> round(lowest.mean().item(), 3)
+    0.02
+    """
+    h = joints_of(x, spec)[..., 1].amin(-1) - TOE_CLEARANCE
+    out = x.clone()
+    out[..., spec.root.start + 1] += grounding_shift(h, held)
+    return out

@@ -26,7 +26,7 @@ from dancediff.diffusion.pinning import MODES, Pinning
 from dancediff.diffusion.samplers import sample
 from dancediff.diffusion.schedule import gaussian
 from dancediff.motion.representation import Normalizer
-from dancediff.tcdiffpp.planting import Planting, held_legs, one_after_the_other
+from dancediff.tcdiffpp.planting import Planting, held, one_after_the_other
 from dancediff.tcdiffpp.spacing import Spacing
 from dancediff.tcdiffpp.swap_mode import check_order, left_to_right
 
@@ -197,7 +197,7 @@ def _plant(told, plant_with: Normalizer | None, known: Tensor | None, shape: tup
     """How feet are planted in every guess of a segment."""
     if plant_with is None:
         return None
-    return Planting(plant_with, held_legs(told, 0 if known is None else known.shape[1], *shape))
+    return Planting(plant_with, **held(told, 0 if known is None else known.shape[1], *shape))
 
 
 def relative_order(target: Tensor, order: Tensor) -> Tensor:

@@ -1,11 +1,12 @@
-r"""Planting: when in sampling the legs are brought under feet that stand.
+r"""Planting: when in sampling bodies are put on the floor, and legs under feet that stand.
 
-Read first: notebook 09 · `dancediff.motion.foot_planting`.
+Read first: notebook 09 · `dancediff.motion.foot_planting` · `dancediff.motion.ground`.
 
 Symbols (axes: b batch · n dancers · f frames · d motion features)
     x0_hat  a guess, normalised                        (b, n, f, d)
     abar    signal power at the step it was made       float
-    held    frames whose legs must stay as they are    (n, f) bool
+    legs    frames whose legs must stay as they are    (n, f) bool
+    height  frames whose root must keep its height     (n, f) bool
 """
 
 from collections.abc import Callable
@@ -16,6 +17,7 @@ from torch import Tensor
 
 from dancediff.diffusion.constraint import Constraint
 from dancediff.motion.foot_planting import plant_feet
+from dancediff.motion.ground import stand_on_floor
 from dancediff.motion.representation import TCDIFFPP, MotionSpec, Normalizer
 from dancediff.motion.skeleton import SMPL24
 
@@ -26,7 +28,7 @@ LEGS = [SMPL24.index(side + part) for side in "lr" for part in ("hip", "knee", "
 
 @dataclass(frozen=True)
 class Planting:
-    """`plant_feet` for the guesses of a sampler, once they are more signal than noise.
+    """`stand_on_floor` and `plant_feet` for guesses that are more signal than noise.
 
     >>> norm = Normalizer(-torch.ones(151), torch.ones(151))
     >>> x = torch.randn(1, 2, 30, 151)
@@ -35,7 +37,8 @@ class Planting:
     """
 
     normalizer: Normalizer
-    held: Tensor | None = None
+    legs: Tensor | None = None
+    height: Tensor | None = None
     spec: MotionSpec = TCDIFFPP
 
     def __call__(self, x0_hat: Tensor, abar: float) -> Tensor:
@@ -43,25 +46,28 @@ class Planting:
         if abar < MORE_SIGNAL:
             return x0_hat
         x = self.normalizer.unnormalize(x0_hat)
-        held = None if self.held is None else self.held.to(x.device)
-        return self.normalizer.normalize(plant_feet(x, held, self.spec))
+        legs, height = (None if m is None else m.to(x.device) for m in (self.legs, self.height))
+        x = plant_feet(stand_on_floor(x, height, self.spec), legs, self.spec)
+        return self.normalizer.normalize(x)
 
     def rows(self, part: slice) -> "Planting":
-        """The part for some rows of held, to sample them in chunks."""
-        return self if self.held is None else replace(self, held=self.held[part])
+        """The part for some rows of the masks, to sample them in chunks."""
+        legs, height = (None if m is None else m[part] for m in (self.legs, self.height))
+        return replace(self, legs=legs, height=height)
 
 
-def held_legs(told: Constraint | None, known: int, n: int, f: int) -> Tensor:
-    """Frames whose legs are known: the first ones, and where a constraint says so, (n, f) bool.
+def held(told: Constraint | None, known: int, n: int, f: int) -> dict[str, Tensor]:
+    """Frames that are known: the first ones, and where a constraint says so; each (n, f) bool.
 
-    >>> held_legs(None, 2, n=1, f=4)
+    >>> held(None, 2, n=1, f=4)["legs"]
     tensor([[ True,  True, False, False]])
     """
-    held = torch.zeros(n, f, dtype=torch.bool)
-    held[:, :known] = True
-    if told is not None:
-        held |= told.mask[..., TCDIFFPP.joint_channels(LEGS)].any(-1).cpu()
-    return held
+    first = (torch.arange(f) < known).expand(n, f)
+    channels = {"legs": TCDIFFPP.joint_channels(LEGS), "height": [TCDIFFPP.root.start + 1]}
+    return {
+        part: first if told is None else first | told.mask[..., some].any(-1).cpu()
+        for part, some in channels.items()
+    }
 
 
 def one_after_the_other(*bends: Callable | None) -> Callable | None:
