@@ -116,6 +116,29 @@ def test_progress_counts_to_the_end(model):
     assert calls == [(i, 6) for i in range(1, 7)]  # 3 segments of 2 steps
 
 
+def test_guesses_can_be_watched(model):
+    """One a step, of the whole segment; the last one is the dance but for who is called first."""
+    seen = []
+    made = dance(model, seconds=5, steps=3, watch=lambda *step: seen.append(step))
+    assert [step[:2] for step in seen] == [(1, 3), (2, 3), (3, 3)]
+    guesses = [guess for *_, guess in seen]
+    assert all(guess.num_frames == 150 and guess.num_dancers == 3 for guess in guesses)
+    last = guesses[-1].root[guesses[-1].root[:, 0, 0].argsort()]
+    assert torch.allclose(last, made.root, atol=1e-4)
+    assert (guesses[0].root - guesses[1].root).abs().max() > 1e-3
+
+
+def test_watching_can_stop_the_dance(model):
+    def stop(done, total, guess):
+        raise KeyboardInterrupt
+
+    model.train()
+    with pytest.raises(KeyboardInterrupt):
+        dance(model, seconds=2, watch=stop)
+    assert model.training
+    model.eval()
+
+
 def test_progress_bar_closes(model, capsys):
     dance(model, seconds=2, progress=True)
     assert "dancing" in capsys.readouterr().err

@@ -10,6 +10,7 @@ Symbols (axes: n dancers · f frames of a segment · F frames of the dance · k 
 """
 
 from collections.abc import Callable, Iterator
+from functools import partial
 
 import torch
 from torch import Tensor
@@ -40,14 +41,15 @@ def cut_music(M: Tensor, segments: int, *, length: int, stride: int) -> Tensor:
 
 
 def generate(
-    model, song, *, draw=None, progress=False, device=None, dtype=None, **options
+    model, song, *, draw=None, progress=False, watch=None, device=None, dtype=None, **options
 ) -> Motion:
     """Dance to a song. See `dancediff.tcdiffpp.model.TCDiffPP.generate`, which calls this.
 
     ``draw(model, song, wish, report=, dtype=)`` replaces Long Group Diffusion Sampling; it returns
     features (n, F, d) in metres.
     """
-    wish, draw = _prepared(model, song, device, dtype, options), draw or draw_long_group
+    wish = _prepared(model, song, device, dtype, options)
+    draw = draw or partial(draw_long_group, watch=watch)
     was_training = model.training
     try:
         with torch.inference_mode(), _Progress(progress) as report:
@@ -141,13 +143,12 @@ def autoguidance_of(model, wish: Wish) -> float:
     return wish.autoguidance
 
 
-def draw_long_group(model, song, wish: Wish, *, report=None, dtype=None) -> Tensor:
+def draw_long_group(model, song, wish: Wish, **how) -> Tensor:
     """Sample a dance segment after segment: features (n, F, d) in metres, on the CPU."""
-    x = torch.cat(list(segments(model, song, wish, report=report, dtype=dtype)), dim=1)
-    return x[:, : wish.frames]
+    return torch.cat(list(segments(model, song, wish, **how)), dim=1)[:, : wish.frames]
 
 
-def segments(model, song, wish: Wish, *, report=None, dtype=None) -> Iterator[Tensor]:
+def segments(model, song, wish: Wish, *, report=None, watch=None, dtype=None) -> Iterator[Tensor]:
     """Finished pieces of a dance, features (n, f, d) in metres, on the CPU."""
     device = model.abar.device
     M = model.music_normalizer.normalize(song.features().to(device))
@@ -182,11 +183,17 @@ def segments(model, song, wish: Wish, *, report=None, dtype=None) -> Iterator[Te
         clamp=largest_guess(model),
         generator=torch.Generator().manual_seed(wish.seed),
         progress=report,
+        watch=watch and (lambda done, total, x: watch(done, total, _guess(model, x))),
         device=device,
         dtype=torch.float32,
     )
     for x in pieces:
         yield model.normalizer.unnormalize(x).cpu()
+
+
+def _guess(model, x0_hat: Tensor) -> Motion:
+    """A guess as a dance, (n, f, d); cloned, as what was made in inference mode is of no use."""
+    return Motion.from_features(model.normalizer.unnormalize(x0_hat).cpu().clone(), fps=FPS)
 
 
 def largest_guess(model) -> float | None:

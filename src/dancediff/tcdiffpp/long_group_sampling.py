@@ -80,6 +80,7 @@ def iter_long_group_sample(
     clamp: float | None = 1.0,
     generator: torch.Generator | None = None,
     progress: Callable[[int, int], None] | None = None,
+    watch: Callable[[int, int, Tensor], None] | None = None,
     device: torch.device | str,
     dtype: torch.dtype,
 ) -> Iterator[Tensor]:
@@ -103,6 +104,7 @@ def iter_long_group_sample(
     - ``seam``: "copy" keeps the shared frames, "fade" blends both versions (a key of `SEAMS`).
     - ``sampler``, ``steps``, ``eta``, ``resample``, ``clamp``: see `sample`.
     - ``progress(done, total)`` counts denoising steps over the whole dance.
+    - ``watch(done, total, x0_hat)``: also the guess of that step, (n, f, d) of the segment.
 
     Shapes: segments_music (k, f, m) standardised, segment i starting at frame i (f - overlap)
     -> pieces (n, F', d) in normalised units, each final when it is handed out.
@@ -149,7 +151,7 @@ def iter_long_group_sample(
                 _bend(told and told.dancers(order), spread, part_with),
                 _plant(told and told.dancers(order), plant_with, known, (dancers, f)),
             ),
-            callback=progress and (lambda j, n, _, i=i: progress(i * n + j + 1, segments * n)),
+            callback=_callback(progress, watch, i, segments),
             device=device,
             dtype=dtype,
         )[0]
@@ -165,6 +167,21 @@ def iter_long_group_sample(
         known = rest[:, : overlap - redo]
         yield x[:, :stride]
     yield rest
+
+
+def _callback(progress, watch, i: int, segments: int) -> Callable | None:
+    """What `sample` calls after every step of segment i."""
+    if progress is None and watch is None:
+        return None
+
+    def after_step(j: int, steps: int, x0_hat: Tensor) -> None:
+        done, total = i * steps + j + 1, segments * steps
+        if progress is not None:
+            progress(done, total)
+        if watch is not None:
+            watch(done, total, x0_hat[0])
+
+    return after_step
 
 
 def _told(

@@ -181,6 +181,7 @@ class TCDiffPP(nn.Module):
         end=None,
         constraints=(),
         progress=False,
+        watch=None,
         device=None,
         dtype=None,
     ) -> Motion:
@@ -208,6 +209,8 @@ class TCDiffPP(nn.Module):
         - ``start``, ``end``: formations, one (x, z) in metres a dancer.  ``constraints``: what
           else must hold (`dancediff.tcdiffpp.control`): paths, parts of another dance.
         - ``progress``: True for a bar, or a function (done, total).
+        - ``watch``: a function (done, total, guess) that gets to see what the model takes the
+          segment for after every step, a `Motion`; an exception it raises stops the dance.
         - ``device``: move the model there first.  ``dtype``: torch.bfloat16 is about twice as fast
           on processors that have it.
 
@@ -236,6 +239,7 @@ class TCDiffPP(nn.Module):
             end=end,
             constraints=constraints,
             progress=progress,
+            watch=watch,
             device=device,
             dtype=dtype,
         )

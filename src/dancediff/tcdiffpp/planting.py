@@ -1,12 +1,16 @@
-r"""Planting: when in sampling bodies are put on the floor, and legs under feet that stand.
+r"""Planting: what bodies cannot do is taken out of the guesses of a sampler.
 
-Read first: notebook 09 · `dancediff.motion.foot_planting` · `dancediff.motion.ground`.
+Joints do not turn too fast (`dancediff.motion.turning`), bodies do not float
+(`dancediff.motion.ground`), feet that stand do not slide (`dancediff.motion.foot_planting`).
+
+Read first: notebook 09.
 
 Symbols (axes: b batch · n dancers · f frames · d motion features)
     x0_hat  a guess, normalised                        (b, n, f, d)
     abar    signal power at the step it was made       float
     legs    frames whose legs must stay as they are    (n, f) bool
     height  frames whose root must keep its height     (n, f) bool
+    turns   frames whose rotations must stay           (n, f) bool
 """
 
 from collections.abc import Callable
@@ -20,6 +24,7 @@ from dancediff.motion.foot_planting import plant_feet
 from dancediff.motion.ground import stand_on_floor
 from dancediff.motion.representation import TCDIFFPP, MotionSpec, Normalizer
 from dancediff.motion.skeleton import SMPL24
+from dancediff.motion.turning import limit_turns
 
 FEET = ("planted", "free")
 MORE_SIGNAL = 0.5  # abar from which a guess says more than "on average"
@@ -28,7 +33,7 @@ LEGS = [SMPL24.index(side + part) for side in "lr" for part in ("hip", "knee", "
 
 @dataclass(frozen=True)
 class Planting:
-    """`stand_on_floor` and `plant_feet` for guesses that are more signal than noise.
+    """`limit_turns`, `stand_on_floor`, `plant_feet` for guesses that are more signal than noise.
 
     >>> norm = Normalizer(-torch.ones(151), torch.ones(151))
     >>> x = torch.randn(1, 2, 30, 151)
@@ -39,21 +44,25 @@ class Planting:
     normalizer: Normalizer
     legs: Tensor | None = None
     height: Tensor | None = None
+    turns: Tensor | None = None
     spec: MotionSpec = TCDIFFPP
 
     def __call__(self, x0_hat: Tensor, abar: float) -> Tensor:
         """Plant the feet of x0_hat."""
         if abar < MORE_SIGNAL:
             return x0_hat
-        x = self.normalizer.unnormalize(x0_hat)
-        legs, height = (None if m is None else m.to(x.device) for m in (self.legs, self.height))
-        x = plant_feet(stand_on_floor(x, height, self.spec), legs, self.spec)
-        return self.normalizer.normalize(x)
+        known = {k: None if m is None else m.to(x0_hat.device) for k, m in self._masks().items()}
+        x = limit_turns(self.normalizer.unnormalize(x0_hat), known["turns"], self.spec)
+        x = stand_on_floor(x, known["height"], self.spec)
+        return self.normalizer.normalize(plant_feet(x, known["legs"], self.spec))
 
     def rows(self, part: slice) -> "Planting":
         """The part for some rows of the masks, to sample them in chunks."""
-        legs, height = (None if m is None else m[part] for m in (self.legs, self.height))
-        return replace(self, legs=legs, height=height)
+        masks = self._masks().items()
+        return replace(self, **{k: None if m is None else m[part] for k, m in masks})
+
+    def _masks(self) -> dict[str, Tensor | None]:
+        return {"legs": self.legs, "height": self.height, "turns": self.turns}
 
 
 def held(told: Constraint | None, known: int, n: int, f: int) -> dict[str, Tensor]:
@@ -63,7 +72,11 @@ def held(told: Constraint | None, known: int, n: int, f: int) -> dict[str, Tenso
     tensor([[ True,  True, False, False]])
     """
     first = (torch.arange(f) < known).expand(n, f)
-    channels = {"legs": TCDIFFPP.joint_channels(LEGS), "height": [TCDIFFPP.root.start + 1]}
+    channels = {
+        "legs": TCDIFFPP.joint_channels(LEGS),
+        "height": [TCDIFFPP.root.start + 1],
+        "turns": TCDIFFPP.rot6d,
+    }
     return {
         part: first if told is None else first | told.mask[..., some].any(-1).cpu()
         for part, some in channels.items()
