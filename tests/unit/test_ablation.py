@@ -230,6 +230,21 @@ def test_rows_dances_and_what_is_done_stays_done(config, tmp_path, monkeypatch):
     assert torch.equal(dances(out, "full"), before)
 
 
+def test_the_table_is_there_before_the_last_training(config, tmp_path, monkeypatch):
+    """Hours before the end one can read what is done, and only that."""
+    out, rows = tmp_path / "out", run_ablation(config(FOUR), tmp_path / "whole", evaluate=Judge())
+    run_job, seen = ablation._run_job, []
+
+    def watched(job, *more):
+        if (out / "results.json").exists():
+            seen.append([row["variant"] for row in json.loads((out / "results.json").read_text())])
+        return run_job(job, *more)
+
+    monkeypatch.setattr(ablation, "_run_job", watched)
+    assert run_ablation(config(FOUR), out, evaluate=Judge()) == rows
+    assert seen == [[TRUTH, "full", "no-LGDS"], [TRUTH, "full", "no-FP", "no-LGDS"]]
+
+
 def test_a_killed_run_goes_on_from_its_checkpoint(config, tmp_path, monkeypatch):
     path = config("[variants.full]\n")
     whole = run_ablation(path, tmp_path / "whole", evaluate=Judge())

@@ -7,7 +7,7 @@ In the output folder
     songs/                  the training set, made once
     trainings/KEY/          config.toml, checkpoint, losses.csv, model/; KEY follows from the tables
     variants/NAME/          scores.json and KEY/dance_0.npz ...
-    results.json, .md       the table
+    results.json, .md       the table, written anew after every training
 
 so a variant that is done is not done again, a training that was stopped goes on from its
 checkpoint, and variants that only sample in another way share one training. What is done is
@@ -15,7 +15,7 @@ recognised by the config alone: after a change of the library's models take anot
 """
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict
 from functools import partial
@@ -76,21 +76,35 @@ def run_ablation(
     songs, truth = held_out_songs(first), held_out_dances(first)
     measure = partial(evaluate or metric_scores, reference=reference, songs=songs)
 
-    failed = _run_jobs(_jobs(variants, out), out, devices, save, takes)
     key = key_of([first.tables["data"], asdict(first.held_out)])
     rows = [{"variant": TRUTH, "scores": _scores(out / "variants" / TRUTH, key, truth, measure)}]
+    failed: dict[str, str] = {}
+    for found in _run_jobs(_jobs(variants, out), out, devices, save, takes):
+        failed |= found
+        _write(rows + _rows(variants, failed, out, measure), out)
+    rows += _rows(variants, failed, out, measure)
+    _write(rows, out)
+    return rows
+
+
+def _rows(variants: list[Variant], failed: dict[str, str], out: Path, measure: Callable) -> list:
+    """A row of the table for each variant that has danced or failed."""
+    rows = []
     for variant in variants:
         row = {"variant": variant.name, "training": variant.training}
         row |= {"of": variant.of} if variant.of else {}
         if variant.name in failed:
-            row["failed"] = failed[variant.name]
-        else:
+            rows.append(row | {"failed": failed[variant.name]})
+        elif all(path.exists() for path in _dance_files(variant, out)):
             folder = out / "variants" / variant.name
             row["scores"] = _scores(folder, variant.key, _dances(variant, out), measure)
-        rows.append(row)
+            rows.append(row)
+    return rows
+
+
+def _write(rows: list[dict], out: Path) -> None:
     write_text(out / "results.json", json.dumps(rows, indent=2) + "\n")
     write_text(out / "results.md", table(mean_of_seeds(rows)))
-    return rows
 
 
 # ---- train and dance ----
@@ -105,22 +119,19 @@ def _jobs(variants: list[Variant], out: Path) -> list[list[Variant]]:
     return list(jobs.values())
 
 
-def _run_jobs(jobs, out: Path, devices, save, takes) -> dict[str, str]:
-    """Run all jobs; returns why variants failed, by their names."""
-    failed: dict[str, str] = {}
+def _run_jobs(jobs, out: Path, devices, save, takes) -> Iterator[dict[str, str]]:
+    """Run all jobs; after each, why variants failed, by their names."""
     if len(devices) == 1 or len(jobs) < 2:
         for job in jobs:
-            failed |= _run_job(job, out, save, devices[0], takes)
-        return failed
+            yield _run_job(job, out, save, devices[0], takes)
+        return
     context = get_context("spawn")
     free = context.Queue()
     for device in devices:
         free.put(device)
     threads = max(1, torch.get_num_threads() // len(devices))
     with ProcessPoolExecutor(len(devices), context, _take_device, (free, threads)) as pool:
-        for result in pool.map(partial(_run_job, out=out, save=save), jobs):
-            failed |= result
-    return failed
+        yield from pool.map(partial(_run_job, out=out, save=save), jobs)
 
 
 def _take_device(free, threads: int) -> None:
