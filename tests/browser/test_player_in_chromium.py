@@ -3,57 +3,15 @@
 The browser is Debian's chromium, driven by Playwright; without it these tests are skipped.
 """
 
-import io
-import os
-import shutil
-
-import numpy as np
+import chromium_page
 import pytest
-from PIL import Image
+from chromium_page import changed, num_colors, until
 
 from dancediff.data.choreographer import choreograph
 from dancediff.music.synth import synth_song
 from dancediff.viz.player import save_player
 
 SECONDS = 24.0
-REQUIRED = "browser" in os.environ.get("DANCEDIFF_REQUIRE", "")
-FLAGS = [
-    "--no-sandbox",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-    "--autoplay-policy=no-user-gesture-required",
-]
-
-
-@pytest.fixture(scope="session")
-def chromium():
-    path = shutil.which("chromium")
-    if path is None and not REQUIRED:
-        pytest.skip("needs a browser: apt-get install chromium")
-    assert path, "chromium is required here and is not installed"
-    if not REQUIRED:
-        pytest.importorskip("playwright", reason='needs pip install "dancediff[dev]"')
-    from playwright.sync_api import sync_playwright
-
-    with sync_playwright() as play:
-        browser = play.chromium.launch(executable_path=path, args=FLAGS)
-        yield browser
-        browser.close()
-
-
-@pytest.fixture
-def page(chromium):
-    """A page that remembers what it complained about, and what it asked for."""
-    page = chromium.new_page(viewport={"width": 900, "height": 600})
-    page.complaints, page.asked = [], []
-    page.on("console", lambda m: m.type == "error" and page.complaints.append(m.text))
-    page.on("pageerror", lambda error: page.complaints.append(str(error)))
-    page.on("request", lambda request: page.asked.append(request.url))
-    yield page
-    page.close()
 
 
 @pytest.fixture(scope="module")
@@ -67,15 +25,6 @@ def files(tmp_path_factory):
     return {"one": one, "two": two, "mute": mute}
 
 
-def until(page, what):
-    """Wait until an expression is true; Playwright's own way is stopped by the page's policy."""
-    for _ in range(600):
-        if page.evaluate(what):
-            return
-        page.wait_for_timeout(100)
-    raise AssertionError(f"in a minute it did not become true that {what}")
-
-
 def show(page, path):
     page.goto(path.as_uri())
     until(page, "window.dancediff !== undefined")
@@ -87,13 +36,7 @@ def state(page):
 
 
 def picture(page):
-    shot = page.locator("#stage").screenshot()
-    return np.asarray(Image.open(io.BytesIO(shot)).convert("RGB")).astype(int)
-
-
-def changed(a, b):
-    """Share of the pixels that are another colour."""
-    return (np.abs(a - b).max(-1) > 24).mean()
+    return chromium_page.picture(page, "#stage")
 
 
 def test_dance_and_sound_are_in_step_after_twenty_seconds(page, files):
@@ -111,7 +54,7 @@ def test_dance_and_sound_are_in_step_after_twenty_seconds(page, files):
 def test_dancers_are_seen_and_move(page, files):
     show(page, files["one"])
     still = picture(page)
-    assert len(np.unique(still.reshape(-1, 3), axis=0)) > 200  # no blank page
+    assert num_colors(still) > 200  # no blank page
     page.evaluate("window.dancediff.clock.seek(5)")
     page.wait_for_timeout(500)
     assert 0.002 < changed(still, picture(page)) < 0.5
@@ -149,7 +92,7 @@ def test_two_dances_play_side_by_side(page, files):
     left, right = both[:, :half], both[:, -half:]
     assert changed(left, right) > 0.002  # other dances
     for side in (left, right):
-        assert len(np.unique(side.reshape(-1, 3), axis=0)) > 200
+        assert num_colors(side) > 200
 
 
 def test_without_a_song_it_plays_by_its_own_clock(page, files):

@@ -2,14 +2,12 @@ from functools import partial
 
 import numpy as np
 import pytest
-import torch
 from matplotlib.figure import Figure
 
 from dancediff.data.choreographer import choreograph
 from dancediff.diffusion.schedule import cosine_abar
 from dancediff.motion.representation import Normalizer
 from dancediff.music.song import Music
-from dancediff.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 from dancediff.viz import panels
 
 widgets = pytest.importorskip("ipywidgets")
@@ -23,16 +21,18 @@ def noisy():
 
 
 @pytest.fixture(scope="module")
+def group():
+    """Two dancers, four seconds."""
+    return choreograph(np.arange(0.2, 4, 0.5), dancers=2, seed=1, seconds=4.0)[0]
+
+
+@pytest.fixture(scope="module")
 def song():
     rng = np.random.default_rng(0)
     audio = np.zeros(15360 * 6, dtype=np.float32)
     for start in range(2000, len(audio) - 800, 7680):
         audio[start : start + 600] = rng.normal(0, 0.3, 600) * np.hanning(600)
     return Music(audio, 15360, "clicks")
-
-
-def png_of(box):
-    return bytes(next(c.value for c in box.children if isinstance(c, widgets.Image)))
 
 
 def test_pose_panel_shows_the_six_numbers():
@@ -66,35 +66,43 @@ def test_noise_panel_starts_clean_and_is_seeded(noisy):
     assert "0.0%" in noisy(t=999).axes[1].get_title("left")
 
 
-def test_dance_panel_asks_the_model(song):
-    torch.manual_seed(0)
-    small = TCDiffPPConfig(d_model=32, num_layers=1, num_heads=2, ff_dim=32, max_dancers=2)
-    figure = panels.dance_panel(
-        TCDiffPP(small).eval(), song, dancers=2, seconds=1.0, steps=2, seed=7
-    )
-    assert figure.get_suptitle().startswith("seed 7: 2 dancers")
+def test_loss_panel_tells_damages_apart(group):
+    """No damage costs nothing; each damage is noticed by the loss that was made for it."""
+    x, norm = group.features(), Normalizer.fit(group.features())
+
+    def costs(**damage):
+        ax = panels.loss_panel(x, norm, **damage).axes[0]
+        return dict(zip(("simple", "vel", "fk", "contact", "dist"), ax.patches, strict=True)), ax
+
+    fine, ax = costs()
+    assert ax.get_title("left").startswith("Nobody") and fine["fk"].get_width() < 1e-6
+    slides, _ = costs(slide=3.0)
+    assert slides["contact"].get_width() > 1e-3 and slides["dist"].get_width() < 1e-6
+    meet, _ = costs(closer=1.0)
+    assert meet["dist"].get_width() > 0.1
+    trembles, ax = costs(shake=20.0)
+    assert trembles["vel"].get_width() > 1e-3
+    worst = max(trembles, key=lambda name: trembles[name].get_width())
+    assert worst in ax.get_title("left")
 
 
-def test_explore_redraws_and_resets():
-    box = panels.explore(panels.pose_panel, z=panels.slider(-90, 90, 0, "degrees"))
-    slider, first = box.children[0], png_of(box)
-    assert first.startswith(b"\x89PNG")
-    slider.value = 60
-    assert png_of(box) != first
-    box.children[1].click()
-    assert slider.value == 0
-    assert png_of(box) == first
+def test_metric_panel_shows_before_and_after(group):
+    beats = np.arange(0.2, 4, 0.5)
+    figure = panels.metric_panel(group, beats, "drag_feet", 1.0)
+    before, after = (bar.get_height() for bar in figure.axes[0].patches)
+    assert after > before + 0.3
+    frozen = panels.metric_panel(group, beats, "freeze", 0.0)
+    assert all(len({bar.get_height() for bar in ax.patches}) == 1 for ax in frozen.axes)
 
 
-def test_explore_shows_an_error_in_words():
-    box = panels.explore(panels.pose_panel, joint=panels.choice(["lhip", "tail"], "lhip", "joint"))
-    before = png_of(box)
-    box.children[0].value = "tail"
-    messages = [child.value for child in box.children if isinstance(child, widgets.HTML)]
-    assert "ValueError" in messages[0] and "tail" in messages[0]
-    assert png_of(box) == before
-    box.children[0].value = "lhip"
-    assert [c.value for c in box.children if isinstance(c, widgets.HTML)] == [""]
+@pytest.mark.parametrize("damage", panels.DAMAGES)
+def test_every_damage_can_be_chosen(group, damage):
+    assert isinstance(panels.metric_panel(group, [0.5, 1.0], damage, 0.4), Figure)
+
+
+def test_metric_panel_refuses_other_functions(group):
+    with pytest.raises(ValueError, match="damage='collapse' is not one of drag_feet"):
+        panels.metric_panel(group, [0.5], "collapse")
 
 
 def test_sliders_wait_until_they_are_let_go():

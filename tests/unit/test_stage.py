@@ -1,4 +1,5 @@
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -6,11 +7,14 @@ import roma
 import torch
 
 from dancediff.data.choreographer import choreograph
+from dancediff.motion.contact import foot_contact
 from dancediff.motion.motion import Motion
 from dancediff.motion.rotation import axis_angle_to_matrix
+from dancediff.motion.skeleton import SMPL24
 from dancediff.music.song import Music
-from dancediff.viz import stage
+from dancediff.viz import stage, stage_scene
 from dancediff.viz.mannequin import steady_quaternions
+from dancediff.viz.palette import dancer_color
 
 p3 = pytest.importorskip("pythreejs")
 widgets = pytest.importorskip("ipywidgets")
@@ -21,15 +25,43 @@ def dance():
     return choreograph(np.arange(0.2, 3, 0.5), dancers=2, seed=1, seconds=1.0)[0]
 
 
+@pytest.fixture(scope="module")
+def other():
+    return choreograph(np.arange(0.2, 3, 0.5), dancers=3, seed=2, seconds=0.5)[0]
+
+
 @pytest.fixture(autouse=True)
 def _close():
     yield
     stage.close_all()
 
 
+def inside(widget):
+    """A widget and all that is in it."""
+    found = [widget]
+    for child in getattr(widget, "children", ()):
+        found += inside(child)
+    return found
+
+
+def control(box, description):
+    return next(w for w in inside(box) if getattr(w, "description", None) == description)
+
+
+def on_stage(box, name):
+    return next(child for child in box.children[0].scene.children if child.name == name)
+
+
 def dancers_of(box):
-    scene = box.children[0].scene
-    return [child for child in scene.children if child.name.startswith("dancer")]
+    return [child for child in box.children[0].scene.children if child.name.startswith("dancer")]
+
+
+def colors_of(dancer):
+    return {part.material.color for part in inside(dancer) if isinstance(part, p3.Mesh)}
+
+
+def tracks_of(*dances):
+    return {track.name: track for track in stage_scene.make_clip(p3, list(dances)).tracks}
 
 
 def places(group, origin, turn):
@@ -38,34 +70,51 @@ def places(group, origin, turn):
     found = {group.name: here}
     turn = turn @ roma.unitquat_to_rotmat(torch.tensor(group.quaternion)).double().numpy()
     for child in group.children:
-        if isinstance(child, p3.Group):
+        if "joint" in child.name:
             found |= places(child, here, turn)
     return found
 
 
-def test_stage_shows_the_first_frame(dance):
-    box = stage.stage(dance)
+@pytest.mark.parametrize("body", ["mannequin", "stick"])
+def test_stage_shows_the_first_frame(dance, body):
     joints = dance.joints()[:, 0].numpy()
-    groups = dancers_of(box)
+    groups = dancers_of(stage.stage(dance, body=body))
     assert len(groups) == 2
     for k, group in enumerate(groups):
         found = places(group, np.zeros(3), np.eye(3))
         assert len(found) == 24
         for j in range(24):
             np.testing.assert_allclose(found[f"dancer{k}joint{j}"], joints[k, j], atol=1e-4)
+        assert dancer_color(k) in colors_of(group)
+
+
+def test_bones_of_sticks_end_in_joints(dance):
+    knee = SMPL24.index("lknee")
+    shin = stage_scene.make_shapes(p3, SMPL24, "stick")["lknee"].attributes["position"].array
+    way = SMPL24.offsets[SMPL24.parents.index(knee)].numpy()
+    along = shin @ way / np.linalg.norm(way)
+    assert abs(along.max() - np.linalg.norm(way)) < 0.02 and abs(along.min()) < 0.02
+    assert np.linalg.norm(shin - np.outer(along, way) / np.linalg.norm(way), axis=1).max() < 0.02
+
+
+def test_unknown_bodies_are_refused(dance):
+    with pytest.raises(ValueError, match="'robot' is unknown; choose from 'mannequin', 'stick'"):
+        stage.stage(dance, body="robot")
 
 
 def test_one_clip_moves_everybody(dance):
-    clip = stage.make_clip(p3, dance)
-    names = [track.name for track in clip.tracks]
-    assert len(names) == len(set(names)) == 2 * 25
-    lengths = {len(track.times) for track in clip.tracks}
-    assert lengths == {dance.num_frames}
-    track = clip.tracks[names.index("dancer1joint0.position")]
-    np.testing.assert_allclose(track.values, dance.root[1].numpy())
-    track = clip.tracks[names.index("dancer1joint4.quaternion")]
-    turned = roma.unitquat_to_rotmat(torch.as_tensor(track.values))
+    tracks = tracks_of(dance)
+    assert len(tracks) == 2 * (25 + 4 * 2) + 1
+    np.testing.assert_allclose(tracks["dancer1joint0.position"].values, dance.root[1].numpy())
+    turned = roma.unitquat_to_rotmat(torch.as_tensor(tracks["dancer1joint4.quaternion"].values))
     np.testing.assert_allclose(turned, dance.pose[1, :, 4], atol=1e-5)
+
+
+def test_every_track_moves_something_that_is_there(dance, other):
+    box = stage.stage(dance, beside=other)
+    names = {part.name for part in inside(box.children[0].scene) if getattr(part, "name", "")}
+    dances = stage_scene.side_by_side(dance, other)
+    assert {name.split(".")[0] for name in tracks_of(*dances)} <= names
 
 
 def test_quaternions_never_jump():
@@ -76,22 +125,74 @@ def test_quaternions_never_jump():
     assert ((q[:, 1:] * q[:, :-1]).sum(-1) > 0.9).all()
 
 
-def test_slider_covers_the_dance_and_starts_paused(dance):
+def test_two_dances_stand_side_by_side_in_the_same_colors(dance, other):
+    a, b = stage_scene.side_by_side(dance, other)
+    assert b.root[..., 0].min() - a.root[..., 0].max() >= stage_scene.GAP - 1e-5
+    torch.testing.assert_close(b.root[..., 1], other.root[..., 1])  # the same floor
+    box = stage.stage(dance, beside=other)
+    dancers = dancers_of(box)
+    assert [d.name for d in dancers] == [f"dancer{number}joint0" for number in range(5)]
+    assert colors_of(dancers[0]) == colors_of(dancers[2]) != colors_of(dancers[1])
+    caption = box.children[-1].value
+    assert "A</b> on the left: 2 dancers" in caption and "B</b> on the right: 3" in caption
+
+
+def test_the_shorter_dance_stops_and_the_slider_covers_the_longer(dance, other):
+    for a, b in ((dance, other), (other, dance)):
+        box = stage.stage(a, beside=b)
+        assert next(w for w in inside(box) if isinstance(w, widgets.IntSlider)).max == 29
+        clip = stage_scene.make_clip(p3, [a, b])
+        assert clip.duration == 29
+        assert {track.times.max() for track in clip.tracks if "joint" in track.name} == {14, 29}
+
+
+def test_dances_that_do_not_fit_are_refused(dance, other):
+    with pytest.raises(ValueError, match="beside has fps=60, the dance 30"):
+        stage.stage(dance, beside=replace(other, fps=60.0))
+    names = ["hips", *SMPL24.names[1:]]
+    with pytest.raises(ValueError, match="another skeleton"):
+        stage.stage(dance, beside=replace(other, skeleton=replace(SMPL24, names=names)))
+
+
+def test_trails_lie_where_the_dancers_go(dance):
+    lines = on_stage(stage.stage(dance), "trails").children
+    assert [line.material.color for line in lines] == [dancer_color(0), dancer_color(1)]
+    path = lines[1].geometry.attributes["position"].array
+    np.testing.assert_allclose(path[:, [0, 2]], dance.root[1][:, [0, 2]])
+    assert 0 < path[:, 1].min() == path[:, 1].max() < 0.02
+
+
+@pytest.mark.parametrize("own", [True, False])
+def test_dots_are_seen_where_feet_stand(dance, own):
+    stands = foot_contact(dance.joints())
+    stands = 1 - stands if own else stands
+    dance = replace(dance, contact=stands if own else None)
+    tracks = tracks_of(dance)
+    for k, c in ((0, 0), (1, 3)):
+        size = tracks[f"dancer{k}foot{c}.scale"]
+        assert size.interpolation == "InterpolateDiscrete"
+        latest = np.searchsorted(size.times, np.arange(dance.num_frames), side="right") - 1
+        np.testing.assert_array_equal(size.values[latest, 0] > 0.5, stands[k, :, c] > 0.5)
+    at = tracks["dancer1foot3.position"].values
+    np.testing.assert_allclose(at[:, [0, 2]], dance.joints()[1, :, 11][:, [0, 2]], atol=1e-6)
+
+
+@pytest.mark.parametrize("shown", [True, False])
+def test_marks_are_seen_at_first_as_asked(dance, shown):
+    box = stage.stage(dance, trails=shown, contacts=not shown)
+    assert on_stage(box, "trails").visible == control(box, "Trails").value == shown
+    assert on_stage(box, "dots").visible == control(box, "Feet on the floor").value != shown
+
+
+def test_controls_begin_at_rest(dance):
     box = stage.stage(dance)
-    play, slider = box.children[1].children
+    slider = next(w for w in inside(box) if isinstance(w, widgets.IntSlider))
     assert (slider.min, slider.max, slider.value) == (0, dance.num_frames - 1, 0)
-    assert (play.max, play.interval) == (dance.num_frames - 1, 33)
-    assert not play.playing
-
-
-def test_sound_is_cut_to_the_dance(dance):
-    song = Music(np.zeros((44100 * 4, 2), dtype=np.float32), 44100)
-    quiet, loud = stage.stage(dance), stage.stage(dance, song)
-    assert len(quiet.children) == 2
-    audio = loud.children[2]
-    assert isinstance(audio, widgets.Audio)
-    assert not audio.autoplay
-    assert 1000 < len(audio.value) < 40_000  # a second of mp3, not four
+    assert not control(box, "▶ Play").value
+    assert control(box, "speed").value == "1" and control(box, "loop").value
+    views = next(w for w in inside(box) if isinstance(w, widgets.ToggleButtons))
+    assert views.value == "Orbit" and views.options == ("Orbit", "Top view", "Follow")
+    assert not any(getattr(w, "description", "") == "sound" for w in inside(box))
 
 
 def test_old_stages_are_closed(dance):
@@ -104,7 +205,13 @@ def test_old_stages_are_closed(dance):
 
 
 def test_one_frame_is_a_stage_too(dance):
-    assert stage.stage(dance.frames(0, 1)).children[1].children[1].max == 0
+    box = stage.stage(dance.frames(0, 1))
+    assert next(w for w in inside(box) if isinstance(w, widgets.IntSlider)).max == 0
+
+
+def test_with_a_song_it_can_be_muted(dance):
+    song = Music(np.zeros((44100, 2), dtype=np.float32), 44100)
+    assert control(stage.stage(dance, song), "sound").value
 
 
 def test_play_is_stage():

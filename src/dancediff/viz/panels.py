@@ -5,26 +5,34 @@ The functions know nothing of widgets, so that tests and static pages call them 
 """
 
 import io
+from functools import partial
 
+import numpy as np
 import torch
 from torch import Tensor
 
 from dancediff.diffusion.schedule import q_sample
+from dancediff.metrics import corruption
+from dancediff.metrics.physical import fsr, pfc
+from dancediff.metrics.rhythm import beat_alignment
 from dancediff.motion.motion import Motion
-from dancediff.motion.representation import Normalizer
+from dancediff.motion.representation import Normalizer, pack, unpack
 from dancediff.motion.rotation import axis_angle_to_matrix, matrix_to_rot6d
 from dancediff.motion.skeleton import SMPL24
+from dancediff.tcdiffpp.losses import LossWeights, tcdiffpp_losses
 from dancediff.viz.body import body_points
 from dancediff.viz.numbers import plot_schedule, plot_waveform
 from dancediff.viz.palette import BEAT, INK, dancer_color
-from dancediff.viz.plots import plot_filmstrip, plot_moment
+from dancediff.viz.plots import plot_moment
 from dancediff.viz.projection import Camera
 from dancediff.viz.style import bare, set_title
 
+DAMAGES = ("drag_feet", "jitter", "freeze", "shuffle_time", "overlap_dancers", "mean_pose")
 _FRONT = Camera(eye=(0, 1.15, 7.0), target=(0, 0.95, 0), size=(320, 320), focal=900)
 
 
-def _figure(width: float, height: float):
+def new_figure(width: float, height: float):
+    """A Figure that no window manager knows of, so that it is not shown twice."""
     from matplotlib.figure import Figure
 
     return Figure(figsize=(width, height), dpi=100, layout="constrained")
@@ -42,7 +50,7 @@ def pose_panel(joint: str = "lshoulder", x: float = 0, y: float = 0, z: float = 
     pose = torch.eye(3).repeat(1, 1, 24, 1, 1)
     pose[0, 0, SMPL24.index(joint)] = R
     motion = Motion(pose, torch.tensor([[[0.0, 0.965, 0.0]]]))
-    figure = _figure(6.6, 3.4)
+    figure = new_figure(6.6, 3.4)
     body, numbers = figure.subplots(1, 2)
     plot_moment(body_points(motion)[:, 0], _FRONT, ax=body, numbers=False)
     d6 = matrix_to_rot6d(R)
@@ -69,7 +77,7 @@ def peaks_panel(song, threshold: float = 4.0, start: float = 0.0, seconds: float
     time, onset = torch.arange(first, last).numpy() / 30, M[first:last, 0]
     peaks, _ = find_peaks(onset, height=threshold)
     beats = time[M[first:last, 1] > 0.5]
-    figure = _figure(7.6, 2.9)
+    figure = new_figure(7.6, 2.9)
     sound, strength = figure.subplots(2, 1, sharex=True, height_ratios=[0.6, 1])
     plot_waveform(song, ax=sound, start=start, stop=start + seconds)
     strength.fill_between(time, onset, color=dancer_color(0), alpha=0.7, lw=0)
@@ -94,7 +102,7 @@ def noise_panel(
     x_t = q_sample(x_0[None], t, abar, eps[None])[0]
     noisy = Motion.from_features(normalizer.unnormalize(x_t))
     points = body_points(noisy)[:, frame]
-    figure = _figure(8.2, 3.3)
+    figure = new_figure(8.2, 3.3)
     moment, curve = figure.subplots(1, 2, width_ratios=[1, 1.1])
     clean = normalizer.unnormalize(x_0)[:, frame, 4:7]
     centre = clean.mean(0).tolist()
@@ -112,44 +120,89 @@ def noise_panel(
     return figure
 
 
-def dance_panel(model, song, *, dancers: int = 3, seed: int = 0, seconds: float = 5.0, steps=10):
-    """Ask a model for a dance and show it as a filmstrip of four moments -> Figure."""
-    dance = model.generate(song, dancers=dancers, seconds=seconds, seed=seed, steps=steps)
-    title = f"seed {seed}: {dancers} dancers, {steps} denoising steps"
-    return plot_filmstrip(dance, count=4, title=title)
+def loss_panel(
+    x_0: Tensor,
+    normalizer: Normalizer,
+    slide: float = 0.0,
+    shake: float = 0.0,
+    closer: float = 0.0,
+    seed: int = 0,
+):
+    """What the five losses say about a guess that is wrong in a known way -> Figure.
+
+    ``slide``: everybody drifts to the side, m/s; ``shake``: every joint trembles, degrees;
+    ``closer``: the group is drawn together, 0 not at all .. 1 to one spot.
+
+    Shapes: x_0 (n, f, d) metres and 6-D rotations.
+    """
+    contact, root, pose = unpack(x_0)
+    spread = (root - root.mean(0)) * torch.tensor([1.0, 0.0, 1.0])
+    drift = torch.arange(root.shape[1]) / 30 * slide
+    root = root - closer * spread + drift[:, None] * torch.tensor([1.0, 0.0, 0.0])
+    axis = torch.randn(pose.shape[:-1], generator=torch.Generator().manual_seed(seed))
+    pose = pose @ axis_angle_to_matrix(torch.deg2rad(torch.tensor(float(shake))) * axis)
+    x_hat, x_0 = normalizer.normalize(pack(contact, root, pose))[None], normalizer.normalize(x_0)
+    weights = LossWeights()
+    terms = tcdiffpp_losses(x_hat, x_hat, x_0[None], normalizer, weights=weights)
+    names = ["simple", "vel", "fk", "contact", "dist"]
+    costs = [weights.terms()[name] * terms[name].item() for name in names]
+    figure = new_figure(6.6, 2.4)
+    ax = bare(figure.subplots())
+    ax.barh(range(5), costs, color=[dancer_color(k) for k in range(5)])
+    ax.set_yticks(range(5), names)
+    ax.invert_yaxis()
+    ax.set(xlabel="weighted loss", xlim=(0, 1.15 * max(*costs, 1e-3)))
+    for k, cost in enumerate(costs):
+        ax.text(cost, k, f" {cost:.3g}", va="center", fontsize=9, color=INK)
+    worst = names[max(range(5), key=costs.__getitem__)]
+    found = f"“{worst}” costs most" if max(costs) > 1e-6 else "Nobody complains about the truth"
+    set_title(ax, found)
+    return figure
+
+
+def metric_panel(
+    dance: Motion, beats, damage: str = "drag_feet", amount: float = 0.5, seed: int = 0
+):
+    """Four metrics of a dance that is damaged by a known amount, 0 .. 1 -> Figure.
+
+    ``damage``: a function of `dancediff.metrics.corruption`, one of `DAMAGES`; ``beats`` seconds.
+    """
+    if damage not in DAMAGES:
+        raise ValueError(f"damage={damage!r} is not one of {', '.join(DAMAGES)}")
+    broken = getattr(corruption, damage)(dance, amount, np.random.default_rng(seed))
+    metrics = {
+        "FSR, feet slide": fsr,
+        "PFC, nobody stands": pfc,
+        "BAS, beats met": partial(beat_alignment, beats=beats, direction="music"),
+        "MMC, on the beat": partial(beat_alignment, beats=beats, direction="motion"),
+    }
+    figure = new_figure(7.6, 2.2)
+    for ax, (name, metric) in zip(figure.subplots(1, 4), metrics.items(), strict=True):
+        values = [metric(motion.joints()) for motion in (dance, broken)]
+        ax.bar(range(2), values, color=["0.7", dancer_color(1)])
+        ax.set_xticks(range(2), ["before", "after"])
+        for k, value in enumerate(values):
+            ax.text(k, value, f"{value:.2f}", ha="center", va="bottom", fontsize=9, color=INK)
+        bare(ax).set(ylim=(0, 1.2 * max(*values, 0.05)), yticks=[])
+        ax.set_title(name, loc="left", fontsize=9)
+    figure.suptitle(f"{damage.replace('_', ' ')}, {amount:.0%}", x=0.01, ha="left", fontsize=11)
+    return figure
 
 
 def explore(panel, **controls):
     """Sliders around a panel: `panel(**values)` is drawn again whenever one is let go.
 
-    ``controls`` are ipywidgets by argument name. A Reset button brings the first values back. An
-    error of the panel is shown in place of the picture.
+    ``controls`` are ipywidgets by argument name. Reset brings the first values back; "Pin as A"
+    keeps a picture to compare others with. An error of the panel is shown in place of its picture.
+    A panel with an argument ``report`` is slow (see `dancediff.viz.lab`): it waits for its button,
+    shows its progress, and can be cancelled. A panel that also returns its dance can be watched in
+    3-D, beside the pinned one.
 
-    Returns an ipywidgets.VBox.
+    Returns a `dancediff.viz.explorer.Explorer`, which a notebook shows as widgets.
     """
-    import ipywidgets as widgets
+    from dancediff.viz.explorer import Explorer
 
-    first = {name: control.value for name, control in controls.items()}
-    picture = widgets.Image(format="png", layout={"max_width": "100%"})
-    message = widgets.HTML()
-
-    def draw(*_):
-        try:
-            values = {name: control.value for name, control in controls.items()}
-            picture.value, message.value = as_png(panel(**values)), ""
-        except Exception as err:
-            message.value = f"<pre>{type(err).__name__}: {err}</pre>"
-
-    def reset(_):
-        for name, control in controls.items():
-            control.value = first[name]
-
-    for control in controls.values():
-        control.observe(draw, names="value")
-    button = widgets.Button(description="Reset", icon="undo", layout={"width": "90px"})
-    button.on_click(reset)
-    draw()
-    return widgets.VBox([*controls.values(), button, message, picture])
+    return Explorer(panel, controls)
 
 
 def slider(low, high, value, label: str, *, step=None):

@@ -1,0 +1,137 @@
+// Plays a notebook's stage: moves clip, slider, clock and camera, all of it in the browser.
+//
+// stage_timeline.py hands this function to the page, with the widget manager and what it needs to
+// know. Models are changed with `set` alone: the views follow, and nothing is sent to the kernel.
+// With a song the sound is the clock: what is drawn follows audio.currentTime.
+async (manager, facts) => {
+  const part = {};
+  for (const [name, id] of Object.entries(facts.models)) {
+    while (!manager.has_model(id)) await new Promise((go) => setTimeout(go, 50));
+    part[name] = await manager.get_model(id);
+    await part[name].initPromise; // three.js' objects come later than their models
+  }
+  const { renderer, scene, mixer, action, middle, camera, orbit } = part;
+  const { play, slider, clock, speed, loop, views } = part;
+  const last = facts.frames - 1;
+  const duration = facts.frames / facts.fps;
+
+  // ------------------------------------------------------------------------------------- time
+
+  const own = { at: 0, since: 0 }; // where there is no song
+  let playing = false;
+  let audio = null;
+  if (part.sound) {
+    audio = new Audio(URL.createObjectURL(new Blob([part.sound.get("value")], { type: "audio/mpeg" })));
+    audio.onerror = () => (audio = null);
+    part.heard.on("change:value", () => audio && (audio.muted = !part.heard.get("value")));
+    audio.muted = !part.heard.get("value");
+  }
+  const rate = () => Number(speed.get("_options_labels")[speed.get("index")]);
+
+  function now() {
+    if (audio) return audio.currentTime;
+    return own.at + (playing ? (rate() * (performance.now() - own.since)) / 1000 : 0);
+  }
+
+  function seek(time) {
+    if (audio) audio.currentTime = time;
+    Object.assign(own, { at: time, since: performance.now() });
+  }
+
+  // ----------------------------------------------------------------------------------- camera
+
+  const walked = middle.obj.position.clone();
+
+  function look() {
+    const view = facts.views[views.get("index")];
+    camera.obj.position.fromArray(view.eye);
+    orbit.obj.target.fromArray(view.target);
+    orbit.obj.enableRotate = view.turns;
+    walked.set(0, 0, 0);
+    follow();
+  }
+
+  // the eye walks as the middle of the group does; from where it looks is left to the mouse
+  function follow() {
+    if (facts.views[views.get("index")].follows) {
+      const step = middle.obj.position.clone().sub(walked);
+      camera.obj.position.add(step);
+      orbit.obj.target.add(step);
+      walked.add(step);
+    }
+    orbit.obj.update();
+  }
+
+  // ---------------------------------------------------------------------------------- playing
+
+  let moving = false; // it is we who move the slider
+
+  function show(time) {
+    const frame = Math.min(time * facts.fps, last);
+    action.obj.time = frame;
+    mixer.obj.update(0);
+    follow();
+    moving = true;
+    slider.set("value", Math.floor(frame + 1e-3)); // 31/30 s is frame 31
+    moving = false;
+    clock.set("value", `${time.toFixed(2)} s · frame ${slider.get("value")}`);
+    scene.trigger("rerender", scene, {});
+  }
+
+  function start() {
+    if (now() >= duration - 1 / facts.fps) seek(0);
+    Object.assign(own, { at: now(), since: performance.now() });
+    playing = true;
+    if (audio) {
+      audio.playbackRate = rate();
+      audio.play().catch(() => audio && stop());
+    }
+    say();
+    requestAnimationFrame(tick);
+  }
+
+  function stop() {
+    own.at = now();
+    playing = false;
+    if (audio) audio.pause();
+    show(Math.min(now(), duration));
+    play.set("value", false);
+    slider.save_changes(); // now the kernel may know where we are
+    say();
+  }
+
+  // later, as a button that is being pressed does not listen
+  function say() {
+    setTimeout(() => {
+      play.set("description", playing ? "❚❚ Pause" : "▶ Play");
+      play.save_changes();
+    });
+  }
+
+  function tick() {
+    if (!playing) return;
+    if (!Object.keys(renderer.views ?? {}).length) return stop(); // the cell was run again
+    if (now() >= duration - 0.5 / facts.fps) {
+      if (!loop.get("value")) return stop();
+      seek(0);
+    }
+    show(now());
+    requestAnimationFrame(tick);
+  }
+
+  play.on("change:value", () => play.get("value") !== playing && (playing ? stop() : start()));
+  slider.on("change:value", () => {
+    if (moving) return;
+    seek(slider.get("value") / facts.fps);
+    show(slider.get("value") / facts.fps);
+  });
+  speed.on("change:index", () => {
+    if (audio) audio.playbackRate = rate();
+    else seek(now());
+  });
+  views.on("change:index", () => (look(), show(Math.min(now(), duration))));
+  window.dancediff = { audio: () => audio, state: () => ({ time: now(), frame: action.obj.time, playing }) };
+  action.obj.play();
+  seek(slider.get("value") / facts.fps);
+  show(slider.get("value") / facts.fps);
+}

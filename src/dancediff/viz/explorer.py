@@ -1,0 +1,165 @@
+"""Sliders around a panel, with a progress bar, Cancel and A/B comparison for panels that dance.
+
+A panel is a function from numbers to a Figure, or to a Figure and the `Motion` it shows. One that
+takes ``report`` is slow: it runs in a thread, once its button is pressed, calls
+``report(done, total)`` as it goes, and is stopped there when somebody cancels.
+"""
+
+import inspect
+import threading
+
+from dancediff.viz.panels import as_png
+
+_WIDE = {"max_width": "100%"}
+
+
+class Cancelled(Exception):
+    """Raised out of ``report`` once Cancel was pressed or a newer wish has come."""
+
+
+class Explorer:
+    """What `dancediff.viz.panels.explore` returns: controls, buttons, and what the panel drew.
+
+    ``box`` is the widget that a notebook shows.
+    """
+
+    def __init__(self, panel, controls: dict):
+        import ipywidgets as widgets
+
+        self.panel, self.controls = panel, controls
+        self.slow = "report" in inspect.signature(panel).parameters
+        self.dance = self.dance_a = None
+        self._first = {name: control.value for name, control in controls.items()}
+        self._wish, self._busy, self._thread = 0, threading.Lock(), None
+
+        self.run = _button("Dance", "play", self.draw)
+        self.reset = _button("Reset", "undo", self._reset)
+        self.pin = _button("Pin as A", "thumb-tack", self._pin, disabled=True)
+        self.watch = _button("Watch", "eye", self._watch, disabled=True)
+        self.cancel = _button("Cancel", "stop", self._cancel)
+        self.bar = widgets.IntProgress(layout={"width": "300px"})
+        self.message = widgets.HTML()
+        self.pinned = widgets.Image(format="png", layout=_WIDE | {"display": "none"})
+        self.picture = widgets.Image(format="png", layout=_WIDE)
+        self.stage = widgets.VBox()
+        _show(False, self.cancel, self.bar, self.watch)
+        _show(self.slow, self.run)
+
+        buttons = widgets.HBox(
+            [self.run, self.reset, self.pin, self.watch, self.bar, self.cancel],
+            layout={"flex_flow": "row wrap"},
+        )
+        shown = [getattr(control, "box", control) for control in controls.values()]
+        self.box = widgets.VBox(
+            [*shown, buttons, self.message, self.picture, self.pinned, self.stage]
+        )
+        for control in controls.values():
+            control.observe(self._changed, names="value")
+        if not self.slow:
+            self.draw()
+
+    def _ipython_display_(self) -> None:
+        from IPython.display import display
+
+        display(self.box)
+
+    def values(self) -> dict:
+        """What the controls say now, by name."""
+        return {name: control.value for name, control in self.controls.items()}
+
+    def draw(self, *_) -> None:
+        """Run the panel; a slow one in a thread, after the one that still runs has stopped."""
+        self._wish += 1
+        if self.slow:
+            self._thread = threading.Thread(target=self._work, args=(self._wish,), daemon=True)
+            self._thread.start()
+        else:
+            self._attempt(self._wish, self.values())
+
+    def wait(self) -> None:
+        """Until the newest wish is fulfilled, cancelled or has failed."""
+        if self._thread is not None:
+            self._thread.join()
+
+    def _changed(self, _) -> None:
+        if not self.slow or self.picture.value:  # a slow one starts when it is asked to
+            self.draw()
+
+    def _work(self, wish: int) -> None:
+        with self._busy:
+            if wish != self._wish:
+                return
+            self.message.value = ""
+            self.bar.value, self.bar.max = 0, 1
+            _show(True, self.cancel, self.bar)
+            self._attempt(wish, self.values(), report=self._reporter(wish))
+            _show(False, self.cancel, self.bar)
+
+    def _reporter(self, wish: int):
+        def report(done: int, total: int) -> None:
+            if wish != self._wish:
+                raise Cancelled
+            self.bar.max, self.bar.value = total, done
+
+        return report
+
+    def _attempt(self, wish: int, values: dict, **more) -> None:
+        try:
+            made = self.panel(**values, **more)
+        except Cancelled:
+            pass  # who cancelled has said so
+        except Exception as err:
+            self.message.value = f"<pre>{type(err).__name__}: {err}</pre>"
+        else:
+            if wish == self._wish:
+                self._take(made)
+
+    def _take(self, made) -> None:
+        figure, self.dance = made if isinstance(made, tuple) else (made, None)
+        self.picture.value, self.message.value = as_png(figure), ""
+        self.pin.disabled = False
+        self.watch.disabled = self.dance is None
+        _show(self.dance is not None, self.watch)
+
+    def _cancel(self, _) -> None:
+        self._wish += 1
+        self.message.value = "cancelled"
+
+    def _reset(self, _) -> None:
+        for control in self.controls.values():
+            control.unobserve(self._changed, names="value")
+        for name, control in self.controls.items():
+            control.value = self._first[name]
+            control.observe(self._changed, names="value")
+        self._changed(None)
+
+    def _pin(self, _) -> None:
+        """Keep what is shown now as A below what comes, or let it go again."""
+        keep = self.pin.description == "Pin as A"
+        self.pinned.value = self.picture.value if keep else b""
+        self.dance_a = self.dance if keep else None
+        self.pin.description = "Unpin A" if keep else "Pin as A"
+        self.pinned.layout.display = "" if keep else "none"
+
+    def _watch(self, _) -> None:
+        """The dance on a stage; beside it A, if one is pinned, with the same clock."""
+        from dancediff.viz.stage import stage
+
+        a, b = self.dance_a, self.dance
+        shown = stage(b) if a is None or a is b else stage(a, beside=b)
+        self.stage.children = (shown,)
+
+
+def _button(text: str, icon: str, on_click, *, disabled: bool = False):
+    import ipywidgets as widgets
+
+    button = widgets.Button(
+        description=text, icon=icon, disabled=disabled, layout={"width": "110px"}
+    )
+    button.on_click(on_click)
+    return button
+
+
+def _show(shown: bool, *parts) -> None:
+    for part in parts:
+        part.layout.display = "" if shown else "none"

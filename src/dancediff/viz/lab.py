@@ -1,0 +1,251 @@
+"""Panels that dance: sampling, formations and swaps, long dances, Lodge's cues.
+
+Each asks a model for a dance and returns a Figure whose title says what came of it, and the dance.
+They take some seconds; ``report(done, total)`` is called after every denoising step, and whatever
+it raises stops them. `dancediff.viz.panels.explore` puts controls, a progress bar and Cancel
+around them; `functools.partial` binds what has no control:
+
+    explore(partial(swap_panel, model, song, dancers=3), swap=choice(...), seed=slider(...))
+"""
+
+import numpy as np
+import torch
+
+from dancediff.diffusion.samplers import sampling_times
+from dancediff.lodge.choreography import make_cues
+from dancediff.lodge.guidance import guided_steps
+from dancediff.lodge.parallel import layout_of
+from dancediff.lodge.song_structure import find_sections
+from dancediff.lodge.stitch import plan
+from dancediff.metrics.rhythm import beat_alignment
+from dancediff.metrics.swaps import final_order
+from dancediff.motion.representation import LODGE
+from dancediff.music.beats import beat_frames
+from dancediff.viz.body import body_points
+from dancediff.viz.charts import HARD, SOFT
+from dancediff.viz.palette import INK, MUTED, dancer_color
+from dancediff.viz.panels import new_figure
+from dancediff.viz.plots import plot_energy, plot_filmstrip, plot_floor_paths, plot_moment
+from dancediff.viz.projection import follow
+from dancediff.viz.style import bare, set_title
+
+GUESSES = 6  # moments of the way from noise to dance that are shown
+NEAR = 0.05  # metres from the finished dance at which a guess is as good as it
+
+
+def dance_panel(
+    model, song, *, dancers: int = 3, seed: int = 0, seconds: float = 5.0, steps=10, report=None
+):
+    """A dance as a filmstrip of four moments -> Figure, Motion."""
+    wish = {"dancers": dancers, "seconds": seconds, "seed": seed, "steps": steps}
+    dance = model.generate(song, **wish, progress=report or False)
+    title = f"seed {seed}: {dancers} dancers, {steps} denoising steps"
+    return plot_filmstrip(dance, count=4, title=title), dance
+
+
+def sampling_panel(
+    model,
+    song,
+    *,
+    steps: int = 20,
+    sampler: str = "dpm",
+    eta: float = 0.0,
+    guidance: float = 2.0,
+    autoguidance: float | None = None,
+    seed: int = 0,
+    dancers: int = 2,
+    seconds: float = 5.0,
+    report=None,
+):
+    """What the model takes the dance for on the way from noise to it -> Figure, Motion."""
+    guesses = []
+    dance = model.generate(
+        song,
+        dancers=dancers,
+        seconds=seconds,
+        steps=steps,
+        sampler=sampler,
+        eta=eta,
+        guidance=guidance,
+        autoguidance=autoguidance,
+        seed=seed,
+        progress=report or False,
+        watch=lambda done, total, guess: guesses.append(guess),
+    )
+    last = guesses[-1].joints()
+    away = [(guess.joints() - last).norm(dim=-1).mean().item() for guess in guesses]
+    middle = dance.num_frames // 2
+    figure = new_figure(8.2, 4.2)
+    top, bottom = figure.subfigures(2, 1, height_ratios=[1, 1.1])
+    shown = np.unique(np.linspace(0, len(guesses) - 1, GUESSES).round().astype(int))
+    camera = follow(body_points(guesses[-1])[:, middle : middle + 1], (320, 320), margin=0.8)[0]
+    for ax, k in zip(top.subplots(1, len(shown), squeeze=False)[0], shown, strict=True):
+        plot_moment(body_points(guesses[k])[:, middle], camera, ax=ax, numbers=False)
+        ax.set_title(f"step {k + 1}", loc="left", fontsize=9, color=MUTED, pad=3)
+    ax = bare(bottom.subplots())
+    ax.plot(range(1, len(away) + 1), 100 * np.array(away), "o-", ms=3, color=dancer_color(0))
+    ax.axhline(100 * NEAR, color=MUTED, lw=0.8, ls="--")
+    ax.set(xlabel="step", ylabel="from the dance (cm)", ylim=(0, None), xlim=(0.5, len(away) + 0.5))
+    there = next(k for k in range(len(away)) if max(away[k:]) < NEAR) + 1
+    set_title(ax, f"From step {there} of {len(away)} on, the guess is within 5 cm of the dance")
+    return figure, dance
+
+
+def swap_panel(
+    model,
+    song,
+    *,
+    swap="102",
+    start=None,
+    seed: int = 0,
+    seconds: float = 5.0,
+    steps=20,
+    report=None,
+):
+    """Ask for a new order from left to right, such as "201", and see who goes where.
+
+    ``swap``: who stands where in the end, counted from 0 on the left at the start; ``start``: a
+    place (x, z) in metres for each dancer, or None -> Figure, Motion.
+    """
+    order = [int(k) for k in swap]
+    dance = model.generate(
+        song,
+        dancers=len(order),
+        swap=order,
+        start=start,
+        seed=seed,
+        seconds=seconds,
+        steps=steps,
+        progress=report or False,
+    )
+    figure = new_figure(8.2, 3.2)
+    floor, lanes = figure.subplots(1, 2, width_ratios=[1, 1.3])
+    plot_floor_paths(dance, ax=floor, title="Seen from above")
+    time = np.arange(dance.num_frames) / dance.fps
+    for k, x in enumerate(dance.root[..., 0].numpy()):
+        lanes.plot(time, x, color=dancer_color(k), lw=2, label=str(k + 1))
+    bare(lanes).set(xlabel="time (s)", ylabel="x lateral (m)")
+    found = final_order(dance.root)
+    said = "They obey" if list(found) == order else "They do not obey"
+    set_title(lanes, f"{said}: asked {swap}, got {''.join(map(str, found))}")
+    return figure, dance
+
+
+def long_panel(
+    model,
+    song,
+    *,
+    overlap: int = 75,
+    pinning: str = "renoise",
+    seam: str = "copy",
+    seed: int = 0,
+    seconds: float = 12.0,
+    dancers: int = 2,
+    steps: int = 10,
+    report=None,
+):
+    """A dance of several segments, and how far anybody goes in one frame -> Figure, Motion."""
+    dance = model.generate(
+        song,
+        dancers=dancers,
+        seconds=seconds,
+        steps=steps,
+        seed=seed,
+        overlap=overlap,
+        pinning=pinning,
+        seam=seam,
+        progress=report or False,
+    )
+    time = np.arange(dance.num_frames) / dance.fps
+    step = 100 * dance.joints().diff(dim=1).norm(dim=-1).amax((0, 2)).numpy()
+    figure = new_figure(8.2, 3.6)
+    lanes, steps_ax = figure.subplots(2, 1, sharex=True)
+    for k, x in enumerate(dance.root[..., 0].numpy()):
+        lanes.plot(time, x, color=dancer_color(k), lw=1.6)
+    steps_ax.plot(time[1:], step, color=INK, lw=1)
+    for ax in (lanes, steps_ax):
+        for at in dance.meta["seams"]:
+            ax.axvline(at / dance.fps, color=MUTED, lw=1, ls="--")
+    bare(lanes).set(ylabel="x lateral (m)")
+    bare(steps_ax).set(xlabel="time (s), seams dashed", ylabel="largest step (cm)", ylim=(0, None))
+    at_seams = [seam - 1 for seam in dance.meta["seams"]]
+    if at_seams:
+        found = (
+            f"largest step at a seam {step[at_seams].max():.1f} cm, anywhere {step.max():.1f} cm"
+        )
+    else:
+        found = "one segment, no seam"
+    set_title(lanes, f"overlap {overlap}, {pinning}: {found}")
+    return figure, dance
+
+
+def cue_panel(
+    model,
+    song,
+    *,
+    genre: str = "hiphop",
+    soft: float = 1.0,
+    mirror: bool = True,
+    beat_align: bool = True,
+    seed: int = 1,
+    seconds: float = 17.0,
+    steps: int = 15,
+    report=None,
+):
+    """A Lodge dance, its cues, and in which steps they are held -> Figure, Motion."""
+    from matplotlib.colors import ListedColormap
+
+    dance = model.generate(
+        song,
+        genre=genre,
+        soft=soft,
+        mirror=mirror,
+        beat_align=beat_align,
+        seed=seed,
+        seconds=seconds,
+        steps=steps,
+        progress=report or False,
+    )
+    hard, soft_frames = cue_frames(model, song, dance.num_frames, mirror, beat_align)
+    times = sampling_times("dpm", steps, model.abar)
+    held = guided_steps(times, soft)
+    ribbon = np.zeros((len(times) - 1, dance.num_frames))
+    ribbon[:held, soft_frames] = 1
+    ribbon[:, hard] = 2
+    figure = new_figure(8.2, 3.8)
+    energy, cues = figure.subplots(2, 1, sharex=True, height_ratios=[1.3, 1])
+    beats = song.beats()
+    plot_energy(dance, ax=energy, beats=beats, seams=dance.meta["seams"])
+    colors = ListedColormap(["white", SOFT, HARD])  # as plot_energy has them
+    extent = (0, dance.duration, len(times) - 0.5, 0.5)
+    cues.imshow(ribbon, aspect="auto", cmap=colors, vmin=0, vmax=2, extent=extent, alpha=0.6)
+    bare(cues).set(xlabel="time (s)", ylabel="denoising step")
+    energy.set_xlabel("")
+    score = beat_alignment(dance.joints(), beats[beats < dance.duration], direction="music")
+    set_title(energy, f"{genre}, s = {soft:g}: BAS {score:.2f}")
+    set_title(
+        cues, f"Soft cues (blue) are held in {held} of {len(times) - 1} steps, hard ones in all"
+    )
+    return figure, dance
+
+
+def cue_frames(
+    model, song, frames: int, mirror: bool, beat_align: bool
+) -> tuple[np.ndarray, np.ndarray]:
+    """Which frames of a dance lie under hard and under soft cues, two bool (f,)."""
+    layout = layout_of(model.global_stage)
+    segments, M = plan(frames, layout), song.features()
+    empty = torch.zeros(len(segments.globals), layout.num_primitives, layout.length, LODGE.dim)
+    cues = make_cues(
+        empty,
+        segments,
+        beats=beat_frames(M),
+        sections=find_sections(M[:frames]),
+        mirror=mirror,
+        beat_align=beat_align,
+    )
+    whole = np.zeros((2, segments.locals[-1] + layout.local_frames), bool)
+    for start, *masks in zip(segments.locals, cues.hard, cues.soft, strict=True):
+        for row, mask in zip(whole, masks, strict=True):
+            row[start : start + len(mask)] |= mask.numpy()
+    return whole[0, :frames], whole[1, :frames]

@@ -1,0 +1,92 @@
+"""What the browser tests share: JupyterLab, waiting for a page, and looking at pictures of it."""
+
+import io
+import os
+import socket
+import subprocess
+import sys
+import time
+from contextlib import closing, contextmanager
+from urllib.error import URLError
+from urllib.request import urlopen
+
+import numpy as np
+from PIL import Image
+
+SLOW = float(os.environ.get("DANCEDIFF_SLOW", "4"))  # how many times longer a busy machine may take
+
+
+def until(page, what: str, seconds: float = 60.0) -> None:
+    """Wait until an expression is true; Playwright's own way is stopped by a page's policy."""
+    for _ in range(round(seconds * 10)):
+        if page.evaluate(what):
+            return
+        page.wait_for_timeout(100)
+    raise AssertionError(f"in {seconds:g} s it did not become true that {what}")
+
+
+def picture(page, selector: str) -> np.ndarray:
+    """What an element looks like, (height, width, 3)."""
+    shot = page.locator(selector).first.screenshot()
+    return np.asarray(Image.open(io.BytesIO(shot)).convert("RGB")).astype(int)
+
+
+def changed(a: np.ndarray, b: np.ndarray) -> float:
+    """Share of the pixels that are another colour."""
+    return (np.abs(a - b).max(-1) > 24).mean()
+
+
+def num_colors(image: np.ndarray) -> int:
+    """How many colours there are; a blank page has one."""
+    return len(np.unique(image.reshape(-1, 3), axis=0))
+
+
+@contextmanager
+def serve_lab(folder, cells):
+    """A JupyterLab on 127.0.0.1 with one notebook of these cells; gives its address."""
+    import nbformat
+
+    code = [nbformat.v4.new_code_cell(cell.strip()) for cell in cells]
+    kernel = {"kernelspec": {"name": "python3", "display_name": "Python 3"}}  # else Lab asks
+    (folder / "work").mkdir()
+    book = nbformat.v4.new_notebook(cells=code, metadata=kernel)
+    nbformat.write(book, folder / "work" / "test.ipynb")
+    with closing(socket.socket()) as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    own = ("JUPYTER_CONFIG_DIR", "JUPYTER_DATA_DIR", "JUPYTER_RUNTIME_DIR", "IPYTHONDIR")
+    command = [
+        *(sys.executable, "-m", "jupyterlab", "--no-browser", "--allow-root"),
+        *("--ip=127.0.0.1", f"--port={port}", "--ServerApp.port_retries=0"),
+        *("--IdentityProvider.token=", "--LabApp.news_url="),
+        f"--ServerApp.root_dir={folder / 'work'}",
+    ]
+    with (folder / "log.txt").open("w") as log:
+        env = os.environ | {name: str(folder / name) for name in own}
+        server = subprocess.Popen(command, env=env, stdout=log, stderr=log)
+    try:
+        _wait_for(f"http://127.0.0.1:{port}/api", server, folder / "log.txt")
+        yield f"http://127.0.0.1:{port}"
+    finally:
+        server.terminate()
+        server.wait(30)
+
+
+def _wait_for(url, server, log):
+    for _ in range(round(30 * SLOW)):
+        assert server.poll() is None, log.read_text()
+        try:
+            return urlopen(url, timeout=10).close()
+        except URLError:
+            time.sleep(1)
+    raise AssertionError(f"JupyterLab does not answer:\n{log.read_text()}")
+
+
+def open_notebook(page, address: str, cells: int) -> None:
+    """Go to the notebook, wait for its kernel, and select its first cell."""
+    page.goto(f"{address}/lab/tree/test.ipynb?reset")
+    all_there = f"document.querySelectorAll('.jp-Notebook .jp-CodeCell').length == {cells}"
+    until(page, all_there, 30 * SLOW)
+    # the kernel is there once its name has a round beside it that says Idle
+    until(page, "document.body.innerText.includes('| Idle')", 30 * SLOW)
+    page.locator(".jp-Notebook .jp-CodeCell").first.click()
