@@ -1,6 +1,7 @@
 """The library's parts stand in one order, and `import dancediff` is light."""
 
 import ast
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -110,3 +111,13 @@ def test_public_names_resolve():
         assert getattr(dancediff, name) is not None
     with pytest.raises(AttributeError, match="nothing"):
         dancediff.nothing  # noqa: B018
+
+
+@pytest.mark.parametrize("own, wanted", [(None, "5000"), ("7", "7")])
+def test_torchs_threads_do_not_wait_for_ever(own, wanted):
+    """On a busy machine threads that spin without end make a dance five times as slow."""
+    env = {name: value for name, value in os.environ.items() if name != "GOMP_SPINCOUNT"}
+    env |= {"GOMP_SPINCOUNT": own} if own else {}
+    code = "import dancediff, os; print(os.environ['GOMP_SPINCOUNT'])"
+    found = subprocess.run([sys.executable, "-c", code], env=env, capture_output=True, text=True)
+    assert found.stdout.strip() == wanted, found.stderr

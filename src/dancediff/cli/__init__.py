@@ -6,7 +6,6 @@ input; the last line then names the value and the fix. torch is imported inside 
 
 import contextlib
 import io
-import os
 import sys
 from typing import Annotated
 
@@ -19,9 +18,6 @@ from dancediff.cli.explain import explain
 def main(args: list[str] | None = None) -> int:
     """Run a command; returns the exit status."""
     args = sys.argv[1:] if args is None else args
-    # Before torch is imported: threads wait for each other actively, but not for long. Measured on
-    # two cores, 5 s of dance: 3.2 s (2.8 by default), and 9 s (51) beside another busy program.
-    os.environ.setdefault("GOMP_SPINCOUNT", "5000")
     try:
         _parse(args).run()
     except ValueError as err:
