@@ -119,5 +119,7 @@ def test_torchs_threads_do_not_wait_for_ever(own, wanted):
     env = {name: value for name, value in os.environ.items() if name != "GOMP_SPINCOUNT"}
     env |= {"GOMP_SPINCOUNT": own} if own else {}
     code = "import dancediff, os; print(os.environ['GOMP_SPINCOUNT'])"
-    found = subprocess.run([sys.executable, "-c", code], env=env, capture_output=True, text=True)
+    found = subprocess.run(
+        [sys.executable, "-c", code], env=env, capture_output=True, text=True, check=False
+    )
     assert found.stdout.strip() == wanted, found.stderr
