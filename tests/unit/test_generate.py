@@ -105,7 +105,8 @@ def test_ddpm_takes_all_steps():
 
 
 def test_bfloat16_dance_is_close(model):
-    plain, fast = dance(model, seconds=2), dance(model, seconds=2, dtype=torch.bfloat16)
+    wish = {"seconds": 2, "feet": "free"}  # rules decide yes or no; what differs is rounding alone
+    plain, fast = dance(model, **wish), dance(model, **wish, dtype=torch.bfloat16)
     assert (plain.root - fast.root).abs().max() < 0.1
     assert not torch.equal(plain.root, fast.root)
 

@@ -85,7 +85,8 @@ def test_options_matter(model):
 
 
 def test_chunks_are_the_same_dance(model):
-    whole, parts = (make(model, at_once=k) for k in (None, 1))
+    # free: rules decide yes or no, so those of planted feet multiply an untrained model's last digit
+    whole, parts = (make(model, at_once=k, feet="free") for k in (None, 1))
     assert (whole.pose - parts.pose).abs().max() < 1e-4
 
 
@@ -256,7 +257,7 @@ def test_two_stages_make_one_model(model):
 
 def test_bfloat16_dance_is_close(model):
     # no noise in between: what differs is rounding alone
-    options = {"steps": 4, "eta": 0.0, "guidance": 1.0}
+    options = {"steps": 4, "eta": 0.0, "guidance": 1.0, "feet": "free"}
     exact, short = make(model, **options), make(model, dtype=torch.bfloat16, **options)
     far = make(model, seed=9, **options)
     error = (exact.joints() - short.joints()).norm(dim=-1).mean()

@@ -110,7 +110,7 @@ def test_soft_cues_pull_the_more_the_longer_they_are_held(stages):
     style = style_tokens(fine, 1, 2, how)
 
     def miss(s):
-        x = sample_locals(fine, segments.local_music(M), cues, style, how, soft=s)
+        x = sample_locals(fine, segments.local_music(M), cues, style, how, soft=s, feet="free")
         return (x - cues.value)[soft].square().mean()
 
     assert miss(1.0) < miss(0.0)
