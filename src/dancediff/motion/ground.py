@@ -16,11 +16,9 @@ from dancediff.motion.representation import TCDIFFPP, MotionSpec, joints_of
 from dancediff.motion.skeleton import FOOT_JOINTS
 
 TOE_CLEARANCE = 0.02  # metres: height of the toe joint of a foot that stands flat
-GRAVITY = 9.81
+GRAVITY = 9.81  # metres a second squared
 AIR = 0.02  # metres: a body higher than that is in the air
-TUCK = (
-    0.4  # feet rise less than the body, which only counts joints here, if legs reach for the floor
-)
+LEGS_REACH = 0.4  # of the height of a throw that feet rise at least; legs reach for the floor
 SMOOTH = 50.0  # what a change of v's speed costs, a step of 1 costs 1
 HELD = 1e8  # what lifting a body costs where its height is known
 
@@ -60,7 +58,7 @@ def flights(h: Tensor, *, fps: float = 30.0) -> Tensor:
     zeros = torch.zeros(*h.shape[:-1], h.shape[-1] + 1, dtype=h.dtype, device=h.device)
     peak = zeros.scatter_reduce(-1, run, h.where(air, zeros[..., :-1]), "amax").gather(-1, run)
     T = zeros.scatter_add(-1, run, air.to(h.dtype)).gather(-1, run) / fps
-    return air & (peak >= TUCK * GRAVITY * T**2 / 8)
+    return air & (peak >= LEGS_REACH * GRAVITY * T**2 / 8)
 
 
 def grounding_shift(h: Tensor, held: Tensor | None = None) -> Tensor:

@@ -46,7 +46,7 @@ def generate(
     """Dance to a song. See `dancediff.tcdiffpp.model.TCDiffPP.generate`, which calls this.
 
     ``draw(model, song, wish, report=, dtype=)`` replaces Long Group Diffusion Sampling; it returns
-    features (n, F, d) in metres.
+    features (n, F, d) in metres. ``watch`` is for the latter only.
     """
     wish = _prepared(model, song, device, dtype, options)
     draw = draw or partial(draw_long_group, watch=watch)

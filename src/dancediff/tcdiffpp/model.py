@@ -210,7 +210,8 @@ class TCDiffPP(nn.Module):
           else must hold (`dancediff.tcdiffpp.control`): paths, parts of another dance.
         - ``progress``: True for a bar, or a function (done, total).
         - ``watch``: a function (done, total, guess) that gets to see what the model takes the
-          segment for after every step, a `Motion`; an exception it raises stops the dance.
+          segment for after every step, a `Motion` (dancers as the network numbers them); an
+          exception it raises stops the dance.
         - ``device``: move the model there first.  ``dtype``: torch.bfloat16 is about twice as fast
           on processors that have it.
 

@@ -7,6 +7,7 @@ takes ``report`` is slow: it runs in a thread, once its button is pressed, calls
 
 import inspect
 import threading
+from html import escape
 
 from dancediff.viz.panels import as_png
 
@@ -109,7 +110,7 @@ class Explorer:
         except Cancelled:
             pass  # who cancelled has said so
         except Exception as err:
-            self.message.value = f"<pre>{type(err).__name__}: {err}</pre>"
+            self.message.value = f"<pre>{type(err).__name__}: {escape(str(err))}</pre>"
         else:
             if wish == self._wish:
                 self._take(made)
