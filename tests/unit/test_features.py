@@ -47,6 +47,20 @@ def test_binary_columns_and_number_of_beats(song):
     assert M[:, 34].sum() == pytest.approx(len(beats), abs=1)
 
 
+def test_a_fading_song_has_beats_to_its_end_and_none_in_silence():
+    rate, period = SAMPLE_RATE, SAMPLE_RATE // 2  # 120 beats a minute
+    y = np.zeros(40 * rate, dtype=np.float32)
+    starts = np.arange(3 * rate, 33 * rate, period)  # 3 s of silence before, 7 s after
+    loud = np.geomspace(1, 0.01, len(starts))
+    click = np.sin(2 * np.pi * 440 * np.arange(2000) / rate) * np.exp(-np.arange(2000) / 400)
+    for start, level in zip(starts, loud, strict=True):
+        y[start : start + 2000] = level * click
+    beats = np.flatnonzero(music_features(y)[:, BEATS].ravel()) / 30
+    assert beats[0] == pytest.approx(3, abs=0.6)
+    assert beats[-1] == pytest.approx(32.5, abs=0.6)  # librosa's own rule ends them earlier
+    assert np.diff(beats) == pytest.approx(0.5, abs=0.1)
+
+
 def test_silence_is_finite():
     assert np.isfinite(music_features(np.zeros(30000, dtype=np.float32))).all()
 
