@@ -12,6 +12,7 @@ import torch
 
 from dancediff.data.choreographer import choreograph
 from dancediff.export.gltf import load_glb, save_glb
+from dancediff.export.skin import body_skin, skinned_points
 from dancediff.export.solids import body_solids
 from dancediff.motion.motion import Motion
 from dancediff.viz.palette import dancer_color
@@ -32,8 +33,14 @@ def path(dance, tmp_path_factory):
     return save_glb(dance, tmp_path_factory.mktemp("glb") / "dance.glb")
 
 
-def test_comes_back_within_a_millimetre(dance, path):
-    again = Motion.load(path)
+@pytest.fixture(scope="module")
+def dressed(dance, tmp_path_factory):
+    return dance.save(tmp_path_factory.mktemp("mesh") / "dance.glb", body="mesh")
+
+
+@pytest.mark.parametrize("which", ["path", "dressed"])
+def test_comes_back_within_a_millimetre(dance, which, request):
+    again = Motion.load(request.getfixturevalue(which))
     assert (again.num_dancers, again.num_frames, again.fps) == (3, dance.num_frames, 30.0)
     assert (again.joints() - dance.joints()).norm(dim=-1).max() < 1e-3
 
@@ -88,6 +95,60 @@ def test_every_dancer_has_her_colour_and_shares_the_shape(dance, path):
     assert len({m.primitives[0].attributes.POSITION for m in knees}) == 1
 
 
+def accessor(book, number, kind, shape):
+    view = book.bufferViews[book.accessors[number].bufferView]
+    count = book.accessors[number].count * int(np.prod(shape))
+    return np.frombuffer(book.binary_blob(), kind, count, view.byteOffset).reshape(-1, *shape)
+
+
+def test_the_skin_is_where_skinning_by_hand_puts_it(dance, dressed):
+    book = pygltflib.GLTF2.load(str(dressed))
+    assert [book.nodes[n].name for n in book.scenes[0].nodes[3:]] == [
+        f"dancer {k} body" for k in (1, 2, 3)
+    ]
+    skin = book.skins[1]
+    unbind = accessor(book, skin.inverseBindMatrices, "<f4", (4, 4)).transpose(0, 2, 1)
+    world = {}
+
+    def walk(number, parent):
+        node, here = book.nodes[number], np.eye(4)
+        here[:3, :3], here[:3, 3] = quaternion_matrix(node.rotation), node.translation
+        world[number] = parent @ here
+        for child in node.children or []:
+            walk(child, world[number])
+
+    walk(skin.skeleton, np.eye(4))  # nodes stand as in the first frame
+    attributes = book.meshes[book.nodes[book.scenes[0].nodes[4]].mesh].primitives[0].attributes
+    points = accessor(book, attributes.POSITION, "<f4", (3,))
+    follows = accessor(book, attributes.JOINTS_0, "<u2", (4,))
+    weights = accessor(book, attributes.WEIGHTS_0, "<f4", (4,))
+    turn = np.stack([world[j] for j in skin.joints]) @ unbind
+    blend = (turn[follows] * weights[..., None, None]).sum(1)
+    there = np.einsum("vab,vb->va", blend, np.c_[points, np.ones(len(points))])[:, :3]
+    np.testing.assert_allclose(there, skinned_points(dance.frames(0, 1))[1, 0], atol=1e-4)
+
+
+def test_the_skin_is_a_light_human_body_around_our_joints(dance):
+    skin = body_skin()
+    low, high = skin.points.min(0), skin.points.max(0)
+    assert len(skin.triangles) <= 8000
+    np.testing.assert_allclose(np.linalg.norm(skin.normals, axis=1), 1, atol=1e-5)
+    assert 1.6 < high[1] - low[1] < 1.9 and 1.6 < high[0] - low[0] < 2.0
+    a, b, c = (skin.points[skin.triangles[:, i]] for i in range(3))
+    volume = (a * np.cross(b, c)).sum() / 6
+    assert 0.045 < volume < 0.09  # cubic metres; a person of 70 kg has 0.07
+    points, joints = skinned_points(dance), dance.joints().numpy()
+    near = np.linalg.norm(points[:, ::30, :, None] - joints[:, ::30, None], axis=-1).min(2)
+    assert near.max() < 0.13  # every joint is under the skin
+    standing = points[..., 1].min(-1)
+    assert abs(np.median(standing)) < 0.02  # soles are on the floor
+
+
+def test_an_unknown_body_is_refused(dance, tmp_path):
+    with pytest.raises(ValueError, match="body='ghost' is unknown"):
+        dance.save(tmp_path / "dance.glb", body="ghost")
+
+
 @pytest.mark.parametrize("joint", ["root", "lknee", "head", "face"])
 def test_solids_are_closed_to_the_outside(joint):
     points, normals, triangles = body_solids()[joint]
@@ -104,7 +165,9 @@ def test_solids_are_closed_to_the_outside(joint):
     not REQUIRED and not (VALIDATOR.is_dir() and shutil.which("node")),
     reason="needs node: npm install --no-package-lock --prefix tests/js",
 )
-def test_khronos_validator_has_nothing_to_say(path):
+@pytest.mark.parametrize("which", ["path", "dressed"])
+def test_khronos_validator_has_nothing_to_say(which, request):
+    path = request.getfixturevalue(which)
     command = ["node", str(TOOLS / "validate_gltf.js"), str(path)]
     out = subprocess.run(command, capture_output=True, text=True, check=True, timeout=120).stdout
     issues = json.loads(out)["issues"]

@@ -1,7 +1,8 @@
 r"""glTF 2.0 (.glb): dancers with bodies that move, for 3-D programs and the web; and back.
 
 Each dancer is a tree of 24 nodes, ``dancer 1 root`` ... ``dancer 1 rhand``, that carry rigid body
-parts; one animation turns them all. glTF has metres, y up and quaternions (x, y, z, w), as we do.
+parts, or move the skin of ``dancer 1 body``; one animation turns them all. glTF has metres, y up
+and quaternions (x, y, z, w), as we do.
 """
 
 import struct
@@ -13,6 +14,7 @@ import torch
 
 from dancediff import __version__
 from dancediff.atomic import atomic_write
+from dancediff.export.skin import body_skin, rest_joints
 from dancediff.export.solids import body_solids
 from dancediff.motion.motion import Motion
 from dancediff.motion.skeleton import SMPL24
@@ -22,29 +24,33 @@ from dancediff.viz.palette import dancer_color
 FORMAT = "dancediff-gltf-1"
 FLOAT, UINT16 = 5126, 5123
 VERTICES, TRIANGLES = 34962, 34963  # what a buffer view is for
-_KINDS = {1: "SCALAR", 3: "VEC3", 4: "VEC4"}
+BODIES = ("mannequin", "mesh")
+_KINDS = {1: "SCALAR", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
 
 
-def save_glb(motion: Motion, path) -> Path:
+def save_glb(motion: Motion, path, *, body: str = "mannequin") -> Path:
     """Write a dance as one .glb file: bodies, colours, one animation of all dancers.
 
     The file appears whole or not at all. `load_glb` gives it back; contacts are not kept.
+    ``body`` is "mannequin", rigid parts, or "mesh", one skin a dancer that bends with her joints.
 
     Raises: ImportError naming the extra when pygltflib is not installed; ValueError for another
-    skeleton than SMPL-24.
+    skeleton than SMPL-24 or an unknown body.
     """
+    if body not in BODIES:
+        raise ValueError(f"body={body!r} is unknown in a .glb; choose from {', '.join(BODIES)}")
     if motion.skeleton.names != SMPL24.names:
         raise ValueError(
             f"a .glb shows SMPL-24 bodies; this skeleton has {motion.skeleton.num_joints} joints"
         )
     path, file = Path(path), _File()
-    parts = {
-        joint: file.solid(*arrays) for joint, arrays in body_solids().items()
-    }  # shared by all dancers
+    solids = body_solids() if body == "mannequin" else {}
+    parts = {joint: file.solid(*arrays) for joint, arrays in solids.items()}  # all share them
     roots = [_dancer(file, motion, k, parts) for k in range(motion.num_dancers)]
     _animate(file, motion, roots)
+    skins = _dress(file, roots) if body == "mesh" else []
     extras = {"format": FORMAT, "dancers": motion.num_dancers, "fps": motion.fps}
-    content = file.finish(roots, extras)
+    content = file.finish(roots + skins, extras)
     with atomic_write(path) as part:
         part.write_bytes(content)
     return path
@@ -152,12 +158,14 @@ class _File:
 def _dancer(file: _File, motion: Motion, k: int, parts: dict) -> int:
     """The nodes of one dancer, standing as in the first frame; returns the root's number."""
     color, name = dancer_color(k), f"dancer {k + 1}"
-    skin, face = file.paint(name, color), file.paint(f"{name} face", lighter(color))
+    skin, face = None, None
+    if parts:
+        skin, face = file.paint(name, color), file.paint(f"{name} face", lighter(color))
     start = steady_quaternions(motion.frames(0, 1))[k, 0]
     first = len(file.book.nodes)
     for j, joint in enumerate(SMPL24.names):
         painted = [(parts[joint], skin)] if joint in parts else []
-        if joint == "head":
+        if joint == "head" and parts:
             painted.append((parts["face"], face))
         place = motion.root[k, 0] if j == 0 else SMPL24.offsets[j]
         node = file.gltf.Node(
@@ -170,6 +178,32 @@ def _dancer(file: _File, motion: Motion, k: int, parts: dict) -> int:
             node.mesh = file.mesh(node.name, painted)
         file.book.nodes.append(node)
     return first
+
+
+def _dress(file: _File, roots: list[int]) -> list[int]:
+    """A skin for every dancer, moved by her nodes; returns the numbers of the skins' nodes.
+
+    They stand beside the dancers and not in them: glTF places a skin by its joints alone.
+    """
+    body, gltf = body_skin(), file.gltf
+    attributes, triangles = file.solid(body.points, body.normals, body.triangles)
+    attributes.JOINTS_0 = file.array(body.joints, target=VERTICES)
+    attributes.WEIGHTS_0 = file.array(body.weights, target=VERTICES)
+    unbind = np.tile(np.eye(4, dtype=np.float32), (SMPL24.num_joints, 1, 1))
+    unbind[:, 3, :3] = -rest_joints()  # columns lie one after the other
+    matrices = file.array(unbind.reshape(-1, 16))
+    dressed = []
+    for k, root in enumerate(roots):
+        name = f"dancer {k + 1}"
+        joints = list(range(root, root + SMPL24.num_joints))
+        file.book.skins.append(
+            gltf.Skin(name=name, joints=joints, skeleton=root, inverseBindMatrices=matrices)
+        )
+        paint = file.paint(name, dancer_color(k))
+        mesh = file.mesh(f"{name} body", [((attributes, triangles), paint)])
+        file.book.nodes.append(gltf.Node(name=f"{name} body", mesh=mesh, skin=k))
+        dressed.append(len(file.book.nodes) - 1)
+    return dressed
 
 
 def _animate(file: _File, motion: Motion, roots: list[int]) -> None:

@@ -135,13 +135,13 @@ class Motion:
         contact, root, pose = unpack(x.detach().cpu().float(), spec_named(name))
         return cls(whole_pose(pose), root, fps, contact=contact.clamp(0, 1), meta=meta or {})
 
-    def save(self, path, song=None) -> Path:
+    def save(self, path, song=None, *, body: str = "mannequin") -> Path:
         """Write the dance; the suffix decides.
 
         - ``.npz``: all of this class.
         - ``.mp4``, ``.gif``, ``.png``: pictures; ``song`` is muxed into an .mp4.
         - ``.html``: a page that plays it in 3-D, with ``song``, from disk.
-        - ``.glb``: bodies that move, for 3-D programs.
+        - ``.glb``: bodies that move, for 3-D programs; with ``body="mesh"`` a human skin.
         - ``.bvh``, ``.smpl.npz``: a file for each dancer. Of a group ``dance.bvh`` becomes
           ``dance.1.bvh``, ``dance.2.bvh`` ..., the first of which is returned.
 
@@ -171,7 +171,7 @@ class Motion:
         else:
             from dancediff.export.gltf import save_glb
 
-            save_glb(self, path)
+            save_glb(self, path, body=body)
         return path
 
     def _save_dancers(self, path: Path, kind: str) -> Path:
