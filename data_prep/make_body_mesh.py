@@ -68,7 +68,7 @@ def mirrored(name: str) -> str:
 
 
 def read(path: Path):
-    """Points, triangles, the four joints of every point by name and their weights, joints' places."""
+    """Points, triangles, joints that points follow (names, weights), and where joints are."""
     book = pygltflib.GLTF2().load(str(path))
     blob = book.binary_blob()
 
@@ -135,9 +135,9 @@ def fit(points, W, places):
         moved[name] = trunk
     for left in (True, False):
         side = (lambda name: name) if left else mirrored
-        for joint, (end, a, b) in BONES.items():
+        for joint, (end, start, stop) in BONES.items():
             A, B = at[side(joint)].copy(), at[side(end)]
-            a, b = places[side(a)], places[side(b)]
+            a, b = places[side(start)], places[side(stop)]
             if joint == "lwrist":
                 B = A + (B - A) / HAND
             if joint == "lhip":

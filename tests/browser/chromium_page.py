@@ -26,9 +26,13 @@ def until(page, what: str, seconds: float = 60.0) -> None:
 
 
 def picture(page, selector: str) -> np.ndarray:
+    """What the first such element looks like, (height, width, 3)."""
+    return shot(page.locator(selector).first)
+
+
+def shot(element) -> np.ndarray:
     """What an element looks like, (height, width, 3)."""
-    shot = page.locator(selector).first.screenshot()
-    return np.asarray(Image.open(io.BytesIO(shot)).convert("RGB")).astype(int)
+    return np.asarray(Image.open(io.BytesIO(element.screenshot())).convert("RGB")).astype(int)
 
 
 def changed(a: np.ndarray, b: np.ndarray) -> float:

@@ -39,6 +39,7 @@ def test_conductor_is_told_whom_it_moves():
     slider = widgets.IntSlider()
     surface = stage_timeline.conduct(p3, {"slider": slider}, 30, 30.0, [])
     facts = json.loads(re.search(r"this\.widget_manager, (\{.*\})\)", surface.func)[1])
+    assert np.shape(facts.pop("rest")) == (24, 3)
     assert facts == {"models": {"slider": slider.model_id}, "frames": 30, "fps": 30.0, "views": []}
 
 

@@ -30,7 +30,7 @@ def stage(
     Drag to turn, scroll to zoom. The song's sound is the clock, so dance and sound are in step at
     every speed. ``beside`` is a second dance, to the right on the same floor: one slider moves
     both, and the shorter one stops in its last frame. ``trails`` and ``contacts`` say what is seen
-    at first. ``body`` is "mannequin" or "stick".
+    at first. ``body`` is "mannequin", "stick" or "mesh", a human skin.
 
     Returns an ipywidgets.VBox. A page keeps the six newest stages; older ones are closed.
     Raises: ImportError naming the extra when pythreejs or ipywidgets is not installed; ValueError

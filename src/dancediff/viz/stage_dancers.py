@@ -2,17 +2,20 @@
 
 Every joint is a mesh inside its parent's mesh, or an empty group where it has no surface. A dancer
 is moved by one quaternion track a joint and one position track; all bodies share the same shapes.
+Of body="mesh" joints are bones, and one skin beside them follows them all.
 """
 
 import numpy as np
 
+from dancediff.export.skin import body_skin
 from dancediff.export.solids import body_solids, capsule, egg, joined
 from dancediff.motion.motion import Motion
-from dancediff.motion.skeleton import Skeleton
+from dancediff.motion.skeleton import SMPL24, Skeleton
 from dancediff.viz.mannequin import SKULL, lighter, steady_quaternions
 from dancediff.viz.palette import INK, dancer_color
 
-BODIES = ("mannequin", "stick")
+BODIES = ("mannequin", "stick", "mesh")
+SKIN = "skin"  # its name among the shapes
 _BONE = 0.016  # metres, radius
 _HEAD = 0.105
 
@@ -24,14 +27,19 @@ def make_shapes(p3, skeleton: Skeleton, body: str) -> dict:
     """
     if body not in BODIES:
         raise ValueError(f"body={body!r} is unknown; choose from {', '.join(map(repr, BODIES))}")
+    if body == "mesh":
+        if skeleton.names != SMPL24.names:
+            raise ValueError('body="mesh" fits SMPL-24; show this skeleton with body="stick"')
+        return {SKIN: _skin_geometry(p3)}
     solids = body_solids() if body == "mannequin" else _sticks(skeleton)
     return {name: _geometry(p3, *solid) for name, solid in solids.items()}
 
 
-def make_dancer(p3, motion: Motion, k: int, shapes: dict, number: int):
-    """Dancer k in its first pose, joints inside joints; ``number`` counts all on the stage."""
+def make_dancer(p3, motion: Motion, k: int, shapes: dict, number: int) -> list:
+    """What dancer k is made of, in her first pose; ``number`` counts all on the stage."""
     skeleton, color = motion.skeleton, dancer_color(k)
-    skin = p3.MeshStandardMaterial(color=color, roughness=0.75, metalness=0.0)
+    facts = {"roughness": 0.75, "metalness": 0.0, "skinning": SKIN in shapes}
+    paint = p3.MeshStandardMaterial(color=color, **facts)
     face = p3.MeshStandardMaterial(color=lighter(color), roughness=0.8, metalness=0.0)
     turns = steady_quaternions(motion.frames(0, 1))[k, 0].tolist()
     places = skeleton.offsets.double().numpy().tolist()
@@ -45,10 +53,20 @@ def make_dancer(p3, motion: Motion, k: int, shapes: dict, number: int):
             inside += [p3.Mesh(shapes["face"], face)] if "face" in shapes else []
         facts = {"name": joint_name(number, j), "position": places[j], "quaternion": turns[j]}
         if name in shapes:
-            joints[j] = p3.Mesh(shapes[name], skin, castShadow=True, children=inside, **facts)
+            joints[j] = p3.Mesh(shapes[name], paint, castShadow=True, children=inside, **facts)
         else:
-            joints[j] = p3.Group(children=inside, **facts)
-    return joints[0]
+            kind = p3.Bone if SKIN in shapes else p3.Group
+            joints[j] = kind(children=inside, **facts)
+    if SKIN not in shapes:
+        return [joints[0]]
+    skin = p3.SkinnedMesh(
+        shapes[SKIN],
+        paint,
+        skeleton=p3.Skeleton(bones=joints),
+        castShadow=True,
+        frustumCulled=False,  # three.js does not know that the skin goes where the bones go
+    )
+    return [joints[0], skin]
 
 
 def make_tracks(p3, motion: Motion, first: int = 0) -> list:
@@ -94,6 +112,20 @@ def _sticks(skeleton: Skeleton) -> dict:
     if "head" in names:
         bones.setdefault("head", []).append(egg(SKULL, [_HEAD] * 3))
     return {name: joined(parts) for name, parts in bones.items()}
+
+
+def _skin_geometry(p3):
+    skin = body_skin()
+    parts = {
+        "position": skin.points,
+        "normal": skin.normals,
+        "skinIndex": skin.joints.astype(np.float32),  # the shader reads whole numbers as 0
+        "skinWeight": skin.weights,
+    }
+    return p3.BufferGeometry(
+        attributes={name: p3.BufferAttribute(array) for name, array in parts.items()},
+        index=p3.BufferAttribute(skin.triangles.ravel()),
+    )
 
 
 def _geometry(p3, points, normals, triangles):

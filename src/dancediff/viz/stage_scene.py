@@ -64,13 +64,13 @@ def roots(dances: list[Motion]) -> np.ndarray:
 def make_scene(p3, dances: list[Motion], body: str) -> Scene:
     """One or two dances with trails and dots on a floor, and the clip, which counts frames."""
     shapes, root = make_shapes(p3, dances[0].skeleton, body), roots(dances)
-    dancers, trails, dots = [], [], []
+    dancers, trails, dots, number = [], [], [], 0
     for dance in dances:
-        dots += make_dots(p3, dance, len(dancers))
+        dots += make_dots(p3, dance, number)
         trails += make_trails(p3, dance)
-        dancers += [
-            make_dancer(p3, dance, k, shapes, len(dancers) + k) for k in range(dance.num_dancers)
-        ]
+        for k in range(dance.num_dancers):
+            dancers += make_dancer(p3, dance, k, shapes, number + k)
+        number += dance.num_dancers
     parts = Scene(
         scene=None,
         clip=make_clip(p3, dances),

@@ -3,14 +3,14 @@
 Playing happens in the browser alone. ipywidgets' own `Play` and `jslink` would send frame after
 frame to the kernel. Instead one piece of JavaScript (``assets/stage/conductor.js``) moves the clip,
 the slider and the clock; the song, where there is one, is what it reads time from. pythreejs runs
-it for us: the function of a `ParametricGeometry` is a string of JavaScript that it
-evaluates where ``this`` is the widget's model, which knows all other models of the notebook.
+it for us, see `dancediff.viz.in_page`.
 """
 
 import io
 
 import numpy as np
 
+from dancediff.export.skin import rest_joints
 from dancediff.viz.in_page import in_page
 from dancediff.viz.palette import BEAT, MUTED
 
@@ -80,6 +80,7 @@ def conduct(p3, models: dict, frames: int, fps: float, views: list[dict]):
         "frames": frames,
         "fps": fps,
         "views": views,
+        "rest": rest_joints().tolist(),  # a skin's bones are bound there
     }
     return in_page(p3, "conductor.js", facts)
 

@@ -15,6 +15,16 @@ async (manager, facts) => {
   const last = facts.frames - 1;
   const duration = facts.frames / facts.fps;
 
+  // ------------------------------------------------------------------------------------ skins
+
+  // pythreejs binds a skin to bones that nobody has placed yet
+  scene.obj.traverse((skin) => {
+    if (!skin.isSkinnedMesh) return;
+    facts.rest.forEach(([x, y, z], j) => skin.skeleton.boneInverses[j].makeTranslation(-x, -y, -z));
+    skin.bindMatrix.identity();
+    skin.bindMatrixInverse.identity();
+  });
+
   // ------------------------------------------------------------------------------------- time
 
   const own = { at: 0, since: 0 }; // where there is no song
