@@ -4,6 +4,7 @@ A frame is one collection of filled shapes and a few letters on a background tha
 nothing else of matplotlib runs per frame.
 """
 
+from concurrent.futures import ThreadPoolExecutor
 from fractions import Fraction
 from pathlib import Path
 
@@ -185,9 +186,14 @@ def _write_mp4(motion: Motion, path: Path, song, size, fps: float) -> None:
             # the stream must exist before the first packet is written
             audio = file.add_stream("aac", rate=48000, layout="stereo")
             audio.bit_rate = 160_000
-        for picture in _frames(motion, song, size, fps):
-            frame = av.VideoFrame.from_ndarray(picture, format="rgba")
-            file.mux(video.encode(frame))
+        with ThreadPoolExecutor(1) as encoder:  # a picture is packed while the next is drawn
+            packed = None
+            for picture in _frames(motion, song, size, fps):
+                frame = av.VideoFrame.from_ndarray(picture, format="rgba")
+                if packed:
+                    file.mux(packed.result())
+                packed = encoder.submit(video.encode, frame)
+            file.mux(packed.result())
         file.mux(video.encode())
         if audio is not None:
             _write_sound(av, file, audio, song, motion.duration)
