@@ -7,6 +7,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from dancediff.data.choreographer import choreograph
+from dancediff.music.song import Music
 from dancediff.viz import panels
 
 widgets = pytest.importorskip("ipywidgets")
@@ -163,3 +164,12 @@ def test_a_dance_can_be_watched_beside_the_pinned_one(dance):
     box.wait()
     box.watch.click()
     assert box.dance_a is dance and box.stage.children[0] is not alone
+
+
+def test_a_dance_that_comes_with_its_song_is_heard(dance):
+    pytest.importorskip("pythreejs")
+    song = Music(np.zeros((16000, 1), np.float32), 16000, name="rests")
+    box = panels.explore(lambda size: (Figure(), dance, song), size=panels.slider(1, 9, 1, "size"))
+    box.watch.click()
+    _, _, _, buttons, _ = box.stage.children[0].children
+    assert "sound" in [control.description for control in buttons.children]

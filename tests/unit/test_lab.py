@@ -34,13 +34,13 @@ def title(figure, ax=0):
 
 
 def test_dance_panel(model, song):
-    figure, dance = lab.dance_panel(model, song, dancers=2, seconds=1.0, steps=2, seed=7)
+    figure, dance, _ = lab.dance_panel(model, song, dancers=2, seconds=1.0, steps=2, seed=7)
     assert figure.get_suptitle().startswith("seed 7: 2 dancers")
     assert (dance.num_dancers, dance.num_frames) == (2, 30)
 
 
 def test_sampling_panel_shows_guesses_and_when_they_are_there(model, song):
-    figure, dance = lab.sampling_panel(model, song, steps=9, seconds=2.0, seed=1)
+    figure, dance, _ = lab.sampling_panel(model, song, steps=9, seconds=2.0, seed=1)
     assert [title(figure, k) for k in range(6)] == [f"step {k}" for k in (1, 3, 4, 6, 7, 9)]
     curve = figure.axes[6].lines[0].get_ydata()
     assert len(curve) == 9 and curve[-1] == 0 and curve[0] > 1
@@ -50,12 +50,12 @@ def test_sampling_panel_shows_guesses_and_when_they_are_there(model, song):
 
 
 def test_sampling_panel_of_one_step(model, song):
-    figure, _ = lab.sampling_panel(model, song, steps=1, seconds=1.0)
+    figure, *_ = lab.sampling_panel(model, song, steps=1, seconds=1.0)
     assert len(figure.axes) == 2
 
 
 def test_swap_panel_says_whether_they_obey(model, song):
-    figure, dance = lab.swap_panel(model, song, swap="201", steps=2, seconds=2.0)
+    figure, dance, _ = lab.swap_panel(model, song, swap="201", steps=2, seconds=2.0)
     asked, got = title(figure, 1).split("asked ")[1].split(", got ")
     assert asked == "201" and dance.num_dancers == 3
     assert title(figure, 1).startswith("They obey") == (got == "201")
@@ -64,21 +64,21 @@ def test_swap_panel_says_whether_they_obey(model, song):
 
 def test_swap_panel_starts_where_it_is_told(model, song):
     start = [(-2.0, 0.5), (1.5, -0.5)]
-    _, dance = lab.swap_panel(model, song, swap="10", start=start, steps=8, seconds=2.0)
+    _, dance, _ = lab.swap_panel(model, song, swap="10", start=start, steps=8, seconds=2.0)
     np.testing.assert_allclose(dance.root[:, 0, ::2], start, atol=0.05)
 
 
 def test_long_panel_measures_the_seams(model, song):
-    figure, dance = lab.long_panel(model, song, overlap=50, seconds=9.0, steps=2)
+    figure, dance, _ = lab.long_panel(model, song, overlap=50, seconds=9.0, steps=2)
     assert dance.meta["seams"] and dance.meta["overlap"] == 50
     step = 100 * dance.joints().diff(dim=1).norm(dim=-1).amax()
     assert f"anywhere {step:.1f} cm" in title(figure)
-    short, _ = lab.long_panel(model, song, seconds=3.0, steps=2)
+    short, _, _ = lab.long_panel(model, song, seconds=3.0, steps=2)
     assert "one segment, no seam" in title(short)
 
 
 def test_cue_panel_draws_what_is_held(lodge, song):
-    figure, dance = lab.cue_panel(lodge, song, soft=0.5, seconds=9.0, steps=6)
+    figure, dance, _ = lab.cue_panel(lodge, song, soft=0.5, seconds=9.0, steps=6)
     ribbon = np.asarray(figure.axes[1].images[0].get_array())
     assert ribbon.shape == (6, 270)
     held = (ribbon == 1).any(1)

@@ -1,8 +1,8 @@
 """Sliders around a panel, with a progress bar, Cancel and A/B comparison for panels that dance.
 
-A panel is a function from numbers to a Figure, or to a Figure and the `Motion` it shows. One that
-takes ``report`` is slow: it runs in a thread, once its button is pressed, calls
-``report(done, total)`` as it goes, and is stopped there when somebody cancels.
+A panel is a function from numbers to a Figure, or to a Figure, the `Motion` it shows and, where
+there is one, the `Music`. One that takes ``report`` is slow: it runs in a thread, once its button
+is pressed, calls ``report(done, total)`` as it goes, and is stopped there when somebody cancels.
 """
 
 import inspect
@@ -29,7 +29,7 @@ class Explorer:
 
         self.panel, self.controls = panel, controls
         self.slow = "report" in inspect.signature(panel).parameters
-        self.dance = self.dance_a = None
+        self.dance = self.dance_a = self.song = None
         self._first = {name: control.value for name, control in controls.items()}
         self._wish, self._busy, self._thread = 0, threading.Lock(), None
 
@@ -116,7 +116,8 @@ class Explorer:
                 self._take(made)
 
     def _take(self, made) -> None:
-        figure, self.dance = made if isinstance(made, tuple) else (made, None)
+        made = made if isinstance(made, tuple) else (made,)
+        figure, self.dance, self.song = (*made, None, None)[:3]
         self.picture.value, self.message.value = as_png(figure), ""
         self.pin.disabled = False
         self.watch.disabled = self.dance is None
@@ -147,7 +148,7 @@ class Explorer:
         from dancediff.viz.stage import stage
 
         a, b = self.dance_a, self.dance
-        shown = stage(b) if a is None or a is b else stage(a, beside=b)
+        shown = stage(b, self.song) if a is None or a is b else stage(a, self.song, beside=b)
         self.stage.children = (shown,)
 
 

@@ -36,11 +36,11 @@ NEAR = 0.05  # metres from the finished dance at which a guess is as good as it
 def dance_panel(
     model, song, *, dancers: int = 3, seed: int = 0, seconds: float = 5.0, steps=10, report=None
 ):
-    """A dance as a filmstrip of four moments -> Figure, Motion."""
+    """A dance as a filmstrip of four moments -> Figure, Motion, song."""
     wish = {"dancers": dancers, "seconds": seconds, "seed": seed, "steps": steps}
     dance = model.generate(song, **wish, progress=report or False)
     title = f"seed {seed}: {dancers} dancers, {steps} denoising steps"
-    return plot_filmstrip(dance, count=4, title=title), dance
+    return plot_filmstrip(dance, count=4, title=title), dance, song
 
 
 def sampling_panel(
@@ -57,7 +57,7 @@ def sampling_panel(
     seconds: float = 5.0,
     report=None,
 ):
-    """What the model takes the dance for on the way from noise to it -> Figure, Motion."""
+    """What the model takes the dance for on the way from noise to it -> Figure, Motion, song."""
     guesses = []
     dance = model.generate(
         song,
@@ -88,7 +88,7 @@ def sampling_panel(
     ax.set(xlabel="step", ylabel="from the dance (cm)", ylim=(0, None), xlim=(0.5, len(away) + 0.5))
     there = next(k for k in range(len(away)) if max(away[k:]) < NEAR) + 1
     set_title(ax, f"From step {there} of {len(away)} on, the guess is within 5 cm of the dance")
-    return figure, dance
+    return figure, dance, song
 
 
 def swap_panel(
@@ -105,7 +105,7 @@ def swap_panel(
     """Ask for a new order from left to right, such as "201", and see who goes where.
 
     ``swap``: who stands where in the end, counted from 0 on the left at the start; ``start``: a
-    place (x, z) in metres for each dancer, or None -> Figure, Motion.
+    place (x, z) in metres for each dancer, or None -> Figure, Motion, song.
     """
     order = [int(k) for k in swap]
     dance = model.generate(
@@ -128,7 +128,7 @@ def swap_panel(
     found = final_order(dance.root)
     said = "They obey" if list(found) == order else "They do not obey"
     set_title(lanes, f"{said}: asked {swap}, got {''.join(map(str, found))}")
-    return figure, dance
+    return figure, dance, song
 
 
 def long_panel(
@@ -144,7 +144,7 @@ def long_panel(
     steps: int = 10,
     report=None,
 ):
-    """A dance of several segments, and how far anybody goes in one frame -> Figure, Motion."""
+    """A dance of several segments, and how far anybody goes in one frame -> Figure, Motion, song."""
     dance = model.generate(
         song,
         dancers=dancers,
@@ -176,7 +176,7 @@ def long_panel(
     else:
         found = "one segment, no seam"
     set_title(lanes, f"overlap {overlap}, {pinning}: {found}")
-    return figure, dance
+    return figure, dance, song
 
 
 def cue_panel(
@@ -192,7 +192,7 @@ def cue_panel(
     steps: int = 15,
     report=None,
 ):
-    """A Lodge dance, its cues, and in which steps they are held -> Figure, Motion."""
+    """A Lodge dance, its cues, and in which steps they are held -> Figure, Motion, song."""
     from matplotlib.colors import ListedColormap
 
     dance = model.generate(
@@ -226,7 +226,7 @@ def cue_panel(
     set_title(
         cues, f"Soft cues (blue) are held in {held} of {len(times) - 1} steps, hard ones in all"
     )
-    return figure, dance
+    return figure, dance, song
 
 
 def cue_frames(
