@@ -144,7 +144,7 @@ def long_panel(
     steps: int = 10,
     report=None,
 ):
-    """A dance of several segments, and how far anybody goes in one frame -> Figure, Motion, song."""
+    """A dance of segments, and how far anybody goes in one frame -> Figure, Motion, song."""
     dance = model.generate(
         song,
         dancers=dancers,

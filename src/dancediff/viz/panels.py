@@ -195,8 +195,8 @@ def explore(panel, **controls):
     ``controls`` are ipywidgets by argument name. Reset brings the first values back; "Pin as A"
     keeps a picture to compare others with. An error of the panel is shown in place of its picture.
     A panel with an argument ``report`` is slow (see `dancediff.viz.lab`): it waits for its button,
-    shows its progress, and can be cancelled. A panel that returns (figure, dance) or (figure, dance,
-    song) can be watched in 3-D, beside the pinned one, and heard.
+    shows its progress, and can be cancelled. A panel that returns figure and dance, or figure,
+    dance and song, can be watched in 3-D, beside the pinned one, and heard.
 
     Returns a `dancediff.viz.explorer.Explorer`, which a notebook shows as widgets.
     """
