@@ -126,13 +126,14 @@ class Sampling:
     autoguidance: float | None = None
     feet: str = "planted"
     spacing: str | None = None
+    order: str | None = None
 
 
 def dance(model, window: Window, *, seed: int, naive: bool, sampling: Sampling) -> Motion:
     """The window's music, danced by as many; a group model is asked for the window's orders."""
     options = {"dancers": window.motion.num_dancers, "seed": seed} | asdict(sampling)
     if isinstance(model, EDGE):
-        del options["spacing"]  # its dancers do not see each other
+        del options["spacing"], options["order"]  # its dancers do not see each other
         return model.generate(window, **options)
     draw = draw_naively if naive else draw_long_group
 

@@ -92,7 +92,7 @@ class Common:
     def how(self) -> dict:
         """Arguments of `generate` for one who dances alone: nobody to keep apart from."""
         how = asdict(self.sampling)
-        del how["spacing"], how["autoguidance"]
+        del how["spacing"], how["order"], how["autoguidance"]
         return how
 
 

@@ -6,6 +6,7 @@ import pytest
 import torch
 
 import dancediff as dd
+from dancediff.diffusion.precondition import dct_matrix
 from dancediff.tcdiffpp.generate import AUTOGUIDANCE, cut_music, denoise_segments
 from dancediff.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 from dancediff.tcdiffpp.wish import Wish
@@ -272,6 +273,24 @@ def test_autoguidance_is_on_where_there_is_a_linear_guess():
         model.generate(song, autoguidance=0.5, **ask)
 
 
+def test_no_guess_runs_away():
+    """Pushed ten times as far, a dance stays within what frequencies the training set has."""
+    model, song = dd.load("tcdiffpp"), dd.packaged_song()
+    free = {"feet": "free", "spacing": "free", "order": "free"}
+    ask = {"dancers": 2, "seconds": 5, "steps": 8} | free
+    precondition = model.decoder.precondition
+    C = dct_matrix(150)
+    largest = {}
+    for kind, w in (("usual", 1.0), ("pushed", 10.0)):
+        guesses = []
+        look = lambda done, total, guess, seen=guesses: seen.append(guess)  # noqa: E731
+        model.generate(song, autoguidance=w, watch=look, **ask)
+        x = model.normalizer.normalize(guesses[-1].features())
+        largest[kind] = ((C @ (x - precondition.mean)).abs() / precondition.spread)[..., 4:7].max()
+    assert largest["pushed"] < 4.01
+    assert largest["usual"] < 4.01
+
+
 def test_autoguidance_pushes_what_the_sampler_sees():
     model = dd.load("tcdiffpp")
     x_t = torch.randn(1, 2, 150, 151, generator=torch.Generator().manual_seed(0))
@@ -281,5 +300,7 @@ def test_autoguidance_pushes_what_the_sampler_sees():
             denoise_segments(model, 2.0, autoguidance=w)(x_t, 500, M, S) for w in (1, 1.3)
         )
         linear = model.linear_guess(x_t, torch.tensor([500]), S)
-    torch.testing.assert_close(pushed, linear + 1.3 * (plain - linear), atol=1e-5, rtol=1e-4)
+    w = torch.full((151,), 1.3)
+    w[4:7] = 1 + 0.3 / 4  # where dancers go is pushed less
+    torch.testing.assert_close(pushed, linear + w * (plain - linear), atol=1e-5, rtol=1e-4)
     assert (plain - linear).abs().mean() > 1e-3

@@ -140,6 +140,8 @@ def test_guesses_are_cut():
     far = lambda x_t, t: torch.full_like(x_t, 7.0)  # noqa: E731
     assert sample(far, SHAPE, abar=ABAR, steps=3).unique().tolist() == [1.0]
     assert sample(far, SHAPE, abar=ABAR, steps=3, clamp=None).unique().tolist() == [7.0]
+    halved = sample(far, SHAPE, abar=ABAR, steps=3, clamp=lambda x0_hat: x0_hat / 2)
+    assert halved.unique().tolist() == [3.5]
 
 
 def test_resample_repeats_every_step_but_the_last():

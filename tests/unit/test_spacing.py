@@ -5,7 +5,7 @@ import torch
 
 import dancediff as dd
 from dancediff.baselines.naive_long_sampling import draw_naively
-from dancediff.diffusion.constraint import Constraint
+from dancediff.diffusion.constraint import Bending, Constraint
 from dancediff.metrics.collision import tif
 from dancediff.motion.representation import Normalizer, pack
 from dancediff.tcdiffpp.generate import generate
@@ -30,7 +30,7 @@ def joints(x):
 def spacing(told=None):
     norm = Normalizer(-torch.ones(151), torch.ones(151))
     spread = 4.0 / (1 + torch.arange(F, dtype=torch.float32)[:, None]) ** 1.5
-    return Spacing(norm, spread.expand(F, 151), told)
+    return Bending(spread.expand(F, 151), told, (Spacing(norm),))
 
 
 def gap(x):

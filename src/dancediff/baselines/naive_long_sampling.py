@@ -120,11 +120,12 @@ def draw_naively(model, song, wish: Wish, *, report=None, dtype=None, ramp: bool
     code. A swap is asked of the segment that carries it out; the others are told to stay.
 
     Shapes: -> (n, F, d) metres and 6-D rotations, on the CPU.
-    Raises: ValueError for ``spacing="kept"``, which belongs to Long Group Diffusion Sampling.
+    Raises: ValueError for "kept" spacing or order, which belong to Long Group Diffusion Sampling.
     """
-    if wish.spacing == "kept":
-        raise ValueError("spacing='kept' is not possible with naive long sampling; use 'free'")
-    wish.spacing = "free"
+    for name in ("spacing", "order"):
+        if getattr(wish, name) == "kept":
+            raise ValueError(f"{name}='kept' is not possible with naive long sampling; use 'free'")
+        setattr(wish, name, "free")
     device, k, n = model.abar.device, wish.segments, wish.dancers
     M = model.music_normalizer.normalize(song.features().to(device))
     M = cut_music(M, k, length=wish.num_frames, stride=wish.stride)

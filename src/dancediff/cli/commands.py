@@ -48,6 +48,8 @@ class Generate:
     """1 takes guesses as they are, more pushes them away from the mean of all dances."""
     spacing: Literal["kept", "free"] | None = None
     """Of a group model: make room between dancers who would run into each other; default: kept."""
+    order: Literal["kept", "free"] | None = None
+    """Of a group model: help dancers who change places to get there; default: kept."""
     swap: tuple[int, ...] | None = None
     """Order at the end: the dancers (counted 0.. from the left at the start), left to right."""
     genre: str | None = None
@@ -72,7 +74,8 @@ class Generate:
         model = hub.load(self.model)
         wishes = {"swap": self.swap and list(self.swap), "genre": self.genre, "soft": self.soft}
         wishes |= {
-            key: getattr(self, key) for key in ("steps", "guidance", "autoguidance", "spacing")
+            key: getattr(self, key)
+            for key in ("steps", "guidance", "autoguidance", "spacing", "order")
         }
         dance = model.generate(
             song,

@@ -11,6 +11,7 @@ Symbols (axes: n dancers · f frames · d motion features, normalised · k frequ
                                                                        (d, f, c)
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -125,6 +126,33 @@ class Constraint:
             missed = known - x[:, n, :, d][:, :, frames].transpose(0, 1)  # (b, p, c)
             bent[:, n, :, d] += torch.einsum("pfc,bpc->pbf", K, missed)
         return bent.to(x0_hat)
+
+
+@dataclass(frozen=True)
+class Bending:
+    """The ``bend`` of `samplers.sample`: what is told of a dance, and what its guesses call for.
+
+    ``rules`` look at a guess (n, f, d) and its noise level and say what should be otherwise, as a
+    `Constraint`, or None. What is told is believed over all rules, a rule over those behind it.
+
+    >>> lift = lambda x, abar: Constraint(x < 1, torch.ones_like(x))
+    >>> bend = Bending(torch.ones(4, 1), rules=(lift,))
+    >>> bend(torch.zeros(1, 1, 4, 1), abar=0.5).flatten().round().tolist()
+    [1.0, 1.0, 1.0, 1.0]
+    """
+
+    spread: Tensor
+    told: Constraint | None = None
+    rules: tuple[Callable[[Tensor, float], Constraint | None], ...] = ()
+
+    def __call__(self, x0_hat: Tensor, abar: float) -> Tensor:
+        """Bend a guess (1, n, f, d) made at noise level ``abar``; without rules any batch."""
+        asked = self.told
+        for rule in self.rules:
+            more = rule(x0_hat[0], abar)
+            if more is not None:
+                asked = more if asked is None else asked.over(more)
+        return x0_hat if asked is None else asked.bend(x0_hat, abar, self.spread)
 
 
 def covariance(abar: float, spread: Tensor, f: int, frames: Tensor) -> Tensor:

@@ -63,7 +63,7 @@ def guided(
     return denoise
 
 
-def autoguided(denoise: Callable, linear: Callable, weight: float) -> Callable:
+def autoguided(denoise: Callable, linear: Callable, weight: float | Tensor) -> Callable:
     r"""Push every guess away from that of a bad version of the network: the linear guess.
 
     $$\hat x_0 \leftarrow \hat x_0^{lin} + w\,(\hat x_0 - \hat x_0^{lin})$$
@@ -74,16 +74,17 @@ def autoguided(denoise: Callable, linear: Callable, weight: float) -> Callable:
     Source: Karras et al. 2024, "Guiding a Diffusion Model with a Bad Version of Itself".  Differs:
     the bad version is the linear guess of `dancediff.diffusion.precondition`, which costs nothing.
 
-    Shapes: denoise(x_t, t, ...), linear(x_t, t, ...) -> x0_hat, the same.
+    Shapes: denoise(x_t, t, ...), linear(x_t, t, ...) -> x0_hat, the same; weight a number or (d,).
     Raises: ValueError for a weight below 1, which would smooth instead.
 
     >>> push = autoguided(lambda x_t, t: x_t + 2, lambda x_t, t: x_t, 1.5)
     >>> push(torch.zeros(1), 10).item()
     3.0
     """
-    if not weight >= 1:
+    w = torch.as_tensor(weight)
+    if not (w >= 1).all():
         raise ValueError(f"autoguidance={weight} must be at least 1; 1 switches it off")
-    if weight == 1:
+    if (w == 1).all():
         return denoise
 
     def pushed(x_t: Tensor, t: int, *more) -> Tensor:

@@ -242,6 +242,12 @@ def _forward(x: Tensor, t: int, t_later: int, abar: Tensor, generator: Generator
     return math.sqrt(a) * x + _noise(math.sqrt(1 - a), x, generator)
 
 
+def _cut(x0_hat: Tensor, clamp) -> Tensor:
+    if clamp is None:
+        return x0_hat
+    return clamp(x0_hat) if callable(clamp) else x0_hat.clamp(-clamp, clamp)
+
+
 def _first(x_T: Tensor | None, shape: tuple, generator: Generators) -> Tensor:
     if x_T is None:
         return gaussian(shape, generator=generator)
@@ -264,7 +270,7 @@ def sample(
     pin: Pinning | None = None,
     bend: Callable[[Tensor, float], Tensor] | None = None,
     resample: int = 1,
-    clamp: float | None = 1.0,
+    clamp: float | Callable[[Tensor], Tensor] | None = 1.0,
     callback: Callable[[int, int, Tensor], None] | None = None,
     device: torch.device | str = "cpu",
     dtype: torch.dtype = torch.float32,
@@ -277,6 +283,7 @@ def sample(
     Source: EDGE, TCDiff++ and Lodge all use T = 1000, 50 DDIM steps, eta = 1, x0_hat cut at +-1.
 
     - ``sampler``: "dpm" or "ddim" (``steps``, ``eta``), or "ddpm" (always all T steps).
+    - ``clamp``: guesses are cut at +- this, or by this function; None leaves them.
     - ``pin``: holds the first frames at known motion (`dancediff.diffusion.pinning.Pinning`).
     - ``bend(x0_hat, abar) -> x0_hat``: brings every guess in line with what is known
       (`dancediff.diffusion.constraint.Constraint.bend`).
@@ -306,9 +313,7 @@ def sample(
         for again in range(resample if t_next >= 0 else 1):
             if again:
                 x = _forward(x, t_next, t, abar, generator)
-            x0_hat = denoise(x, t)
-            if clamp is not None:
-                x0_hat = x0_hat.clamp(-clamp, clamp)
+            x0_hat = _cut(denoise(x, t), clamp)
             if bend is not None:
                 x0_hat = bend(x0_hat, abar_at(abar, t))
             if sampler == "ddpm":

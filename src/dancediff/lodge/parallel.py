@@ -35,7 +35,6 @@ from dancediff.lodge.stitch import Plan, plan, stitch
 from dancediff.motion.beats import motion_beats
 from dancediff.motion.representation import LODGE, joints_of
 from dancediff.music.beats import beat_frames
-from dancediff.tcdiffpp.generate import largest_guess
 from dancediff.tcdiffpp.planting import Planting, one_after_the_other
 
 STYLE, GLOBALS, LOCALS, SOFT_CUES = range(4)  # what noise is for
@@ -140,7 +139,7 @@ def sample_rows(
                 sampler=how.sampler,
                 steps=how.steps,
                 eta=how.eta,
-                clamp=largest_guess(model),
+                clamp=None if model.config.precondition else 1.0,
                 generator=generators[part],
                 pin=pinned,
                 bend=one_after_the_other(pinned and pinned.bend, plant and plant.rows(part)),

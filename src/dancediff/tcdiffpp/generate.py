@@ -17,11 +17,13 @@ from torch import Tensor
 
 from dancediff.diffusion.guidance import autoguided, guided, off_at_the_end
 from dancediff.motion.motion import Motion
+from dancediff.motion.representation import TCDIFFPP
 from dancediff.tcdiffpp import control
 from dancediff.tcdiffpp.long_group_sampling import iter_long_group_sample
 from dancediff.tcdiffpp.wish import FPS, Wish, one_of
 
-AUTOGUIDANCE = 1.2  # of preconditioned models; docs/training_log.md, "Away from the mean"
+AUTOGUIDANCE = 1.7  # of preconditioned models; docs/training_log.md, "Away from the mean"
+ROOT_SHARE = 0.25  # of it where dancers go; pushed as far as joints they run
 LOOK_AHEAD = 30  # frames danced again where a constraint may lie just behind a segment's end
 
 
@@ -96,11 +98,12 @@ def _prepared(model, song, device, dtype, options: dict) -> Wish:
         num_steps=c.num_steps,
         **options,
     )
-    if wish.spacing == "kept" and model.spread is None:
-        raise ValueError(
-            "spacing='kept' bends guesses by the spread of the training data, which a model with "
-            "precondition=False does not know; use 'free'"
-        )
+    for name in ("spacing", "order"):
+        if getattr(wish, name) == "kept" and model.spread is None:
+            raise ValueError(
+                f"{name}='kept' bends guesses by the spread of the training data, which a model "
+                "with precondition=False does not know; use 'free'"
+            )
     if (wish.autoguidance or 1) != 1 and not model.config.precondition:
         raise ValueError(
             f"autoguidance={wish.autoguidance:g} pushes guesses away from the linear one, which a "
@@ -133,7 +136,16 @@ def denoise_segments(model, guidance, dtype=None, autoguidance: float = 1.0) -> 
         steps = torch.full((len(x_t),), t, dtype=torch.long, device=device)
         return model.linear_guess(x_t, steps, S)
 
-    return autoguided(denoise_segment, linear, autoguidance)
+    return autoguided(denoise_segment, linear, autoguidance_weights(model, autoguidance))
+
+
+def autoguidance_weights(model, weight: float) -> Tensor | float:
+    """The weight of each motion feature (d,): the root has a share of it only."""
+    if weight == 1:
+        return 1.0
+    weights = torch.full((model.config.motion_dim,), float(weight), device=model.abar.device)
+    weights[TCDIFFPP.root] = 1 + ROOT_SHARE * (weight - 1)
+    return weights
 
 
 def autoguidance_of(model, wish: Wish) -> float:
@@ -153,8 +165,8 @@ def segments(model, song, wish: Wish, *, report=None, watch=None, dtype=None) ->
     device = model.abar.device
     M = model.music_normalizer.normalize(song.features().to(device))
     music = cut_music(M, wish.segments, length=wish.num_frames, stride=wish.stride)
-    if wish.spacing is None:
-        wish.spacing = "free" if model.spread is None else "kept"
+    usual = "free" if model.spread is None else "kept"
+    wish.spacing, wish.order = wish.spacing or usual, wish.order or usual
     weight = wish.guidance
     if wish.sampler == "ddpm":
         weight = off_at_the_end(weight, wish.num_steps)
@@ -174,6 +186,7 @@ def segments(model, song, wish: Wish, *, report=None, watch=None, dtype=None) ->
         constraint=known,
         plant_with=model.normalizer if wish.feet == "planted" else None,
         part_with=model.normalizer if wish.spacing == "kept" else None,
+        order_with=model.normalizer if wish.order == "kept" else None,
         numbers=wish.numbers,
         redo=_redo(wish),
         seam=wish.seam,
@@ -196,12 +209,12 @@ def _guess(model, x0_hat: Tensor) -> Motion:
     return Motion.from_features(model.normalizer.unnormalize(x0_hat).cpu().clone(), fps=FPS)
 
 
-def largest_guess(model) -> float | None:
-    """Where guesses are cut: at the training range, as published, or nowhere.
+def largest_guess(model) -> float | Callable[[Tensor], Tensor]:
+    """Where guesses are cut: at the training range, as published, or frequency by frequency.
 
-    A preconditioned guess does not run away, and places on the floor may lie beyond +-1.
+    Without the latter, music unlike any in training sent dancers across the stage at 6 m/s.
     """
-    return None if model.config.precondition else 1.0
+    return model.decoder.precondition.within if model.config.precondition else 1.0
 
 
 def _redo(wish: Wish) -> int:
@@ -224,10 +237,11 @@ def _meta(model, song, wish: Wish) -> dict:
             "pinning",
             "feet",
             "spacing",
+            "order",
         )
     }
     meta |= {"model": getattr(model, "name", "tcdiffpp"), "song": song.name}
-    for name in ("autoguidance", "spacing"):
+    for name in ("autoguidance", "spacing", "order"):
         if meta[name] is None:
             del meta[name]  # whoever drew the dance knows nothing of it
     # the frames in which a segment takes over from the one before; metrics look for faults there

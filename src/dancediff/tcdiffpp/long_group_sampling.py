@@ -16,16 +16,16 @@ handed over in that order and put back afterwards; nobody is ever renamed.
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from functools import partial
 
 import torch
 from torch import Tensor
 
-from dancediff.diffusion.constraint import Constraint
+from dancediff.diffusion.constraint import Bending, Constraint
 from dancediff.diffusion.pinning import MODES, Pinning
 from dancediff.diffusion.samplers import sample
 from dancediff.diffusion.schedule import gaussian
 from dancediff.motion.representation import Normalizer
+from dancediff.tcdiffpp.order import Order
 from dancediff.tcdiffpp.planting import Planting, held, one_after_the_other
 from dancediff.tcdiffpp.spacing import Spacing
 from dancediff.tcdiffpp.swap_mode import check_order, left_to_right
@@ -70,6 +70,7 @@ def iter_long_group_sample(
     constraint: Constraint | None = None,
     plant_with: Normalizer | None = None,
     part_with: Normalizer | None = None,
+    order_with: Normalizer | None = None,
     numbers: Tensor | None = None,
     redo: int = 0,
     seam: str = "copy",
@@ -77,7 +78,7 @@ def iter_long_group_sample(
     steps: int = 50,
     eta: float = 1.0,
     resample: int = 1,
-    clamp: float | None = 1.0,
+    clamp: float | Callable[[Tensor], Tensor] | None = 1.0,
     generator: torch.Generator | None = None,
     progress: Callable[[int, int], None] | None = None,
     watch: Callable[[int, int, Tensor], None] | None = None,
@@ -97,6 +98,7 @@ def iter_long_group_sample(
     - ``constraint``: what is known of the dance beforehand, frame by frame (n, F, d); needs spread.
     - ``plant_with``: the normaliser of the motion, to plant feet (`Planting`); None: leave them.
     - ``part_with``: the same, to keep dancers apart (`Spacing`); needs spread.
+    - ``order_with``: the same, for who is asked to change places to do so (`Order`); needs spread.
     - ``numbers``: the dancers from left to right at the first frame, when the caller has numbered
       them; else they are numbered from the left.
     - ``redo``: so many shared frames are danced again instead of kept, so that a constraint shortly
@@ -135,6 +137,10 @@ def iter_long_group_sample(
                 noise[:, : known.shape[1]] = z[order, stride : stride + known.shape[1]]
         sets_out = known if pinning == "renoise" and seam == "copy" and spread is not None else None
         told = _told(constraint, sets_out, i * stride, f)
+        told = told and told.dancers(order)
+        rules = () if order_with is None or asked is None else (Order(order_with, S[0]),)
+        rules += () if part_with is None else (Spacing(part_with),)
+        bends = spread is not None and (told is not None or rules)
         x = sample(
             lambda x_t, t, M=M, S=S: denoise_segment(x_t, t, M, S),
             (1, dancers, f, motion_dim),
@@ -148,8 +154,8 @@ def iter_long_group_sample(
             x_T=noise[None],
             pin=pin,
             bend=one_after_the_other(
-                _bend(told and told.dancers(order), spread, part_with),
-                _plant(told and told.dancers(order), plant_with, known, (dancers, f)),
+                Bending(spread, told, rules) if bends else None,
+                _plant(told, plant_with, known, (dancers, f)),
             ),
             callback=_callback(progress, watch, i, segments),
             device=device,
@@ -201,13 +207,6 @@ def _told(
         return here
     told.mask[:, :k] = False  # they are danced already
     return here.over(told)
-
-
-def _bend(told: Constraint | None, spread, part_with: Normalizer | None) -> Callable | None:
-    """How every guess of a segment is brought in line with what is known, and kept apart."""
-    if part_with is not None and spread is not None:
-        return Spacing(part_with, spread, told)
-    return told and partial(told.bend, spread=spread)
 
 
 def _plant(told, plant_with: Normalizer | None, known: Tensor | None, shape: tuple):

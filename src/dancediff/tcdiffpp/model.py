@@ -177,6 +177,7 @@ class TCDiffPP(nn.Module):
         seam: str = "copy",
         feet: str = "planted",
         spacing: str | None = None,
+        order: str | None = None,
         start=None,
         end=None,
         constraints=(),
@@ -206,6 +207,8 @@ class TCDiffPP(nn.Module):
         - ``spacing``: "kept" makes room between dancers who would run into each other
           (`dancediff.tcdiffpp.spacing`), as is usual; "free" leaves that to the network, and a
           model without preconditioning knows nothing else.
+        - ``order``: "kept" helps dancers who were asked to change places to get there
+          (`dancediff.tcdiffpp.order`), "free" leaves that to the network; default as for spacing.
         - ``start``, ``end``: formations, one (x, z) in metres a dancer.  ``constraints``: what
           else must hold (`dancediff.tcdiffpp.control`): paths, parts of another dance.
         - ``progress``: True for a bar, or a function (done, total).
@@ -236,6 +239,7 @@ class TCDiffPP(nn.Module):
             seam=seam,
             feet=feet,
             spacing=spacing,
+            order=order,
             start=start,
             end=end,
             constraints=constraints,

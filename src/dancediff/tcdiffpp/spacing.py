@@ -77,28 +77,22 @@ def pushes(joints: Tensor, fps: float = 30.0) -> Tensor:
     return push.index_add(0, i.to(joints.device), half).index_add(0, j.to(joints.device), -half)
 
 
-@dataclass
+@dataclass(frozen=True)
 class Spacing:
-    """The ``bend`` of `samplers.sample` that keeps dancers apart, and what else is told.
+    """A rule of `Bending`: where two are too near, both are asked to step aside.
 
-    ``told``: what is known of the dance anyway; it is kept where both speak.
+    >>> two = torch.zeros(2, 30, 151)
+    >>> two[1, ..., X] = 0.2                                     # metres: far too near
+    >>> Spacing(Normalizer(-torch.ones(151), torch.ones(151)))(two, 0.5).mask.any(-1).sum().item()
+    12
     """
 
     normalizer: Normalizer
-    spread: Tensor
-    told: Constraint | None = None
 
-    def __call__(self, x0_hat: Tensor, abar: float) -> Tensor:
-        """Bend a guess (1, n, f, d) made at noise level ``abar``."""
-        asked = self.told
-        if abar > MORE_SIGNAL and x0_hat.shape[1] > 1:
-            room = self.room(x0_hat[0])
-            if room is not None:
-                asked = room if asked is None else asked.over(room)
-        return x0_hat if asked is None else asked.bend(x0_hat, abar, self.spread)
-
-    def room(self, x: Tensor) -> Constraint | None:
+    def __call__(self, x: Tensor, abar: float) -> Constraint | None:
         """Where everybody is asked to stand (n, f, d), or None if there is room."""
+        if abar <= MORE_SIGNAL or len(x) < 2:
+            return None
         part = self.normalizer.unnormalize(x[:, ::EVERY])
         push = pushes(joints_of(part, TCDIFFPP), fps=30 / EVERY)
         if not push.any():
@@ -111,5 +105,4 @@ class Spacing:
         value = x.clone()
         value[:, ::EVERY, X] += push[..., 0] / scale[X]
         value[:, ::EVERY, Z] += push[..., 1] / scale[Z]
-        slack = torch.full_like(x, SLACK) / scale
-        return Constraint(mask, value, slack)
+        return Constraint(mask, value, torch.full_like(x, SLACK) / scale)

@@ -17,6 +17,7 @@ from dancediff.diffusion.pinning import MODES
 from dancediff.diffusion.samplers import SAMPLERS
 from dancediff.tcdiffpp import control
 from dancediff.tcdiffpp.long_group_sampling import SEAMS
+from dancediff.tcdiffpp.order import ORDER
 from dancediff.tcdiffpp.planting import FEET
 from dancediff.tcdiffpp.spacing import SPACING
 from dancediff.tcdiffpp.swap_mode import check_order
@@ -55,6 +56,7 @@ class Wish:
     seam: str = "copy"
     feet: str = "planted"
     spacing: str | None = None  # kept if the model can
+    order: str | None = None  # kept if the model can
     start: Any = None
     end: Any = None
     constraints: Any = ()
@@ -75,6 +77,7 @@ class Wish:
         one_of("seam", self.seam, tuple(SEAMS))
         one_of("feet", self.feet, FEET)
         one_of("spacing", self.spacing, (None, *SPACING))
+        one_of("order", self.order, (None, *ORDER))
         if self.swap is not None:
             self.swap = check_order(self.swap, self.dancers)
         elif self.swap_at is not None:

@@ -64,6 +64,7 @@ class Sample:
     seam: str = "copy"
     feet: str = "planted"
     spacing: str | None = None
+    order: str | None = None
     soft: float = 1.0  # this and the next four: Lodge
     home: bool = True
     mirror: bool = True
