@@ -1,172 +1,19 @@
 import ast
 import json
 import re
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
+from near_misses import NEAR_MISSES
+from near_misses.foundations import six_changes_nothing
 
 from dancediff import nb
 from dancediff.motion.rotation import rot6d_to_matrix
 
 BOOKS = Path(__file__).parents[2] / "notebooks"
 LESSONS = sorted(BOOKS.glob("*.ipynb"))
-
-
-def six_as_columns(d6):
-    return rot6d_to_matrix(d6).mT
-
-
-def six_not_squared(d6):
-    a, b = (torch.nn.functional.normalize(v, dim=-1) for v in (d6[..., :3], d6[..., 3:]))
-    return torch.stack([a, b, torch.linalg.cross(a, b)], dim=-2)
-
-
-def six_left_handed(d6):
-    R = rot6d_to_matrix(d6)
-    return torch.cat([R[..., :2, :], -R[..., 2:, :]], dim=-2)
-
-
-def six_changes_nothing(d6):
-    return torch.eye(3).expand(*d6.shape[:-1], 3, 3)
-
-
-def beat_frames(M):
-    return np.flatnonzero(np.asarray(M)[:, 34] > 0.5)
-
-
-NEAR_MISSES = {
-    "00.1": [
-        {"same seed again": False, "another seed": False, "another song": False},
-        {"same seed again": True, "another seed": False, "another song": True},
-        {"same seed again": True},
-        True,
-    ],
-    "01.1": [six_as_columns, six_not_squared, six_left_handed, six_changes_nothing],
-    "02.1": [
-        lambda M: 60 * 30 / np.diff(beat_frames(M)).mean(),  # minds a missing beat
-        lambda M: 60 / np.median(np.diff(beat_frames(M))),  # takes frames for seconds
-        lambda M: 60 * 30 * len(beat_frames(M)) / len(M),
-        lambda M: np.diff(beat_frames(M)),
-    ],
-    "03.1": [
-        lambda train, test: sum(w in train for w in test),  # only the very same window
-        lambda train, test: sum(take in {a for a, _ in train} for take, _ in test),  # any of a take
-        lambda train, test: sum(a == b and abs(s - t) < 150 for a, s in test for b, t in train),
-        lambda train, test: sum(
-            any(a == b and abs(s - t) <= 150 for b, t in train) for a, s in test
-        ),
-        lambda train, test: sum(any(abs(s - t) < 150 for _, t in train) for _, s in test),
-    ],
-    "04.1": [
-        lambda x_t, eps, t, abar: (x_t - (1 - abar[t]) * eps) / abar[t].sqrt(),  # no root
-        lambda x_t, eps, t, abar: (x_t - (1 - abar[t]).sqrt() * eps) / abar[t],
-        lambda x_t, eps, t, abar: (x_t + (1 - abar[t]).sqrt() * eps) / abar[t].sqrt(),
-        lambda x_t, eps, t, abar: x_t - eps,
-    ],
-    "05.1": [
-        lambda p_hat, p: (p_hat - p).square().mean(),  # places, not offsets
-        lambda p_hat, p: (p_hat - p).diff(dim=0).square().mean(),  # neighbours only
-        lambda p_hat, p: (p_hat - p).diff(dim=1).square().mean(),  # time, as the released code
-        lambda p_hat, p: ((p_hat - p)[:, None] - (p_hat - p)).square().mean(),  # with herself
-        lambda p_hat, p: ((p_hat - p)[:, None] - (p_hat - p)).square().sum(),
-    ],
-    "06.1": [
-        lambda net, x_t, w: net(x_t, music=True) + w * net(x_t, music=False),
-        lambda net, x_t, w: w * net(x_t, music=True),
-        lambda net, x_t, w: (1 + w) * net(x_t, music=True) - w * net(x_t, music=False),
-        lambda net, x_t, w: (1 - w) * net(x_t, music=True) + w * net(x_t, music=False),
-    ],
-    "07.1": [
-        lambda root: root[:, 0, 0].argsort(),  # who stands k-th, not which k
-        lambda root: root[:, -1, 0].argsort().argsort(),  # at the last frame
-        lambda root: root[:, 0, 2].argsort().argsort(),  # in depth
-        lambda root: root[:, 0, 0].argsort(descending=True).argsort(),
-        lambda root: root[:, 0, 0].argsort().argsort() + 1,
-        lambda root: root[:, :, 0].argsort(0).argsort(0),  # of every frame
-    ],
-    "08.1": [
-        lambda A, B, C, delta, length: (
-            C * torch.exp(delta * A) ** torch.arange(1, length + 1)[:, None] * delta * B
-        ).sum(-1),  # forgets in the pulse's own frame
-        lambda A, B, C, delta, length: (
-            C * torch.exp(delta * A) ** torch.arange(length)[:, None] * B
-        ).sum(-1),  # no delta when it is written
-        lambda A, B, C, delta, length: (C * A ** torch.arange(length)[:, None] * delta * B).sum(
-            -1
-        ),  # the rate instead of what a frame leaves
-        lambda A, B, C, delta, length: (
-            C * torch.exp(delta * A) ** torch.arange(length)[:, None] * delta * B
-        ),  # one kernel for every state
-        lambda A, B, C, delta, length: (
-            (C * torch.exp(delta * A) ** torch.arange(length)[:, None] * delta * B).sum(-1).flip(0)
-        ),
-    ],
-    "09.1": [
-        lambda S1, S2: S2[S1],  # the wrong way round
-        lambda S1, S2: S2,
-        lambda S1, S2: S1.argsort()[S2],  # where a rank goes, not who stands in a place
-        lambda S1, S2: S1[S2].argsort(),
-        lambda S1, S2: (S1 + S2) % len(S1),
-    ],
-    "10.1": [
-        lambda segments, overlap: torch.cat(list(segments), 1),  # the overlaps are danced twice
-        lambda segments, overlap: torch.cat([s[:, overlap:] for s in segments], 1),  # starts late
-        lambda segments, overlap: torch.cat(  # keeps the later version of the overlap
-            [*(s[:, : s.shape[1] - overlap] for s in segments[:-1]), segments[-1]], 1
-        ),
-        lambda segments, overlap: torch.cat(  # takes the stride for the overlap
-            [segments[0], *(s[:, s.shape[1] - overlap :] for s in segments[1:])], 1
-        ),
-    ],
-    "11.1": [
-        lambda v: ((v[:-2] < v[1:-1]) & (v[1:-1] >= v[2:])).nonzero()[:, 0] + 1,  # hills
-        lambda v: ((v[:-2] > v[1:-1]) & (v[1:-1] <= v[2:])).nonzero()[:, 0],  # a frame early
-        lambda v: ((v[:-2] > v[1:-1]) & (v[1:-1] < v[2:])).nonzero()[:, 0] + 1,  # no flat valley
-        lambda v: ((v[:-2] >= v[1:-1]) & (v[1:-1] <= v[2:])).nonzero()[:, 0] + 1,  # all of it
-        lambda v: (v[1:-1] < v.mean()).nonzero()[:, 0] + 1,  # slow, not slowest
-        lambda v: (v[:-2] > v[1:-1]) & (v[1:-1] <= v[2:]),  # which, not where
-    ],
-    "11.2": [
-        lambda root: root - root[:, :1],  # heights, too
-        lambda root: root - root.mean(1, keepdim=True) * torch.tensor([1.0, 0, 1]),
-        lambda root: root - root[:1, :1] * torch.tensor([1.0, 0, 1]),  # all to the first one
-        lambda root: root * torch.tensor([0.0, 1, 0]),  # and it goes nowhere
-        lambda root: root - root[:, :1] * torch.tensor([1.0, 1, 0]),  # z is not up
-    ],
-    "12.1": [
-        lambda R, swap: R[:, swap],  # partners, seen from the same side
-        lambda R, swap: torch.diag(torch.tensor([-1.0, 1, 1])) @ R[:, swap],  # no rotation
-        lambda R, swap: (
-            torch.diag(torch.tensor([-1.0, 1, 1])) @ R @ torch.diag(torch.tensor([-1.0, 1, 1]))
-        ),  # nobody changes sides
-        lambda R, swap: R[:, swap] * torch.tensor([-1.0, 1, 1]),
-        lambda R, swap: R[:, swap].mT,
-    ],
-    "12.2": [
-        lambda times, s: sum(t > 50 * (1 - s) for t in times[:-2]),  # the released code
-        lambda times, s: sum(t + 1 > (times[0] + 1) * s for t in times[:-2]),  # 1 - s
-        lambda times, s: round(s * (len(times) - 1)),  # a share of the steps, not of the way
-        lambda times, s: sum(t + 1 > (times[0] + 1) * (1 - s) for t in times[:-1]),  # the last, too
-        lambda times, s: sum(t + 1 > 1000 * (1 - s) for t in times[1:-1]),  # where they end
-    ],
-    "12.3": [
-        lambda real, made: -0.5 * (real - made).mean(),  # never content
-        lambda real, made: 0.5 * ((1 + real).relu() + (1 - made).relu()).mean(),  # the other way
-        lambda real, made: ((1 - real).relu() + (1 + made).relu()).mean(),  # twice as much
-        lambda real, made: 0.5 * ((1 - real).relu() + (1 + made).relu()),  # one for each dance
-        lambda real, made: 0.5 * ((-real).relu() + made.relu()).mean(),  # without the margin
-    ],
-    "13.1": [
-        lambda dance: dance,
-        lambda dance: dance.joints(),
-        lambda dance: dance.frames(0, 1),
-        lambda dance: replace(dance, root=2 * dance.root),
-        lambda dance: replace(dance, root=dance.root.mean(1, keepdim=True).expand_as(dance.root)),
-    ],
-}
 
 
 def run_solution(exercise):
