@@ -122,7 +122,7 @@ class Sampling:
     sampler: str = "dpm"
     steps: int = 20
     eta: float = 0.0
-    guidance: float = 2.0
+    guidance: float = 1.0
     autoguidance: float | None = None
     feet: str = "planted"
     spacing: str | None = None

@@ -82,7 +82,7 @@ def test_leaves_the_model_as_it_was(model):
 def test_options_reach_the_sampler(model):
     base = dance(model, seconds=8)
     for changed in (
-        {"guidance": 1.0},
+        {"guidance": 2.0},
         {"eta": 1.0},
         {"steps": 3},
         {"overlap": 60},
@@ -149,7 +149,7 @@ def test_progress_bar_closes(model, capsys):
 def test_meta_says_how_it_was_made(model):
     meta = dance(model, seconds=2, seed=4, dancers=2, swap=[1, 0]).meta
     assert meta["seed"] == 4 and meta["song"] == "tune" and meta["model"] == "tcdiffpp"
-    assert meta["steps"] == 2 and meta["guidance"] == 2 and meta["swap"] == [1, 0]
+    assert meta["steps"] == 2 and meta["guidance"] == 1 and meta["swap"] == [1, 0]
 
 
 def test_one_dancer_swaps_with_nobody(model):

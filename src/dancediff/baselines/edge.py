@@ -140,7 +140,7 @@ class EDGE(nn.Module):
         seed: int = 0,
         steps: int = 20,
         sampler: str = "dpm",
-        guidance: float = 2.0,
+        guidance: float = 1.0,
         autoguidance: float | None = None,
         eta: float = 0.0,
         swap=None,

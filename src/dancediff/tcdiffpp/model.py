@@ -167,7 +167,7 @@ class TCDiffPP(nn.Module):
         seed: int = 0,
         steps: int = 20,
         sampler: str = "dpm",
-        guidance: float = 2.0,
+        guidance: float = 1.0,
         autoguidance: float | None = None,
         eta: float = 0.0,
         swap=None,
@@ -194,10 +194,12 @@ class TCDiffPP(nn.Module):
         - ``sampler`` "dpm" or "ddim" (``steps``, ``eta``: 0 = no fresh noise, 1 = as in the
           papers, which take 50 steps of "ddim"), or "ddpm" (all 1000 steps).  Changes of order
           need "dpm": see "Why nobody swapped" in docs/training_log.md.
-        - ``guidance``: 0 ignores the music, 1 listens, 2 exaggerates (the papers' value).
+        - ``guidance``: 0 ignores the music, 1 listens, 2 exaggerates (the papers' value) and takes
+          twice as long.
         - ``autoguidance``: 1 takes the network's guesses as they are, more pushes them away from
-          the mean of all dances (`dancediff.diffusion.guidance.autoguided`); default 1.2, and 1
-          for a model without preconditioning, which knows nothing else.
+          the mean of all dances (`dancediff.diffusion.guidance.autoguided`); default 2.2, and 1
+          for a model without preconditioning, which knows nothing else. The root is pushed a
+          quarter as far.
         - ``swap[k]``: the dancer, counted 0.. from the left at the first frame, who stands k-th
           from the left in the end; ``swap_at``: when, in seconds (default: at the end).
         - ``overlap``, ``pinning``, ``seam``: how segments of 5 s are joined, see

@@ -46,7 +46,7 @@ class Wish:
     seed: int = 0
     steps: int = 20
     sampler: str = "dpm"
-    guidance: float = 2.0
+    guidance: float = 1.0
     autoguidance: float | None = None  # AUTOGUIDANCE if the model can
     eta: float = 0.0
     swap: Any = None

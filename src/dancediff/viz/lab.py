@@ -50,7 +50,7 @@ def sampling_panel(
     steps: int = 20,
     sampler: str = "dpm",
     eta: float = 0.0,
-    guidance: float = 2.0,
+    guidance: float = 1.0,
     autoguidance: float | None = None,
     seed: int = 0,
     dancers: int = 2,
