@@ -12,3 +12,35 @@ def six_to_matrix(d6):
     second = d6[..., 3:] - (first * d6[..., 3:]).sum(-1, keepdim=True) * first
     second = normalize(second, dim=-1)
     return torch.stack([first, second, torch.linalg.cross(first, second)], dim=-2)
+
+
+# %% 01.2
+# A joint's own rotation stands in the sum of its children, Q_p o_j, and not in its own place: an
+# elbow that bends stays where it is. A hand has no children, so nothing moves; that is why Lodge
+# leaves the hands out. The root carries all the others.
+moved = {"18 left elbow": 2, "22 left hand": 0, "9 chest": 12, "0 root": 23}
+
+
+# %% 01.3
+# In the world the shoulder is turned by Q[13] @ R[16]. The inverse of Q[13], its transpose, undoes
+# whatever the body does, and the quarter turn points the arm up. It stays straight only if elbow
+# and wrist do.
+from torch import eye, pi, tensor
+
+from dancediff.motion import rotation, skeleton
+
+
+def raise_hand(pose):
+    pose = pose.clone()
+    pose[[18, 20]] = eye(3)
+    Q = skeleton.world_rotations(pose)
+    pose[16] = Q[13].mT @ rotation.rotation_about("z", tensor(pi / 2))
+    return pose
+
+
+# %% 01.4
+# The rows of each are nearly parallel. Once the second has lost its share of the first, four
+# thousandths are left, and making them unit length blows them up: their sign decides where the
+# second row points. Dances are full of rows at right angles, so a trained network stays far away.
+def two_near():
+    return [1.0, 0, 0, 1, 0.004, 0], [1.0, 0, 0, 1, -0.004, 0]

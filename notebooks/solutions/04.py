@@ -7,3 +7,37 @@
 
 def x0_from(x_t, eps, t, abar):
     return (x_t - (1 - abar[t]).sqrt() * eps) / abar[t].sqrt()
+
+
+# %% 04.2
+# x_s holds the share abar[s] of the signal's power and shall hold abar[t], so its power is scaled
+# by their ratio. The noise in x_s is scaled along with it; new noise fills up to power 1. Both add
+# up to one Gaussian noise, which is why one jump from x_0 does the same.
+def further(x_s, s, t, abar, eps):
+    left = abar[t] / abar[s]
+    return left.sqrt() * x_s + (1 - left).sqrt() * eps
+
+
+# %% 04.3
+# The noise has the same strength at every frequency; a dance has not. The body travels far when it
+# is slow, and what is fast is small. So noise eats a dance from the fine to the coarse, and on the
+# way back a network first decides where everybody goes and last how a hand trembles.
+drowned = {"sway": 650, "kick": 310, "tremble": 70}
+
+
+# %% 04.4
+# An error of 0.1 everywhere has the loss 0.1² = 0.01. It arrives in the dance multiplied by the
+# root of (1 - abar) / abar, which is 12.8 at step 950. The loss of the noise has no idea of it.
+def fool(eps, abar):
+    return 950, eps + 0.1
+
+
+# %% 04.5
+# A straight line spends as many steps on each tenth of the power, so eight tenths of them are in
+# the middle. The cosine spends more at both ends: fewer steps in the middle, but gentle ones where
+# the last details are cleared. What is best is a matter of trying.
+import torch
+
+
+def my_abar(num_steps):
+    return torch.linspace(0.99, 0.0005, num_steps)

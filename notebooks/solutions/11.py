@@ -18,3 +18,37 @@ def valleys(v):
 def forget(root):
     floor = root.new_tensor([1.0, 0.0, 1.0])
     return root - root[:, :1] * floor
+
+
+# %% 11.3
+# Joint k is k / 24 of the way from one rest to the next, so at every moment another one rests and
+# the others move on: their mean hardly changes. Lodge's rests are rests of the whole body; a wave
+# that runs through it has none, however clearly every part of it stops.
+import torch
+
+
+def ripple(frames):
+    when = torch.arange(frames)[:, None] / 30 + torch.arange(24) / 24
+    joints = torch.zeros(frames, 24, 3)
+    joints[..., 0] = 0.2 * torch.sin(torch.pi * when)
+    return joints
+
+
+# %% 11.4
+# A border is a multiple of n, counted in frames of the clip and not of a local. Only so do the two
+# halves of a hard primitive lie in two locals, and only then do neighbours fit together.
+def hard_frames(N, n):
+    middles = [4, *range(n, N, n), N - 4]
+    return [[middle + i for i in range(-4, 4)] for middle in middles]
+
+
+# %% 11.5
+# The clock decides where hard primitives lie, the dancer where soft ones do. Their number is fixed,
+# because the network has room for thirteen: too many rests are thinned out, gaps are halved. What
+# happens in any of them is always the dancer's.
+changes = {
+    "how many soft ones": False,
+    "frames of the soft ones": True,
+    "frames of the hard ones": False,
+    "poses in the hard ones": True,
+}

@@ -26,3 +26,31 @@ def held(times, s):
 def critic(real, made):
     missing = (1 - real).relu().mean() + (1 + made).relu().mean()
     return missing / 2
+
+
+# %% 12.4
+# A hard cue is pasted after every step, the last one too, so it is met whatever the network thinks;
+# but only there, and the frame beside it jumps. A soft cue is a hint: the last word is the
+# network's, and one that does not listen forgets it in a single step.
+met = {
+    "a hard cue": True,
+    "the frame beside a hard cue": False,
+    "a soft cue, s = 0.5": False,
+    "a soft cue, s = 1": False,
+}
+
+
+# %% 12.5
+# Places cannot be repaired without a jump, steps can: a straight ramp from the steps before the
+# seam to those after it. The library bends both sides towards their mean instead. Both are right,
+# and with both the place where a walk ends depends on all the walks before it.
+import torch
+
+
+def join(paths):
+    n = paths.shape[1]
+    step = paths.diff(dim=1, prepend=paths[:, :1]).flatten()
+    for seam in range(n, len(step), n):
+        ends = step[seam - 8].item(), step[seam + 8].item()
+        step[seam - 7 : seam + 8] = torch.linspace(*ends, 17)[1:-1]
+    return paths[0, 0] + step.cumsum(0)

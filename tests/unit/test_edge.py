@@ -189,7 +189,7 @@ def test_same_seed_same_bits_whatever_ran_before(model):
 def test_options_reach_the_sampler(model):
     base = dance(model, seconds=8)
     for changed in (
-        *({"guidance": 1.0}, {"eta": 1.0}, {"steps": 3}, {"overlap": 60}),
+        *({"guidance": 2.0}, {"eta": 1.0}, {"steps": 3}, {"overlap": 60}),
         *({"song": Tune(11.0)}, {"seed": 1}, {"dtype": torch.bfloat16}),
     ):
         assert not torch.equal(base.pose, dance(model, **{"seconds": 8} | changed).pose), changed

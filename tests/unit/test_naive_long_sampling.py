@@ -182,7 +182,7 @@ def test_guidance_ramp_of_edge():
     for seconds, first in ((24, [False]), (5, [True, False])):
         for ramp in (True, False):
             model = Knows(a_dance(1000))
-            wish = Wish(5, 60.0, seconds=seconds, dancers=2, steps=4)
+            wish = Wish(5, 60.0, seconds=seconds, dancers=2, steps=4, guidance=2.0)
             draw_naively(model, Tune(), wish, ramp=ramp)
             expected = first if ramp else [True, False]  # weight 0: only without music
             assert sorted(set(model.calls[0][3])) == sorted(expected)

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import torch
 
 from dancediff.exercises.exercise import Exercise
 
@@ -38,6 +39,87 @@ def _fools_pfc(got, dance) -> str:
     return ""
 
 
+def _slides(foot):
+    speed = 30 * foot[..., (0, 2)].diff(dim=0).norm(dim=-1)
+    return (speed > 0.3).any(dim=1)
+
+
+def _feet() -> list[tuple]:
+    """A foot that slides all ways, a little under and over 30 cm/s, and one that is lifted."""
+    angle = torch.arange(24) / 24 * 2 * torch.pi + 0.05
+    way = torch.stack([angle.cos(), 0 * angle, angle.sin()], -1)
+    step = way[:, None] * torch.tensor([0.25, 0.35, 0.45]).repeat(8)[:, None, None] / 30
+    both = step.expand(-1, 2, -1).cumsum(0)
+    ankle, toe = torch.zeros_like(both), torch.zeros_like(both)
+    ankle[:, 0], toe[:, 1] = both[:, 0], both[:, 1]
+    lifted = both * torch.tensor([0.1, 0.0, 0.1])
+    lifted[..., 1] = torch.arange(24)[:, None] / 60  # half a metre a second, upwards
+    return [(both,), (ankle,), (toe,), (lifted,)]
+
+
+def _rhythm(music, motion):
+    from dancediff.metrics.rhythm import closeness
+
+    return min(closeness(music, motion, 0.1), closeness(motion, music, 0.1))
+
+
+_RESTS = {  # what to do with rests on the beats: at least, at most
+    "on every beat": (0.9, 1.0),
+    "50 ms late": (0.6, 1.0),
+    "half a beat late": (0.0, 0.55),
+    "in every frame": (0.0, 0.55),
+    "on one beat, and no other": (0.0, 0.55),
+}
+
+
+def _rests(name: str, music):
+    if name == "in every frame":
+        return np.arange(0, music[-1] + 0.3, 1 / 30)
+    if name == "on one beat, and no other":
+        return music[3:4]
+    return music + {"50 ms late": 0.05, "half a beat late": np.diff(music)[0] / 2}.get(name, 0.0)
+
+
+def _rhythms() -> list[tuple]:
+    grids = [np.arange(0.3, 10, period) for period in (0.5, 0.6)]  # 120 and 100 beats a minute
+    return [(music, _rests(name, music)) for music in grids for name in _RESTS]
+
+
+def _is_no_fool(got, music, motion) -> str:
+    try:
+        value = float(got)
+    except (TypeError, ValueError):
+        return f"type {type(got).__name__}, expected one number"
+    where = {name: _rests(name, music) for name in _RESTS}
+    name = next(k for k, v in where.items() if v.shape == motion.shape and np.allclose(v, motion))
+    low, high = _RESTS[name]
+    if not low <= value <= high + 1e-6:
+        return f"rests {name}: yours {value:.2f}, expected {low:g} ... {high:g}"
+    return ""
+
+
+def _move(dance):
+    return replace(dance, root=dance.root + torch.tensor([20.0, 0.0, 20.0]))
+
+
+def _fools_published_energy(got, dance) -> str:
+    from dancediff.metrics.kinetic import kinetic_features
+    from dancediff.motion.motion import Motion
+
+    if not isinstance(got, Motion):
+        return f"type {type(got).__name__}, expected a Motion"
+    if got.root.shape != dance.root.shape:
+        return f"shape {tuple(got.root.shape)} of the root, expected {tuple(dance.root.shape)}"
+    mine, its = got.joints(), dance.joints()
+    a, b = kinetic_features(mine), kinetic_features(its)
+    if not (a - b).norm() <= 0.01 * b.norm():
+        return "the right features see another dance: they differ by more than 1 %"
+    times = kinetic_features(mine, compat="gcd").mean() / kinetic_features(its, compat="gcd").mean()
+    if not times >= 10:
+        return f"the published features grow {times:.1f} times, expected 10 or more"
+    return ""
+
+
 EXERCISES = {
     "13.1": Exercise(
         "make a metric lie",
@@ -46,5 +128,34 @@ EXERCISES = {
         "travels? And BAS needs moments of rest between movements",
         _dances,
         _fools_pfc,
+    ),
+    "13.2": Exercise(
+        "a foot that slides sideways",
+        _slides,
+        "30 frames a second; the length of the step on the floor, over x and z and not y, for the "
+        "ankle and for the toe; one of the two is enough",
+        _feet,
+    ),
+    "13.3": Exercise(
+        "a score with two sides",
+        _rhythm,
+        "closeness(music, motion, 0.1) is BAS, closeness(motion, music, 0.1) MMC; each cheat keeps "
+        "one of them high, so the lower one must count; a mean lets the higher one help",
+        _rhythms,
+        _is_no_fool,
+    ),
+    "13.4": Exercise(
+        "one hit, sixty times",
+        {"BAS": False, "PFC": False, "FID_k": True, "Div_k": True},
+        "BAS and PFC look at one dance after the other and never at two; each of these is a good "
+        "one. FID_k and Div_k look at the whole set",
+    ),
+    "13.5": Exercise(
+        "the same dance elsewhere",
+        _move,
+        "multiply the brackets out: too much of p itself is left in the sum, so what if p were "
+        "larger, and its differences the same?",
+        lambda: _dances()[:1],
+        _fools_published_energy,
     ),
 }
