@@ -29,11 +29,13 @@ dance: $(READY)
 	@echo "      the lessons       make lab"
 
 # Two workers of one thread each; a notebook stays with one worker, and a dead kernel does not hang.
+# The lessons run as they are, and once more with the solutions put in.
 test: export OMP_NUM_THREADS = 1
 test: $(READY)
 	$(BIN)/python -m pytest -n 2 --dist loadfile
+	$(BIN)/python notebooks/solve.py out/solved
 	$(BIN)/python -m pytest --nbval-lax --nbval-current-env --nbval-cell-timeout=120 \
-	  -n 2 --dist loadfile -o addopts= notebooks/
+	  -n 2 --dist loadfile -o addopts= notebooks/ out/solved/
 
 lint: $(READY)
 	$(BIN)/ruff check .

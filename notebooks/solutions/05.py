@@ -10,3 +10,17 @@ def distance_loss(p_hat, p):
     e = p_hat - p
     i, j = torch.triu_indices(len(e), len(e), 1)
     return (e[i] - e[j]).square().mean()
+
+
+# %% 05.2
+# vel compares frames, dist compares dancers: what is the same for all goes out of both. contact
+# does not know the truth; nobody slides, so it is content. Only who compares places notices.
+notices = {"simple": True, "vel": False, "fk": True, "contact": False, "dist": False}
+
+
+# %% 05.3
+# A difference of two frames of one dancer forgets where she stands. So each may be put anywhere,
+# as long as she keeps her steps; the mean over pairs of dancers (exercise 05.1) would notice.
+def fool(p):
+    aside = p.new_tensor([[10.0 * k, 0, 0] for k in range(len(p))])  # metres to the right
+    return p + aside[:, None]

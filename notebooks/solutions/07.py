@@ -8,3 +8,27 @@
 def ranks(root):
     order = root[:, 0, 0].argsort(stable=True)
     return order.argsort()
+
+
+# %% 07.2
+# A mean is the same in whatever order one adds, so exchanged dancers get exchanged tokens; and
+# everybody is in it, so everybody is heard. Attention is such a mean, with weights.
+
+
+def hear_all(h):
+    return h + h.mean(dim=1, keepdim=True)
+
+
+# %% 07.3
+# Without any of them all that the network does treats dancers alike. One part with weights of its
+# own for each place in the row is enough; FP has them, too, though nobody calls it an embedding.
+parts_them = {"nothing": False, "FP": True, "DPE": True, "DPE, FP": True, "all": True}
+
+# %% 07.4
+# In every frame the dancers come in the same order, so the table is repeated once for each frame.
+# Each row repeated f times gives the first third of the clip to dancer 1, the next to dancer 2.
+
+
+def mark(tokens, table):
+    frames = len(tokens) // len(table)
+    return tokens + table.repeat(frames, 1)

@@ -9,3 +9,30 @@ import torch
 def kernel(A, B, C, delta, length):
     k = torch.arange(length)[:, None]
     return (C * torch.exp(k * delta * A) * delta * B).sum(-1)
+
+
+# %% 08.2
+# A frame that lasts long fades all that was before it; one that lasts next to nothing leaves it.
+# Delta also says how much of the news is written, so frame k itself goes in with full weight.
+from torch import full
+
+
+def deltas(f, k):
+    delta = full((f,), 1e-4)
+    delta[k] = 10.0
+    return delta
+
+
+# %% 08.3
+# Loop and chunks look at each frame once (and at its chunk, whose length does not change), so four
+# times the frames are four times the work. Attention compares pairs: four times four.
+times_longer = {"Python loop": 4, "the same scan in chunks": 4, "self-attention": 16}
+
+
+# %% 08.4
+# In one long stream a dancer's memory is full of the others, and fades n times as fast, since the
+# next token is not her own next frame. As a batch of streams each keeps her own past.
+def remember(tokens, n, memory):
+    f = len(tokens) // n
+    streams = tokens.reshape(f, n, -1).transpose(0, 1)  # (n, f, d)
+    return memory(streams).transpose(0, 1).reshape(f * n, -1)

@@ -7,3 +7,27 @@
 
 def both(S1, S2):
     return S1[S2]
+
+
+# %% 09.2
+# From left to right everybody keeps her place unless somebody is in the way, so who stands in order
+# is not touched. The middle is kept by a shift of all. The library moves them by the least squares.
+from itertools import pairwise
+
+
+def in_order(x, S, gap):
+    y = x.clone()
+    for left, right in pairwise(S):
+        y[right] = max(x[right], y[left] + gap)
+    return y + (x - y).mean()
+
+
+# %% 09.3
+# Eq. 9 wants a velocity: per second it is of the size of the other numbers, and the same at any
+# frame rate. On the floor a jump is no step, so the height does not count.
+import torch
+
+
+def floor_velocity(root):
+    steps = 30 * root[..., [0, 2]].diff(dim=1)
+    return torch.cat([torch.zeros_like(steps[:, :1]), steps], dim=1)

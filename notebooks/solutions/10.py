@@ -9,3 +9,27 @@ import torch
 def join(segments, overlap):
     later = [segment[:, overlap:] for segment in segments[1:]]
     return torch.cat([segments[0], *later], dim=1)
+
+
+# %% 10.2
+# Danced backwards from the seam on, everybody is where she was, and turns round within a frame. One
+# frame says where somebody is, two say how fast: so more than one frame must be held at a seam.
+
+
+def bad_second(first):
+    return first.flip(1)[:, :30]
+
+
+# %% 10.3
+# With five dancers one can try all 120. If two straight ways crossed, exchanging their ends would
+# be shorter (the triangle inequality): so in the shortest of all nobody crosses anybody's way.
+from itertools import permutations
+
+from torch import cdist, tensor
+
+
+def assign(start, places):
+    way = cdist(start, places)  # metres from every dancer to every place
+    everybody = range(len(start))
+    shortest = min(permutations(everybody), key=lambda goes: way[everybody, goes].sum().item())
+    return tensor(shortest)

@@ -6,6 +6,8 @@
     nb.check("04.1", x0_from)         # ○ open   ✗ wrong, and where to look   ✓ right
     nb.solution("04.1")
 
+and for teachers, on the command line: ``python -m dancediff.nb grade FOLDER``.
+
 A check never raises, so an unfinished exercise never stops a notebook.
 """
 
@@ -78,9 +80,8 @@ def same(mine, library, name: str) -> None:
     >>> same(torch.ones(2), torch.ones(2), "torch.ones")
     ✓ same as torch.ones
     """
-    torch.testing.assert_close(
-        torch.as_tensor(mine), torch.as_tensor(library), rtol=1e-4, atol=1e-5
-    )
+    mine, library = torch.as_tensor(mine), torch.as_tensor(library)
+    torch.testing.assert_close(mine, library, rtol=1e-4, atol=1e-5, check_dtype=False)
     _say(f"{RIGHT} same as {name}")
 
 
@@ -161,13 +162,38 @@ def solution_text(exercise: str) -> str:
 
 
 def report() -> None:
-    """Print the exercises of this lesson with their marks, and how long it took."""
+    """Print the exercises of this lesson with their marks, and how long it took.
+
+    What is solved has its title, which may give the answer away.
+    """
     number = _lesson["number"]
     for key, task in EXERCISES.items():
         if number is not None and key.startswith(f"{number:02d}."):
-            _say(f"{_status.get(key, OPEN)} {key} {task.title}")
+            mark = _status.get(key, OPEN)
+            _say(f"{mark} {key} {task.title}" if mark == RIGHT else f"{mark} {key}")
     _say(f"{time.perf_counter() - _lesson['start']:.0f} s since the set-up cell")
 
 
 def _say(text: str) -> None:
     print(text)  # a lesson talks
+
+
+def main(arguments: list[str]) -> int:
+    """``grade FOLDER``: print who solved what."""
+    from dancediff import grading
+
+    if len(arguments) != 2 or arguments[0] != "grade":
+        _say("usage: python -m dancediff.nb grade FOLDER")
+        return 2
+    try:
+        _say(grading.table(grading.grade(arguments[1])))
+    except (OSError, ValueError) as err:
+        _say(f"{err}")
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    import sys
+
+    sys.exit(main(sys.argv[1:]))
