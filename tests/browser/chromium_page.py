@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from contextlib import closing, contextmanager
+from pathlib import Path
 from urllib.error import URLError
 from urllib.request import urlopen
 
@@ -47,13 +48,22 @@ def num_colors(image: np.ndarray) -> int:
 
 @contextmanager
 def serve_lab(folder, cells):
-    """A JupyterLab on 127.0.0.1 with one notebook of these cells; gives its address."""
+    """A JupyterLab on 127.0.0.1 with one notebook; gives its address.
+
+    ``cells``: the code of its cells, or the path of a notebook, whose outputs are left out.
+    """
     import nbformat
 
-    code = [nbformat.v4.new_code_cell(cell.strip()) for cell in cells]
-    kernel = {"kernelspec": {"name": "python3", "display_name": "Python 3"}}  # else Lab asks
+    if isinstance(cells, Path):
+        book = nbformat.read(cells, 4)
+        for cell in book.cells:
+            if cell.cell_type == "code":
+                cell.update(outputs=[], execution_count=None)
+    else:
+        code = [nbformat.v4.new_code_cell(cell.strip()) for cell in cells]
+        book = nbformat.v4.new_notebook(cells=code)
+    book.metadata["kernelspec"] = {"name": "python3", "display_name": "Python 3"}  # else Lab asks
     (folder / "work").mkdir()
-    book = nbformat.v4.new_notebook(cells=code, metadata=kernel)
     nbformat.write(book, folder / "work" / "test.ipynb")
     with closing(socket.socket()) as free:
         free.bind(("127.0.0.1", 0))
@@ -62,7 +72,7 @@ def serve_lab(folder, cells):
     command = [
         *(sys.executable, "-m", "jupyterlab", "--no-browser", "--allow-root"),
         *("--ip=127.0.0.1", f"--port={port}", "--ServerApp.port_retries=0"),
-        *("--IdentityProvider.token=", "--LabApp.news_url="),
+        *("--IdentityProvider.token=", "--LabApp.news_url=", "--expose-app-in-browser"),
         f"--ServerApp.root_dir={folder / 'work'}",
     ]
     with (folder / "log.txt").open("w") as log:
