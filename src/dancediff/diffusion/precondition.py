@@ -1,6 +1,6 @@
 r"""Preconditioning: start from the best linear guess and let the network add what it lacks.
 
-Read first: notebook 04 · Karras et al. 2022 (EDM) section 5 and eq. 7.
+Read first: notebooks 06 and 07 · Karras et al. 2022 (EDM) section 5 and eq. 7.
 
 Symbols (axes: b batch · n dancers · f frames · k frequencies, as many as frames · d features)
     x_t      noisy motion, normalised                     (b, n, f, d)
