@@ -11,6 +11,7 @@ from copy import deepcopy
 from pathlib import Path
 
 from dancediff.exercises import EXERCISES, OPEN, RIGHT, WRONG
+from dancediff.exercises.solutions import solution_text
 
 NOT_RUN = "·"
 _CHECK = re.compile(r"nb\.check\(\s*[\"']([\d.]+)[\"']\s*,\s*(\w+)")
@@ -53,8 +54,6 @@ def with_solutions(book: dict) -> dict:
 
     Raises: ValueError naming an exercise that has no stub before its check, or no solution.
     """
-    from dancediff.nb import solution_text
-
     book = deepcopy(book)
     for k, exercise, _ in checks(book):
         stubs = [c for c in book["cells"][:k] if "exercise" in c["metadata"].get("tags", [])]

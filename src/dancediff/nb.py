@@ -19,6 +19,7 @@ import numpy as np
 import torch
 
 from dancediff.exercises import EXERCISES, OPEN, RIGHT, WRONG, Verdict, copies
+from dancediff.exercises.solutions import solution_text
 
 _lesson: dict = {"number": None, "start": 0.0}
 _status: dict[str, str] = {}
@@ -148,17 +149,6 @@ def _bar_pair(bars, title: str):
 def solution(exercise: str) -> None:
     """Print the solution of an exercise with its explanation."""
     _say(solution_text(exercise) or f"no solution file for {exercise!r}; see notebooks/solutions")
-
-
-def solution_text(exercise: str) -> str:
-    """The part of ``solutions/NN.py`` that belongs to an exercise; empty if there is none."""
-    name = f"{exercise.split('.', maxsplit=1)[0]}.py"
-    project = Path(__file__).resolve().parents[2] / "notebooks"
-    for folder in (Path("solutions"), Path("notebooks/solutions"), project / "solutions"):
-        if (folder / name).is_file():
-            parts = (folder / name).read_text(encoding="utf-8").split("\n# %% ")
-            return next((p.partition("\n")[2].strip() for p in parts if p.startswith(exercise)), "")
-    return ""
 
 
 def report() -> None:

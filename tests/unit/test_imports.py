@@ -11,7 +11,8 @@ import pytest
 SOURCE = Path(__file__).parents[2] / "src" / "dancediff"
 ORDER = [
     *["atomic", "axes", "music", "motion", "data", "diffusion", "metrics", "nn", "tcdiffpp"],
-    *["lodge", "baselines", "training", "viz", "export", "hub", "exercises", "nb", "cli"],
+    *["lodge", "baselines", "training", "viz", "export", "hub", "exercises"],
+    *["grading", "nb", "cli"],
 ]
 PICTURES = {"viz", "export"}  # methods may reach for these when they are called
 HEAVY = ["torch", "librosa", "matplotlib", "ipywidgets", "pythreejs", "av"]

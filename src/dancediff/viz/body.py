@@ -28,6 +28,7 @@ _EXTRA = (
 SKULL, FACE, LHEEL, RHEEL, LTIP, RTIP = range(24, 30)
 HEAD_RADIUS = 0.105
 _SHADES = 6  # steps in which the floor grid fades
+_FADES = 8  # steps in which a trail fades
 _RING = np.stack([np.cos(a := np.linspace(0, 2 * np.pi, 24, endpoint=False)), 0 * a, np.sin(a)], -1)
 _SHADOW = mix(INK, "#334466", 0.5)
 
@@ -209,8 +210,9 @@ def trail_shapes(path: np.ndarray, camera: Camera, color: str, width: float = 0.
     if len(path) < 2:
         return []
     quads = floor_ribbon(path[:-1] * (1, 0, 1), path[1:] * (1, 0, 1), width, camera)
-    alphas = np.linspace(0, 0.6, len(quads))
-    return [(quad[None], (*rgb(color), float(v))) for quad, v in zip(quads, alphas, strict=True)]
+    level = np.arange(len(quads)) * _FADES // len(quads)  # one shape a level: they are costly
+    tone = rgb(color)
+    return [(quads[level == v], (*tone, 0.6 * (v + 0.5) / _FADES)) for v in np.unique(level)]
 
 
 def label_spots(points: np.ndarray) -> np.ndarray:

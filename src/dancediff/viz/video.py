@@ -186,13 +186,16 @@ def _write_mp4(motion: Motion, path: Path, song, size, fps: float) -> None:
             # the stream must exist before the first packet is written
             audio = file.add_stream("aac", rate=48000, layout="stereo")
             audio.bit_rate = 160_000
+
+        def encode(picture):
+            return video.encode(av.VideoFrame.from_ndarray(picture, format="rgba"))
+
         with ThreadPoolExecutor(1) as encoder:  # a picture is packed while the next is drawn
             packed = None
             for picture in _frames(motion, song, size, fps):
-                frame = av.VideoFrame.from_ndarray(picture, format="rgba")
                 if packed:
                     file.mux(packed.result())
-                packed = encoder.submit(video.encode, frame)
+                packed = encoder.submit(encode, picture.copy())
             file.mux(packed.result())
         file.mux(video.encode())
         if audio is not None:
