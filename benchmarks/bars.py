@@ -357,7 +357,7 @@ class Memory:
         scale = known.std(0).clamp_min(1e-6)
         for name, some in sets.items():
             nearest = torch.cdist(some / scale, known / scale).amin(1)
-            low, middle, high = nearest.quantile(torch.tensor([0.05, 0.5, 0.95])).tolist()
+            low, middle, high = nearest.quantile(nearest.new_tensor([0.05, 0.5, 0.95])).tolist()
             print(f"| {name} | {len(some)} | {low:.2f} | {middle:.2f} | {high:.2f} |")
 
 
