@@ -147,6 +147,9 @@ def test_the_skin_is_a_light_human_body_around_our_joints(dance):
 def test_an_unknown_body_is_refused(dance, tmp_path):
     with pytest.raises(ValueError, match="body='ghost' is unknown"):
         dance.save(tmp_path / "dance.glb", body="ghost")
+    with pytest.raises(ValueError, match=r"body='mesh' goes with \.glb only"):
+        dance.save(tmp_path / "dance.bvh", body="mesh")
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("joint", ["root", "lknee", "head", "face"])

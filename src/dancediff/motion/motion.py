@@ -146,12 +146,15 @@ class Motion:
           ``dance.1.bvh``, ``dance.2.bvh`` ..., the first of which is returned.
 
         Each file appears whole or not at all.
-        Raises: ValueError for another suffix; ImportError naming the extra that is missing.
+        Raises: ValueError for another suffix, or a body where the format has no choice of one;
+        ImportError naming the extra that is missing.
         """
         path = Path(path)
         kind = suffix_of(path)
         if kind not in SUFFIXES:
             raise ValueError(f"suffix {kind!r} of {path} is unknown; use {' '.join(SUFFIXES)}")
+        if body != "mannequin" and kind != ".glb":
+            raise ValueError(f"body={body!r} goes with .glb only, not with {path}; leave it out")
         if kind in PER_DANCER:
             return self._save_dancers(path, kind)
         if kind == ".npz":

@@ -22,7 +22,7 @@ from dancediff.tcdiffpp import control
 from dancediff.tcdiffpp.long_group_sampling import iter_long_group_sample
 from dancediff.tcdiffpp.wish import FPS, Wish, one_of
 
-AUTOGUIDANCE = 2.2  # of preconditioned models; docs/training_log.md, "Away from the mean"
+AUTOGUIDANCE = 2.2  # of preconditioned models; docs/training_log.md, "Strange music"
 ROOT_SHARE = 0.25  # of it where dancers go; pushed as far as joints they run
 LOOK_AHEAD = 30  # frames danced again where a constraint may lie just behind a segment's end
 

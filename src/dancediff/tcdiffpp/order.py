@@ -4,7 +4,7 @@ Read first: notebook 09 · `dancediff.tcdiffpp.swap_mode` · `dancediff.diffusio
 
 Symbols (axes: n dancers · f frames · d motion features)
     S   swap mode: S[k] = the dancer, counted from the left at the first frame, who ends k-th   (n,)
-    x   where a guess has everybody in the last frame, from left to right, metres               (n,)
+    x   lateral place of everybody in the last frame of a guess, metres; numbered as S does     (n,)
     y   where they would stand in the order that was asked for                                  (n,)
 
 The network is told S, and mostly obeys. A guess in which it does not is bent as if somebody had
