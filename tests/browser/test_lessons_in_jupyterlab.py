@@ -65,6 +65,15 @@ def wait_for_picture(page, panel, before, must_change=True):
     return picture.get_attribute("src")
 
 
+def wait_for_change(page, canvas, before):
+    """A page that has just come draws late, when its machine is busy."""
+    for _ in range(round(15 * SLOW)):
+        page.wait_for_timeout(500)
+        if changed(before, shot(canvas)) > 0.002:
+            return
+    raise AssertionError("the stage shows the same picture as before")
+
+
 def ends(panel):
     """Every control, last one first: its name, functions that move it to its ends.
 
@@ -118,16 +127,16 @@ def test_a_dance_is_seen_on_the_stage(lesson):
     still = shot(canvas)
     assert num_colors(still) > 200
     lesson.locator("button:has-text('▶ Play')").first.click()
-    lesson.wait_for_timeout(1500 * SLOW)
+    wait_for_change(lesson, canvas, still)
     lesson.locator("button:has-text('❚❚ Pause')").first.click()
-    lesson.wait_for_timeout(300 * SLOW)
+    lesson.wait_for_timeout(500 * SLOW)
     played = shot(canvas)
-    assert changed(still, played) > 0.002
+    lesson.wait_for_timeout(1000)
+    assert changed(played, shot(canvas)) < 0.002
     slider = lesson.locator(".noUi-target").first
     at = slider.bounding_box()
     slider.click(position={"x": 0.9 * at["width"], "y": at["height"] / 2})
-    lesson.wait_for_timeout(500 * SLOW)
-    assert changed(played, shot(canvas)) > 0.002
+    wait_for_change(lesson, canvas, played)
 
 
 def test_every_control_goes_to_both_ends(lesson):
