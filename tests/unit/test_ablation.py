@@ -293,6 +293,19 @@ train = { lr = 1e30, clip = 1e30, warmup = 0 }
     assert "| wrong | failed |" in text and "- broken failed; training" in text
 
 
+def test_nothing_can_be_asked_of_dancers_who_do_not_see_each_other(config, tmp_path):
+    variants = """
+[variants.asked]
+model = { class = "EDGE" }
+sample = { swap = [1, 0] }
+[variants.EDGE]
+model = { class = "EDGE" }
+sample = { swap = [] }
+"""
+    rows = run_ablation(config(variants), tmp_path / "out", evaluate=Judge())
+    assert "do not see each other" in rows[1]["failed"] and "scores" in rows[2]
+
+
 def test_bad_devices_are_named_before_anything_is_done(config, tmp_path):
     for devices, words in ((("cpu", "toaster"), "device='toaster'"), ((), "devices is empty")):
         with pytest.raises(ValueError, match=words):

@@ -10,6 +10,7 @@ from dancediff.motion.foot_planting import plant_feet
 from dancediff.motion.ground import stand_on_floor
 from dancediff.motion.representation import TCDIFFPP, Normalizer
 from dancediff.motion.skeleton import FOOT_JOINTS
+from dancediff.motion.travelling import limit_travel
 from dancediff.motion.turning import limit_turns
 from dancediff.tcdiffpp.control import Keep
 from dancediff.tcdiffpp.planting import Planting, held
@@ -29,7 +30,8 @@ def test_guesses_that_are_mostly_noise_stay():
     norm = Normalizer(-2 * torch.ones(151), torch.ones(151))
     x = torch.randn(1, 2, 20, 151, generator=torch.Generator().manual_seed(0))
     assert torch.equal(Planting(norm)(x, abar=0.49), x)
-    wanted = norm.normalize(plant_feet(stand_on_floor(limit_turns(norm.unnormalize(x)))))
+    calm = limit_travel(limit_turns(norm.unnormalize(x)))
+    wanted = norm.normalize(plant_feet(stand_on_floor(calm)))
     assert torch.equal(Planting(norm)(x, abar=0.5), wanted)
 
 
@@ -42,6 +44,7 @@ def test_legs_are_held_where_any_of_their_rotations_is_known():
     assert known["legs"].int().tolist() == [[1, 1, 0, 0, 1, 0], [1, 1, 0, 0, 0, 0]]
     assert known["turns"].int().tolist() == known["legs"].int().tolist()
     assert known["height"].int().tolist() == [[1, 1, 0, 0, 0, 0], [1, 1, 0, 1, 0, 0]]
+    assert known["places"].int().tolist() == [[1, 1, 0, 0, 0, 0], [1, 1, 0, 1, 0, 1]]
 
 
 def test_dances_slide_less_with_planted_feet(dance_with):

@@ -228,7 +228,7 @@ def sample_locals(
         generators=how.generators(SOFT_CUES, len(M)),
     )
     M = model.music_normalizer.normalize(M.to(model.abar.device))
-    known = dict.fromkeys(("legs", "height", "turns"), cues.hard)
+    known = dict.fromkeys(("legs", "height", "turns", "places"), cues.hard)
     plant = Planting(model.normalizer, **known, spec=LODGE) if feet == "planted" else None
     x = sample_rows(model, M, style, how, LOCALS, pin=pin, plant=plant, callback=callback)
     return model.normalizer.unnormalize(x).cpu()

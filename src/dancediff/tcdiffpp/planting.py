@@ -1,7 +1,8 @@
 r"""Planting: what bodies cannot do is taken out of the guesses of a sampler.
 
-Joints do not turn too fast (`dancediff.motion.turning`), bodies do not float
-(`dancediff.motion.ground`), feet that stand do not slide (`dancediff.motion.foot_planting`).
+Joints do not turn too fast (`dancediff.motion.turning`), nobody dashes
+(`dancediff.motion.travelling`), bodies do not float (`dancediff.motion.ground`), feet that stand do
+not slide (`dancediff.motion.foot_planting`).
 
 Read first: notebook 09.
 
@@ -11,6 +12,7 @@ Symbols (axes: b batch · n dancers · f frames · d motion features)
     legs    frames whose legs must stay as they are    (n, f) bool
     height  frames whose root must keep its height     (n, f) bool
     turns   frames whose rotations must stay           (n, f) bool
+    places  frames whose place on the floor must stay  (n, f) bool
 """
 
 from collections.abc import Callable
@@ -24,6 +26,7 @@ from dancediff.motion.foot_planting import plant_feet
 from dancediff.motion.ground import stand_on_floor
 from dancediff.motion.representation import TCDIFFPP, MotionSpec, Normalizer
 from dancediff.motion.skeleton import SMPL24
+from dancediff.motion.travelling import limit_travel
 from dancediff.motion.turning import limit_turns
 
 FEET = ("planted", "free")
@@ -33,7 +36,7 @@ LEGS = [SMPL24.index(side + part) for side in "lr" for part in ("hip", "knee", "
 
 @dataclass(frozen=True)
 class Planting:
-    """`limit_turns`, `stand_on_floor`, `plant_feet` for guesses that are more signal than noise.
+    """`limit_turns` ... `plant_feet` for guesses that are more signal than noise.
 
     >>> norm = Normalizer(-torch.ones(151), torch.ones(151))
     >>> x = torch.randn(1, 2, 30, 151)
@@ -45,6 +48,7 @@ class Planting:
     legs: Tensor | None = None
     height: Tensor | None = None
     turns: Tensor | None = None
+    places: Tensor | None = None
     spec: MotionSpec = TCDIFFPP
 
     def __call__(self, x0_hat: Tensor, abar: float) -> Tensor:
@@ -53,6 +57,7 @@ class Planting:
             return x0_hat
         known = {k: None if m is None else m.to(x0_hat.device) for k, m in self._masks().items()}
         x = limit_turns(self.normalizer.unnormalize(x0_hat), known["turns"], self.spec)
+        x = limit_travel(x, known["places"], self.spec)
         x = stand_on_floor(x, known["height"], self.spec)
         return self.normalizer.normalize(plant_feet(x, known["legs"], self.spec))
 
@@ -62,7 +67,7 @@ class Planting:
         return replace(self, **{k: None if m is None else m[part] for k, m in masks})
 
     def _masks(self) -> dict[str, Tensor | None]:
-        return {"legs": self.legs, "height": self.height, "turns": self.turns}
+        return {"legs": self.legs, "height": self.height, "turns": self.turns, "places": self.places}
 
 
 def held(told: Constraint | None, known: int, n: int, f: int) -> dict[str, Tensor]:
@@ -76,6 +81,7 @@ def held(told: Constraint | None, known: int, n: int, f: int) -> dict[str, Tenso
         "legs": TCDIFFPP.joint_channels(LEGS),
         "height": [TCDIFFPP.root.start + 1],
         "turns": TCDIFFPP.rot6d,
+        "places": [TCDIFFPP.root.start, TCDIFFPP.root.start + 2],
     }
     return {
         part: first if told is None else first | told.mask[..., some].any(-1).cpu()

@@ -173,7 +173,7 @@ def _dance(model, variant: Variant, out: Path) -> None:
     naive = sample.pop("long") == "naive" and isinstance(model, TCDiffPP)
     make = generate_naively if naive else type(model).generate
     known = signature(type(model).generate).parameters
-    options = {key: value for key, value in sample.items() if key in known}
+    options = {k: value for k, value in sample.items() if k in known and value is not None}
     options |= {"dancers": held_out.dancers, "seconds": held_out.seconds}
     files = _dance_files(variant, out)
     files[0].parent.mkdir(parents=True, exist_ok=True)

@@ -49,15 +49,18 @@ class HeldOut:
 
 @dataclass(frozen=True)
 class Sample:
-    """How to dance: arguments of `generate`, as far as a model has them, and ``long``."""
+    """How to dance: arguments of `generate`, as far as a model has them, and ``long``.
+
+    None is what `generate` of the model does by itself.
+    """
 
     seed: int = 0  # song i is danced with seed + i
     steps: int = 20
     sampler: str = "dpm"
-    guidance: float = 2.0
+    guidance: float | None = None
     autoguidance: float | None = None
     eta: float = 0.0
-    swap: list | None = None
+    swap: list | None = None  # [] is None, for a variant of which nothing can be asked
     swap_at: float | None = None
     overlap: int = 75
     pinning: str = "renoise"
@@ -76,6 +79,8 @@ class Sample:
         """Check what `generate` does not."""
         if self.long not in ("lgds", "naive"):
             raise ValueError(f"long={self.long!r} is not one of 'lgds', 'naive'")
+        if self.swap == []:
+            object.__setattr__(self, "swap", None)
 
 
 @dataclass(frozen=True)
