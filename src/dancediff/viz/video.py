@@ -56,16 +56,9 @@ class Canvas:
         self.axes.axis("off")
         self._backdrop("" if song is None else song.name)
         self.shapes = PathCollection([], linewidths=0)
-        self.caption = self.axes.text(
-            size[0] - 24 * self.unit, 22 * self.unit, "", ha="right", color=MUTED, **self._font(19)
-        )
-        self.names = [
-            self.axes.text(0, 0, str(k + 1), ha="center", va="center", color=INK, **self._font(17))
-            for k in range(len(self.points))
-        ]
+        self.large, self.small = _letters(19 * self.unit), _letters(17 * self.unit)
         self.axes.add_collection(self.shapes)
-        for artist in (self.shapes, self.caption, *self.names):
-            artist.set_animated(True)
+        self.shapes.set_animated(True)
         self.canvas.draw()
         self.background = self.canvas.copy_from_bbox(self.figure.bbox)
 
@@ -97,11 +90,10 @@ class Canvas:
         paths, colors = to_paths(floor + bodies)
         self.shapes.set_paths(paths)
         self.shapes.set_facecolors(colors)
-        self._draw_texts(points, camera, position / self.fps, count)
         self.canvas.restore_region(self.background)
-        for artist in (self.shapes, *self.names, self.caption):
-            self.axes.draw_artist(artist)
-        return np.asarray(self.canvas.buffer_rgba())
+        self.axes.draw_artist(self.shapes)
+        picture = np.asarray(self.canvas.buffer_rgba())
+        return self._write(picture, points, camera, position / self.fps, count)
 
     def _beat(self, time: float) -> tuple[float, int]:
         """How strongly the last beat still glows (1 on it, 0 after 0.3 s), and its number."""
@@ -114,12 +106,28 @@ class Canvas:
         paths = self.points[:, start : index + 1 : 3, 0]
         return [s for k, p in enumerate(paths) for s in trail_shapes(p, camera, dancer_color(k))]
 
-    def _draw_texts(self, points, camera: Camera, time: float, count: int) -> None:
+    def _write(self, picture, points, camera: Camera, time: float, count: int) -> np.ndarray:
+        """Time, beat and the dancers' numbers; matplotlib takes as long for them as for bodies."""
+        from PIL import Image, ImageDraw
+
+        image = Image.fromarray(picture)
+        pen, (width, height) = ImageDraw.Draw(image), self.size
         beat = f"   beat {count}" if count else ""
-        self.caption.set_text(f"{time:4.1f} s{beat}")
-        for k, text in enumerate(self.names):
-            text.set_position(camera.project(label_spots(points[k]))[0])
-            text.set_color(mix(dancer_color(k), INK, 0.3))
+        corner = (width - 24 * self.unit, height - 22 * self.unit)
+        pen.text(corner, f"{time:4.1f} s{beat}", MUTED, self.large, anchor="rs")
+        for k, (x, y) in enumerate(camera.project(label_spots(points))[0]):
+            ink = tuple(round(255 * c) for c in mix(dancer_color(k), INK, 0.3))
+            pen.text((x, height - y), str(k + 1), ink, self.small, anchor="mm")
+        return np.asarray(image)
+
+
+def _letters(pixels: float):
+    """A font of that size, of those that matplotlib brings."""
+    import matplotlib
+    from PIL import ImageFont
+
+    font = Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"
+    return ImageFont.truetype(font, pixels)
 
 
 def save_video(motion: Motion, path, song=None, *, size=None, fps: float | None = None) -> Path:
@@ -155,7 +163,7 @@ def _frames(motion: Motion, song, size, fps: float):
 def _write_gif(motion: Motion, path: Path, song, size, fps: float) -> None:
     from PIL import Image
 
-    pictures = [Image.fromarray(f[..., :3].copy()) for f in _frames(motion, song, size, fps)]
+    pictures = [Image.fromarray(f[..., :3]) for f in _frames(motion, song, size, fps)]
     # one palette for all frames, or the colours flicker
     first = pictures[len(pictures) // 2].quantize(128)
     pictures = [p.quantize(palette=first, dither=Image.Dither.NONE) for p in pictures]
@@ -195,7 +203,7 @@ def _write_mp4(motion: Motion, path: Path, song, size, fps: float) -> None:
             for picture in _frames(motion, song, size, fps):
                 if packed:
                     file.mux(packed.result())
-                packed = encoder.submit(encode, picture.copy())
+                packed = encoder.submit(encode, picture)
             file.mux(packed.result())
         file.mux(video.encode())
         if audio is not None:
