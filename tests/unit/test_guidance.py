@@ -84,6 +84,14 @@ def test_autoguidance_pushes_away_from_the_linear_guess():
     torch.testing.assert_close(push(X, 5, 1.0), X + 1.5 * (X + 1.0))
 
 
+def test_what_lasts_is_pushed_less():
+    """The mean over the frames has a share of the push, the rest all of it; both together agree."""
+    push = autoguided(lambda x, t: 3 * x, lambda x, t: x, 1.5, lasting=0.25)
+    x, mean = push(X, 5), X.mean(-2, keepdim=True)
+    torch.testing.assert_close(x.mean(-2, keepdim=True), (3 + 0.5 * 0.25 * 2) * mean)
+    torch.testing.assert_close(x - x.mean(-2, keepdim=True), (3 + 0.5 * 2) * (X - mean))
+
+
 def test_a_weight_of_one_asks_no_linear_guess():
     def never(x, t):
         raise AssertionError("not needed")

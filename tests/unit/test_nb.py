@@ -1,6 +1,8 @@
 import ast
 import json
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -95,6 +97,65 @@ def test_an_answer_cannot_spoil_the_check():
     assert nb.judge("01.1", rot6d_to_matrix).mark == nb.RIGHT
 
 
+def spoils_tensor(root):
+    """Exercise 11.2 solved, in place."""
+    root[..., (0, 2)] -= root[:, :1, (0, 2)].clone()
+    return root
+
+
+def spoils_motion(dance):
+    """Exercise 13.5 solved, in place."""
+    dance.root += torch.tensor([20.0, 0.0, 20.0])
+    return dance
+
+
+def spoils_list(times, s):
+    """Exercise 12.2 solved, on what is left of the list."""
+    held = run_solution("12.2")[1](times, s)
+    times.pop()
+    return held
+
+
+def spoils_array(music, motion):
+    """Exercise 13.3 solved, in seconds since the first beat."""
+    first = music[0]
+    music -= first
+    motion -= first
+    return run_solution("13.3")[1](music, motion)
+
+
+@pytest.mark.parametrize(
+    ("exercise", "answer", "what"),
+    [
+        ("11.2", spoils_tensor, "a tensor (13, 8, 3)"),
+        ("12.2", spoils_list, "a list"),
+        ("13.3", spoils_array, "an array (20,)"),
+        ("13.5", spoils_motion, "a Motion"),
+    ],
+)
+def test_an_answer_leaves_its_arguments_as_they_were(exercise, answer, what):
+    verdict = nb.judge(exercise, answer)
+    assert verdict.mark == nb.WRONG
+    assert f"changes what it is given, {what}" in verdict.text and "copy" in verdict.text
+    assert nb.judge(exercise, run_solution(exercise)[1]).mark == nb.RIGHT
+
+
+def test_a_wrong_answer_is_told_where():
+    def one_off(segments, overlap):
+        dance = run_solution("10.1")[1](segments, overlap)
+        dance[1, 12, 2] += 1
+        return dance
+
+    text = nb.judge("10.1", one_off).text
+    assert ", first difference at [1, 12, 2] for" in text and text.startswith("yours […, ")
+    yours, right = ([float(v) for v in re.findall(r"-?\d+\.\d+", half)] for half in _halves(text))
+    assert [round(a - b, 2) for a, b in zip(yours, right, strict=True)] == [0, 0, 1, 0, 0, 0]
+
+
+def _halves(text):
+    return re.match(r"yours \[(.*)\], expected \[(.*)\], first", text).groups()
+
+
 def test_nan_is_named():
     verdict = nb.judge("02.1", lambda M: float("nan"))
     assert "not finite" in verdict.text
@@ -183,3 +244,28 @@ def test_lesson_has_its_parts(path):
     assert cells(path, "widget") and cells(path, "nbval-check-output")
     for link in re.findall(r"\]\(([\w.]+\.ipynb)\)", prose):
         assert (BOOKS / link).exists(), link
+
+
+@pytest.mark.parametrize("path", LESSONS, ids=lambda p: p.stem)
+def test_one_may_begin_in_the_middle(path):
+    """Whatever a "start here" cell and those behind it use, they make themselves."""
+    book = json.loads(path.read_text(encoding="utf-8"))
+    starts = [i for i, c in enumerate(book["cells"]) if "jump-in" in c["metadata"].get("tags", [])]
+    assert len(starts) == 2
+    for start in starts:
+        rest = [source(c) for c in book["cells"][start:] if c["cell_type"] == "code"]
+        assert rest[0].startswith("# ▶ Start here")
+        assert _undefined("\n".join(rest)) == ""
+
+
+def _undefined(code: str) -> str:
+    """What a linter says about names that nobody defines."""
+    ruff = [sys.executable, "-m", "ruff", "check", "--isolated", "--select=F821", "--quiet"]
+    known = ["--config", 'builtins=["display"]', "--output-format=concise", "-"]
+    run = subprocess.run([*ruff, *known], input=code, capture_output=True, text=True, check=False)
+    return run.stdout
+
+
+def test_a_name_that_nobody_defines_is_found():
+    assert _undefined("x = 1\nprint(x)") == ""
+    assert "undefined_name" in _undefined("print(undefined_name)").replace("`", "")

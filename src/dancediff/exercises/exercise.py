@@ -4,6 +4,7 @@ An answer is compared with the right one, on cases that bring out the usual mist
 answers are right, tested for what it must achieve.
 """
 
+import copy
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -11,6 +12,8 @@ import numpy as np
 import torch
 
 OPEN, WRONG, RIGHT = "○", "✗", "✓"
+COPY_FIRST = "   hint: work on a copy (of a tensor: x.clone()); others need it as it was"
+SHOWN = 6  # numbers of an answer in a verdict
 
 
 @dataclass(frozen=True)
@@ -31,6 +34,7 @@ class Exercise:
     ``spec`` is the right answer: a value to compare with, or a function that is called, like the
     reader's, on each of ``cases()``. With ``accepts`` many answers are right: it is called with
     what the reader's function made of a case, and with the case, and says what is wrong, or "".
+    A function must leave what it is given as it was.
     """
 
     title: str
@@ -54,9 +58,13 @@ class Exercise:
         return Verdict(RIGHT, self.title)
 
     def _try(self, answer, case: tuple) -> Verdict:
-        got = answer(*copies(case))
+        given = copies(case)
+        got = answer(*given)
         if _unanswered(got):
             return Verdict(OPEN, "not attempted yet")
+        changed = [old for old, new in zip(case, given, strict=True) if not _same(old, new)]
+        if changed:
+            return Verdict(WRONG, f"changes what it is given, {_kind(changed[0])}\n{COPY_FIRST}")
         if self.accepts is None:
             return self._compare(got, self.spec(*copies(case)), f" for {_brief(case)}")
         wrong = self.accepts(got, *case)
@@ -72,8 +80,12 @@ class Exercise:
             return self._wrong(f"shape {tuple(a.shape)}, expected {tuple(b.shape)}{where}")
         if not torch.isfinite(a).all():
             return self._wrong(f"some of your numbers are not finite{where}")
-        if not torch.allclose(a, b, rtol=1e-3, atol=1e-4):
-            return self._wrong(f"yours {_numbers(a)}, expected {_numbers(b)}{where}")
+        off = ~torch.isclose(a, b, rtol=1e-3, atol=1e-4)
+        if off.any():
+            first = off.nonzero()[0].tolist()
+            at = f", first difference at {first}" if first else ""
+            k = int(off.flatten().nonzero()[0])
+            return self._wrong(f"yours {_numbers(a, k)}, expected {_numbers(b, k)}{at}{where}")
         return Verdict(RIGHT, self.title)
 
     def _compare_dicts(self, got, want: dict) -> Verdict:
@@ -95,17 +107,45 @@ def _unanswered(answer) -> bool:
 
 
 def copies(case: tuple) -> tuple:
-    """A case whose tensors an answer may spoil."""
-    return tuple(v.clone() if isinstance(v, torch.Tensor) else v for v in case)
+    """A case that an answer may spoil."""
+    return tuple(v.clone() if isinstance(v, torch.Tensor) else copy.deepcopy(v) for v in case)
 
 
-def _numbers(x: torch.Tensor) -> str:
-    flat = x.flatten()
-    text = ", ".join(f"{v:.4g}" for v in flat[:6].tolist())
-    return f"[{text}{', …' if len(flat) > 6 else ''}]"
+def _same(a, b) -> bool:
+    """Whether two arguments hold the same values, down to each number.
+
+    >>> _same([torch.ones(2)], [torch.ones(2)]), _same([torch.ones(2)], [torch.zeros(2)])
+    (True, False)
+    """
+    if type(a) is not type(b):
+        return False
+    if isinstance(a, torch.Tensor | np.ndarray):
+        return a.shape == b.shape and bool((a == b).all())
+    if isinstance(a, dict):
+        return a.keys() == b.keys() and all(_same(a[key], b[key]) for key in a)
+    if isinstance(a, list | tuple):
+        return len(a) == len(b) and all(map(_same, a, b))
+    return _same(vars(a), vars(b)) if hasattr(a, "__dict__") else a == b
+
+
+def _numbers(x: torch.Tensor, k: int) -> str:
+    """Some numbers around the k-th.
+
+    >>> _numbers(torch.arange(20), 9)
+    '[…, 7, 8, 9, 10, 11, 12, …]'
+    """
+    flat = x.flatten().tolist()
+    first = max(0, min(k - 2, len(flat) - SHOWN))
+    shown = [f"{v:.4g}" for v in flat[first : first + SHOWN]]
+    before, behind = ["…"] * (first > 0), ["…"] * (first + SHOWN < len(flat))
+    return f"[{', '.join(before + shown + behind)}]"
+
+
+def _kind(v) -> str:
+    if isinstance(v, torch.Tensor | np.ndarray):
+        return f"{'a tensor' if isinstance(v, torch.Tensor) else 'an array'} {tuple(v.shape)}"
+    return f"a {type(v).__name__}"
 
 
 def _brief(case: tuple) -> str:
-    return ", ".join(
-        f"a tensor {tuple(v.shape)}" if isinstance(v, torch.Tensor) else f"{v!r}" for v in case
-    )
+    return ", ".join(_kind(v) if isinstance(v, torch.Tensor) else f"{v!r}" for v in case)

@@ -22,8 +22,9 @@ from dancediff.tcdiffpp import control
 from dancediff.tcdiffpp.long_group_sampling import iter_long_group_sample
 from dancediff.tcdiffpp.wish import FPS, Wish, one_of
 
-AUTOGUIDANCE = 2.2  # of preconditioned models; docs/training_log.md, "Strange music"
+AUTOGUIDANCE = 2.5  # of preconditioned models; docs/training_log.md, "Strange music"
 ROOT_SHARE = 0.25  # of it where dancers go; pushed as far as joints they run
+LASTING = 0.65  # of it in poses that last; pushed as far as movements they are grotesque
 LOOK_AHEAD = 30  # frames danced again where a constraint may lie just behind a segment's end
 
 
@@ -136,7 +137,8 @@ def denoise_segments(model, guidance, dtype=None, autoguidance: float = 1.0) -> 
         steps = torch.full((len(x_t),), t, dtype=torch.long, device=device)
         return model.linear_guess(x_t, steps, S)
 
-    return autoguided(denoise_segment, linear, autoguidance_weights(model, autoguidance))
+    weights = autoguidance_weights(model, autoguidance)
+    return autoguided(denoise_segment, linear, weights, lasting=LASTING)
 
 
 def autoguidance_weights(model, weight: float) -> Tensor | float:

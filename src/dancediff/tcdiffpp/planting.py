@@ -67,7 +67,12 @@ class Planting:
         return replace(self, **{k: None if m is None else m[part] for k, m in masks})
 
     def _masks(self) -> dict[str, Tensor | None]:
-        return {"legs": self.legs, "height": self.height, "turns": self.turns, "places": self.places}
+        return {
+            "legs": self.legs,
+            "height": self.height,
+            "turns": self.turns,
+            "places": self.places,
+        }
 
 
 def held(told: Constraint | None, known: int, n: int, f: int) -> dict[str, Tensor]:

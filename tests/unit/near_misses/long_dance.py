@@ -20,6 +20,11 @@ def frames_from(N, n, first=-4, stop=None):
     return torch.arange(0, N + 1, n)[:stop, None] + torch.arange(first, first + 8)
 
 
+def forget_in_place(root):
+    root[..., (0, 2)] -= root[:, :1, (0, 2)].clone()
+    return root
+
+
 def added_up(paths, *, meet=False, fade=False):
     """Steps added up; at a seam none, the mean of both sides, or (all along a walk) a slow fade."""
     step = paths.diff(dim=1, prepend=paths[:, :1])
@@ -51,6 +56,7 @@ NEAR_MISSES = {
         lambda root: root - root[:1, :1] * torch.tensor([1.0, 0, 1]),  # all to the first one
         lambda root: root * torch.tensor([0.0, 1, 0]),  # and it goes nowhere
         lambda root: root - root[:, :1] * torch.tensor([1.0, 1, 0]),  # z is not up
+        forget_in_place,  # right, and the dance it was cut from is spoilt
     ],
     "11.3": [
         lambda frames: wave(frames, torch.zeros(24)),  # all together: a valley a second
