@@ -2,6 +2,7 @@
 
     from dancediff import nb
     nb.setup(4)                       # the only set-up cell of a lesson
+    nb.resume(4)                      # in its "start here" cells
     nb.shapes(x_t=x_t)                # names, shapes, types
     nb.check("04.1", x0_from)         # ○ open   ✗ wrong, and where to look   ✓ right
     nb.solution("04.1")
@@ -45,6 +46,12 @@ def setup(lesson: int) -> None:
         return
     shell.run_line_magic("matplotlib", "inline")
     shell.run_line_magic("config", "InlineBackend.figure_formats = ['png']")
+
+
+def resume(lesson: int) -> None:
+    """Begin a lesson in the middle: `setup`, unless this lesson is set up already."""
+    if _lesson["number"] != lesson:
+        setup(lesson)
 
 
 def real_data(name: str) -> Path | None:

@@ -72,13 +72,13 @@ def test_a_docstring_becomes_markdown():
 
 def test_links_of_documents_fit_the_site():
     text = (
-        "[a](../src/dancediff/nn/film.py) [b](../notebooks/solutions) [c](../LICENSE)\n[d](data.md)\n"
+        "[a](../src/dancediff/nn/film.py) [b](../notebooks/solutions) [c](../LICENSE)\n"
         "`dancediff.nn.film.FiLM` `dancediff.nowhere`\n```\n[a](../src/dancediff/hub.py)\n```\n"
     )
     names = {"dancediff.nn.film.FiLM"}
     written, linked = for_site(text, ROOT / "docs" / "x.md", names, known={"docs/data.md"})
     assert written == (
-        "[a](../api/dancediff.nn.film.md) b [c](../LICENSE)\n[d](data.md)\n"
+        "[a](../api/dancediff.nn.film.md) b [c](../LICENSE)\n"
         "{py:obj}`dancediff.nn.film.FiLM` `dancediff.nowhere`\n"
         "```\n[a](../src/dancediff/hub.py)\n```\n"
     )

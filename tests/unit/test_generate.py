@@ -7,7 +7,13 @@ import torch
 
 import dancediff as dd
 from dancediff.diffusion.precondition import dct_matrix
-from dancediff.tcdiffpp.generate import AUTOGUIDANCE, LASTING, cut_music, denoise_segments
+from dancediff.tcdiffpp.generate import (
+    AUTOGUIDANCE,
+    LASTING,
+    cut_music,
+    denoise_segments,
+    largest_guess,
+)
 from dancediff.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 from dancediff.tcdiffpp.wish import Wish
 
@@ -272,6 +278,14 @@ def test_autoguidance_is_on_where_there_is_a_linear_guess():
         plain.generate(song, autoguidance=1.5, **ask)
     with pytest.raises(ValueError, match=r"autoguidance=0\.5 must lie in 1"):
         model.generate(song, autoguidance=0.5, **ask)
+
+
+def test_without_preconditioning_dancers_may_stand_far_out():
+    """The unit on the floor is a metre, so guesses there are not cut at 1."""
+    plain = TCDiffPP(TCDiffPPConfig(d_model=16, num_layers=1, ff_dim=32, precondition=False))
+    guess = largest_guess(plain)(torch.full((1, 2, 5, 151), 3.0))
+    assert guess[..., [4, 6]].unique().tolist() == [3.0]
+    assert guess[..., [0, 5, 7]].unique().tolist() == [1.0]
 
 
 def test_no_guess_runs_away():

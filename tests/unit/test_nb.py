@@ -182,6 +182,17 @@ def test_setup_seeds_and_report_lists_the_lesson(capsys):
     assert f"{nb.OPEN} 04.1" in capsys.readouterr().out
 
 
+def test_resume_sets_up_once(capsys):
+    nb.setup(98)
+    nb.resume(4)  # another lesson: begun here
+    nb.check("04.1", lambda *_: 0)
+    nb.resume(4)  # the same: marks and clock stay
+    capsys.readouterr()
+    nb.report()
+    said = capsys.readouterr().out
+    assert nb.WRONG in said.splitlines()[0] and "0 s since" in said
+
+
 def test_setup_refuses_a_negative_lesson():
     with pytest.raises(ValueError, match="lesson=-1"):
         nb.setup(-1)
@@ -255,6 +266,7 @@ def test_one_may_begin_in_the_middle(path):
     for start in starts:
         rest = [source(c) for c in book["cells"][start:] if c["cell_type"] == "code"]
         assert rest[0].startswith("# ▶ Start here")
+        assert f"nb.resume({int(path.stem[:2])})" in rest[0]
         assert _undefined("\n".join(rest)) == ""
 
 

@@ -33,7 +33,7 @@ from dancediff.lodge.primitives import DISCRETE, Layout, primitive_frames
 from dancediff.lodge.song_structure import find_sections
 from dancediff.lodge.stitch import Plan, plan, stitch
 from dancediff.motion.beats import motion_beats
-from dancediff.motion.representation import LODGE, joints_of
+from dancediff.motion.representation import LODGE, cut_to_range, joints_of
 from dancediff.music.beats import beat_frames
 from dancediff.tcdiffpp.planting import Planting, one_after_the_other
 
@@ -139,7 +139,7 @@ def sample_rows(
                 sampler=how.sampler,
                 steps=how.steps,
                 eta=how.eta,
-                clamp=None if model.config.precondition else 1.0,
+                clamp=None if model.config.precondition else cut_to_range,
                 generator=generators[part],
                 pin=pinned,
                 bend=one_after_the_other(pinned and pinned.bend, plant and plant.rows(part)),

@@ -173,3 +173,20 @@ class Normalizer(nn.Module):
     def unnormalize(self, x: Tensor) -> Tensor:
         """Back to metres and rotations."""
         return (x + 1) * self.scale + self.low
+
+
+def cut_to_range(x: Tensor) -> Tensor:
+    """Cut normalised features at +-1, the training range, but for places on the floor.
+
+    Source: EDGE, Lodge.  Differs: their unit on the floor is the range, too; ours is a metre, and
+    who stands further out shall not be pulled in.
+
+    Shapes: x (..., d) -> the same.
+
+    >>> cut_to_range(3 * torch.ones(151))[3:8].tolist()  # a contact, the root, a rotation
+    [1.0, 3.0, 1.0, 3.0, 1.0]
+    """
+    cut = x.clamp(-1, 1)
+    floor = [TCDIFFPP.root.start, TCDIFFPP.root.start + 2]  # Lodge's vector has the same
+    cut[..., floor] = x[..., floor]
+    return cut

@@ -1,6 +1,6 @@
 r"""FiLM: let a condition turn the knobs of a layer.
 
-Read first: notebook 05 · Perez et al. 2018 eq. 2.
+Read first: notebook 08 · Perez et al. 2018 eq. 2.
 
 Symbols (axes: b batch · d channels)
     h     what a layer computed                       (b, ..., d)

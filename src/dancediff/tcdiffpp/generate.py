@@ -17,14 +17,14 @@ from torch import Tensor
 
 from dancediff.diffusion.guidance import autoguided, guided, off_at_the_end
 from dancediff.motion.motion import Motion
-from dancediff.motion.representation import TCDIFFPP
+from dancediff.motion.representation import TCDIFFPP, cut_to_range
 from dancediff.tcdiffpp import control
 from dancediff.tcdiffpp.long_group_sampling import iter_long_group_sample
 from dancediff.tcdiffpp.wish import FPS, Wish, one_of
 
-AUTOGUIDANCE = 2.5  # of preconditioned models; docs/training_log.md, "Strange music"
+AUTOGUIDANCE = 2.7  # of preconditioned models; docs/training_log.md, "Strange music"
 ROOT_SHARE = 0.25  # of it where dancers go; pushed as far as joints they run
-LASTING = 0.65  # of it in poses that last; pushed as far as movements they are grotesque
+LASTING = 0.75  # of it in poses that last; pushed as far as movements they are grotesque
 LOOK_AHEAD = 30  # frames danced again where a constraint may lie just behind a segment's end
 
 
@@ -211,12 +211,12 @@ def _guess(model, x0_hat: Tensor) -> Motion:
     return Motion.from_features(model.normalizer.unnormalize(x0_hat).cpu().clone(), fps=FPS)
 
 
-def largest_guess(model) -> float | Callable[[Tensor], Tensor]:
+def largest_guess(model) -> Callable[[Tensor], Tensor]:
     """Where guesses are cut: at the training range, as published, or frequency by frequency.
 
     Without the latter, music unlike any in training sent dancers across the stage at 6 m/s.
     """
-    return model.decoder.precondition.within if model.config.precondition else 1.0
+    return model.decoder.precondition.within if model.config.precondition else cut_to_range
 
 
 def _redo(wish: Wish) -> int:

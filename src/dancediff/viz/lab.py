@@ -84,6 +84,7 @@ def sampling_panel(
         ax.set_title(f"step {k + 1}", loc="left", fontsize=9, color=MUTED, pad=3)
     ax = bare(bottom.subplots())
     ax.plot(range(1, len(away) + 1), 100 * np.array(away), "o-", ms=3, color=dancer_color(0))
+    ax.xaxis.get_major_locator().set_params(integer=True)
     ax.axhline(100 * NEAR, color=MUTED, lw=0.8, ls="--")
     ax.set(xlabel="step", ylabel="from the dance (cm)", ylim=(0, None), xlim=(0.5, len(away) + 0.5))
     there = next(k for k in range(len(away)) if max(away[k:]) < NEAR) + 1
