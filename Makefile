@@ -7,7 +7,7 @@ BIN    := $(VENV)/bin
 READY  := $(VENV)/.ready
 export MPLBACKEND ?= Agg
 
-.PHONY: setup dance test lint lab player clean
+.PHONY: setup dance test lint lab docs player clean
 setup: $(READY)
 
 # The stamp is written last, so an interrupted set-up is done again.
@@ -43,6 +43,16 @@ lint: $(READY)
 
 lab: $(READY)
 	$(BIN)/jupyter lab notebooks/00_tour.ipynb
+
+# Shows the outputs stored in the lessons and runs nothing. One resolve again, so PyTorch stays.
+$(VENV)/.docs: $(READY)
+	$(BIN)/python -m pip install --disable-pip-version-check -q -r requirements.txt -e ".[docs]"
+	@touch $@
+
+docs: $(VENV)/.docs
+	$(BIN)/python docs/site/gather.py out/docs-source
+	$(BIN)/python -m sphinx -q -W --keep-going -j auto -c docs out/docs-source out/docs
+	@echo "Open out/docs/index.html in a browser."
 
 # The bundle is committed; this rebuilds it (needs node and npm).
 player:

@@ -10,6 +10,7 @@ from dancediff.diffusion.schedule import cosine_abar
 from dancediff.motion.representation import Normalizer
 from dancediff.tcdiffpp.fusion import FusionProjection
 from dancediff.training import loop, loss_log
+from dancediff.training.distributed import World
 from dancediff.training.loop import (
     TrainConfig,
     level_weights,
@@ -124,6 +125,13 @@ def test_time_budget_ends_the_run_and_keeps_it(tmp_path, monkeypatch):
     more = Data()
     train(Toy(), more, TrainConfig(steps=1000, max_minutes=1), tmp_path, resume=True)
     assert len(more.asked) <= 1  # the time of the first run counts
+
+
+def test_a_time_budget_is_for_one_process(tmp_path):
+    config = TrainConfig(steps=10, max_minutes=1)
+    with pytest.raises(ValueError, match=r"max_minutes=1 is for one process: each of 2"):
+        train(Toy(), Data(), config, tmp_path / "run", world=World(rank=1, size=2))
+    assert not (tmp_path / "run").exists()
 
 
 def test_clock_only_ever_hurries_the_schedule():

@@ -157,9 +157,14 @@ def train(
     ``extra()``: what it must remember, kept in the checkpoint.
 
     Raises: RuntimeError naming the step when the gradient is not finite; the weights are then
-    those before that step.
+    those before that step. ValueError for ``max_minutes`` with several processes.
     """
     out, world = Path(out), world or World()
+    if config.max_minutes is not None and world.size > 1:
+        raise ValueError(
+            f"max_minutes={config.max_minutes:g} is for one process: each of {world.size} has its "
+            "own clock, and one would wait for the others; leave it out, stop and use resume"
+        )
     out.mkdir(parents=True, exist_ok=True)
     checkpoint = out / "checkpoint.safetensors"
     optimizer = make_optimizer(model, config)
