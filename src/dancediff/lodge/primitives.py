@@ -6,12 +6,12 @@ Symbols (axes: p primitives · k frames of a primitive · f frames · d = 139 mo
     N   frames of a global segment, 1024 = 34 s
     n   frames of a local segment, 256 = 8.5 s (in this package n never counts dancers)
     h   hard primitive: lies across the border of two locals, so that they fit together
-    s   soft primitive: a key motion within a local, so that something happens there
+    r   soft primitive: a key motion within a local, so that something happens there
 
 In a global segment they come in this order, two soft ones in each local:
 
     frame  0           n           2n           3n           N
-           h0  s   s   h1  s   s   h2   s   s   h3   s   s   h4
+           h0  r   r   h1  r   r   h2   r   r   h3   r   r   h4
 """
 
 import operator
@@ -111,7 +111,7 @@ def primitives_of(
 ) -> tuple[Tensor, Tensor]:
     r"""The primitives of a training clip: what global diffusion learns to make.
 
-    $$h_k = x[kn - 4 : kn + 4], \qquad s = x[b - 4 + \delta : b + 4 + \delta]$$
+    $$h_k = x[kn - 4 : kn + 4], \qquad r = x[b - 4 + \delta : b + 4 + \delta]$$
 
     where b are kinematic beats, two in each local, and $\delta$ is drawn once for the clip from
     -2 ... 2 (not without a generator). The first and the last hard primitive begin and end with the

@@ -38,7 +38,7 @@ def long_group_sample(denoise_segment: Callable, segments_music: Tensor, **optio
 
     Source: TCDiff++ eq. 19 (``pinning="init"``).  Differs: the default pinning is "renoise". The
     released code pastes clean frames at every noise level, and loses the first segment, so that
-    the dance runs 2.5 s behind its music.
+    dance and music are 2.5 s apart.
 
     Shapes: segments_music (k, f, m); ``options`` are those of `iter_long_group_sample`
     -> (n, f + (k - 1)(f - overlap), d).

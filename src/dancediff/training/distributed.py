@@ -1,7 +1,7 @@
 r"""Several processes, one training: each works on its share of a step, then gradients are averaged.
 
-    torchrun --nproc-per-node 8 -m dancediff.cli train configs/tcdiffpp_small.toml
-    accelerate launch --multi_gpu --num_processes 8 -m dancediff.cli train configs/tcdiffpp_small.toml
+    torchrun --nproc-per-node 8 -m dancediff.cli train CONFIG
+    accelerate launch --multi_gpu --num_processes 8 -m dancediff.cli train CONFIG
 
 A step consists of ``accumulate`` times as many batches as there are processes, numbered through.
 Process r takes the r-th, the (r + size)-th and so on, so that size processes give the gradient that
