@@ -10,6 +10,7 @@ from dancediff.diffusion.precondition import dct_matrix
 from dancediff.tcdiffpp.generate import (
     AUTOGUIDANCE,
     LASTING,
+    ROOT_SHARE,
     cut_music,
     denoise_segments,
     largest_guess,
@@ -302,8 +303,8 @@ def test_no_guess_runs_away():
         model.generate(song, autoguidance=w, watch=look, **ask)
         x = model.normalizer.normalize(guesses[-1].features())
         largest[kind] = ((C @ (x - precondition.mean)).abs() / precondition.spread)[..., 4:7].max()
-    assert largest["pushed"] < 4.01
-    assert largest["usual"] < 4.01
+    assert largest["pushed"] < 4.05  # the dance went through rotations and back
+    assert largest["usual"] < 4.05
 
 
 def test_autoguidance_pushes_what_the_sampler_sees():
@@ -316,7 +317,7 @@ def test_autoguidance_pushes_what_the_sampler_sees():
         )
         linear = model.linear_guess(x_t, torch.tensor([500]), S)
     w = torch.full((151,), 1.3)
-    w[4:7] = 1 + 0.3 / 4  # where dancers go is pushed less
+    w[4:7] = 1 + 0.3 * ROOT_SHARE  # where dancers go is pushed less
     d = plain - linear
     d = d - (1 - LASTING) * d.mean(2, keepdim=True)  # and poses that last less than movements
     torch.testing.assert_close(pushed, plain + (w - 1) * d, atol=1e-5, rtol=1e-4)

@@ -22,9 +22,9 @@ from dancediff.tcdiffpp import control
 from dancediff.tcdiffpp.long_group_sampling import iter_long_group_sample
 from dancediff.tcdiffpp.wish import FPS, Wish, one_of
 
-AUTOGUIDANCE = 2.7  # of preconditioned models; docs/training_log.md, "Strange music"
-ROOT_SHARE = 0.25  # of it where dancers go; pushed as far as joints they run
-LASTING = 0.75  # of it in poses that last; pushed as far as movements they are grotesque
+AUTOGUIDANCE = 2.2  # of preconditioned models; docs/training_log.md, "Strange music"
+ROOT_SHARE = 0.7  # of it where dancers go; pushed as far as joints they run
+LASTING = 0.65  # of it in poses that last; pushed as far as movements they are grotesque
 LOOK_AHEAD = 30  # frames danced again where a constraint may lie just behind a segment's end
 
 
