@@ -64,7 +64,7 @@ class WalkAlong:
 
     dancer: int
     points: Sequence[tuple[float, float, float]]
-    slack: float = 0.015
+    slack: float = 0.008
 
     def known(self, n: int, frames: int, fps: float) -> Constraint:
         """As entries of a dance of n dancers."""
