@@ -47,9 +47,10 @@ def limit_travel(
     fast = (p.diff(dim=-2).norm(dim=-1) > longest).any(-1)
     if not fast.any():
         return x
-    path, v = p[fast].double(), p[fast].double().diff(dim=-2)
-    w = _shares(torch.zeros(x.shape[:-1]) if held is None else held, x.shape[:-1], fps)
-    w = w.to(v)[fast]
+    path = p[fast].double()
+    v = path.diff(dim=-2)
+    held = torch.zeros_like(p[..., 0]) if held is None else held.expand(p.shape[:-1])
+    w = _shares(held[fast], fps)
     for _ in range(ROUNDS):
         lack = v * (1 - longest / v.norm(dim=-1, keepdim=True).clamp_min(longest))
         if lack.norm(dim=-1).max() < longest / 1000:
@@ -57,17 +58,16 @@ def limit_travel(
         v = v - lack + w @ lack
     moved = torch.cat([path[:, :1], path[:, :1] + v.cumsum(-2)], -2)
     moved = torch.where((moved - path).norm(dim=-1, keepdim=True) > 1e-6, moved, path)
-    out = x.clone()
-    p = p.clone()
     p[fast] = moved.to(x)
+    out = x.clone()
     out[..., floor] = p
     return out
 
 
-def _shares(held: Tensor, shape: tuple, fps: float) -> Tensor:
-    """What every step takes over from every other, (..., f - 1, f - 1); each gives away all."""
-    between = held.expand(shape)[..., :-1].long().cumsum(-1)  # held frames up to each step
-    frames = torch.arange(shape[-1] - 1, dtype=torch.float64, device=held.device)
+def _shares(held: Tensor, fps: float) -> Tensor:
+    """What every step takes over from every other, (k, f - 1, f - 1); each gives away all."""
+    between = held[:, :-1].long().cumsum(-1)  # held frames up to each step
+    frames = torch.arange(between.shape[-1], dtype=torch.float64, device=held.device)
     near = torch.exp(-(((frames[:, None] - frames) * 30 / fps / AROUND) ** 2) / 2)
-    w = near * (between[..., :, None] == between[..., None, :])
+    w = near * (between[:, :, None] == between[:, None, :])
     return w / w.sum(-2, keepdim=True)

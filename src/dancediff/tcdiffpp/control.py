@@ -58,8 +58,8 @@ class EndAt:
 class WalkAlong:
     """A path on the stage floor: points (second, x, z), at rising times, joined smoothly.
 
-    Between the first and the last of them the dancer's root is on the path, give or take ``slack``
-    metres: steps make a root sway.
+    Between the first and the last of them the dancer's root is on the path, give or take a few
+    times ``slack`` metres: steps make a root sway.
     """
 
     dancer: int
