@@ -18,6 +18,7 @@ LESSONS = ("00_tour", "06_the_sampling_lab", "12_fill_in_the_rest")
 BOOK = "window.jupyterapp.shell.currentWidget.content"
 CODE = f"{BOOK}.widgets.map((w, i) => [w.model, i]).filter(([m]) => m.type === 'code')"
 OUTPUTS = "Array.from({length: m.outputs.length}, (_, k) => m.outputs.get(k))"
+STATE = "window.dancediff.state()"
 UNMOVED = ("mirrored cues", "cues on beats")  # a dance may have no cue that they change
 
 
@@ -133,26 +134,11 @@ def test_a_dance_is_seen_on_the_stage(lesson):
     played = shot(canvas)
     lesson.wait_for_timeout(1000)
     assert changed(played, shot(canvas)) < 0.002
+    # a loop may have been stopped anywhere: the slider goes to the side that is farther off
+    frames = 150
+    share = 0.1 if lesson.evaluate(f"{STATE}.frame") > frames / 2 else 0.9
     slider = lesson.locator(".noUi-target").first
     at = slider.bounding_box()
-    slider.click(position={"x": 0.9 * at["width"], "y": at["height"] / 2})
+    slider.click(position={"x": share * at["width"], "y": at["height"] / 2})
+    until(lesson, f"Math.abs({STATE}.frame - {share * frames}) < 5", 15 * SLOW)
     wait_for_change(lesson, canvas, played)
-
-
-def test_every_control_goes_to_both_ends(lesson):
-    panel = panel_of(lesson)
-    panel.locator("button:has-text('Dance')").first.click()
-    seen = wait_for_picture(lesson, panel, "")
-    assert seen
-    controls = ends(panel)
-    assert len(controls) >= 3
-    for name, moves in controls:
-        for move in moves:
-            if move():
-                seen = wait_for_picture(lesson, panel, seen, must_change=name not in UNMOVED)
-
-
-def test_nobody_complains(lesson):
-    lab_itself = ("lumino", "Failed to load resource")
-    said = [text for text in lesson.complaints if not any(part in text for part in lab_itself)]
-    assert said == []
