@@ -76,10 +76,10 @@ LIMBS = {
     "head": ((SKULL, SKULL, HEAD_RADIUS, HEAD_RADIUS),),
     "face": ((FACE, FACE, 0.074, 0.074),),
 }
-_HALF = 12  # corners of each half circle
+_HALF = 9  # corners of each half circle
 _CAPSULES = np.array([c for limb in LIMBS.values() for c in limb])
 _A, _B = _CAPSULES[:, 0].astype(int), _CAPSULES[:, 1].astype(int)
-_RADII = np.repeat(_CAPSULES[:, 2:][:, ::-1], _HALF, axis=1)  # (k, 2 * 12): around b, then around a
+_RADII = np.repeat(_CAPSULES[:, 2:][:, ::-1], _HALF, axis=1)  # (k, 2 * 9): around b, then around a
 _LIMB_OF = np.repeat(np.arange(len(LIMBS)), [len(limb) for limb in LIMBS.values()])
 _TURN = np.linspace(-np.pi / 2, np.pi / 2, _HALF)
 _TURN = np.concatenate([_TURN, _TURN + np.pi])
@@ -108,10 +108,10 @@ def capsules(xy: np.ndarray, scale: np.ndarray, grow: float = 0.0, trim=0.0) -> 
 
     ``trim`` moves the first end of each capsule that share of its length, (k,) or a number.
 
-    Shapes: xy (n, 30, 2), scale (n, 30) -> (n, k, 24, 2); ``grow`` metres are added to each radius.
+    Shapes: xy (n, 30, 2), scale (n, 30) -> (n, k, 18, 2); ``grow`` metres are added to each radius.
 
     >>> capsules(np.zeros((3, 30, 2)), np.ones((3, 30))).shape
-    (3, 31, 24, 2)
+    (3, 31, 18, 2)
     """
     a, b = xy[:, _A], xy[:, _B]
     a = a + np.reshape(trim, (-1, 1)) * (b - a)
@@ -162,14 +162,21 @@ def shadow_shapes(points: np.ndarray, camera: Camera):
     body = points[:, [0, 9, 7, 8]].mean(1, keepdims=True)  # (n, 1, 3)
     feet = 0.35 * points[:, [7, 8]] + 0.65 * points[:, [10, 11]]  # (n, 2, 3)
     lift = np.clip(points[:, [10, 11], 1] - 0.02, 0, None)
-    layers = [(body, r, np.full(body.shape[:2], 0.03)) for r in np.linspace(0.46, 0.16, 7)]
-    layers += [(feet, r, 0.11 / (1 + 12 * lift)) for r in (0.12, 0.10, 0.08)]
-    shapes = []
-    for centre, radius, alpha in layers:
-        discs = camera.project(centre[:, :, None] * (1, 0, 1) + radius * _RING)[0]
-        flat = discs.reshape(-1, 1, len(_RING), 2)
-        shapes += [(o, (*_SHADOW, float(v))) for o, v in zip(flat, alpha.ravel(), strict=True)]
+    shapes = []  # where bodies' shadows meet, the floor gets no darker
+    for radius in np.linspace(0.46, 0.16, 7):
+        shapes.append((_discs(body, radius, camera), (*_SHADOW, 0.03)))
+    for radius in (0.12, 0.10, 0.08):
+        alpha = (0.11 / (1 + 12 * lift)).ravel()
+        discs = zip(_discs(feet, radius, camera)[:, None], alpha, strict=True)
+        shapes += [(disc, (*_SHADOW, float(v))) for disc, v in discs]
     return shapes
+
+
+def _discs(centres, radius: float, camera: Camera) -> np.ndarray:
+    """Discs on the floor below points (..., 3), as seen: (k, 24, 2)."""
+    return camera.project(centres[..., None, :] * (1, 0, 1) + radius * _RING)[0].reshape(
+        -1, len(_RING), 2
+    )
 
 
 def floor_ribbon(a, b, width, camera: Camera) -> np.ndarray:

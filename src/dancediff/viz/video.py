@@ -92,8 +92,9 @@ class Canvas:
         self.shapes.set_facecolors(colors)
         self.canvas.restore_region(self.background)
         self.axes.draw_artist(self.shapes)
-        picture = np.asarray(self.canvas.buffer_rgba())
-        return self._write(picture, points, camera, position / self.fps, count)
+        picture = np.array(self.canvas.buffer_rgba())
+        self._write(picture, points, camera, position / self.fps, count)
+        return picture
 
     def _beat(self, time: float) -> tuple[float, int]:
         """How strongly the last beat still glows (1 on it, 0 after 0.3 s), and its number."""
@@ -106,19 +107,15 @@ class Canvas:
         paths = self.points[:, start : index + 1 : 3, 0]
         return [s for k, p in enumerate(paths) for s in trail_shapes(p, camera, dancer_color(k))]
 
-    def _write(self, picture, points, camera: Camera, time: float, count: int) -> np.ndarray:
+    def _write(self, picture, points, camera: Camera, time: float, count: int) -> None:
         """Time, beat and the dancers' numbers; matplotlib takes as long for them as for bodies."""
-        from PIL import Image, ImageDraw
-
-        image = Image.fromarray(picture)
-        pen, (width, height) = ImageDraw.Draw(image), self.size
+        width, height = self.size
         beat = f"   beat {count}" if count else ""
         corner = (width - 24 * self.unit, height - 22 * self.unit)
-        pen.text(corner, f"{time:4.1f} s{beat}", MUTED, self.large, anchor="rs")
+        _print(picture, corner, f"{time:4.1f} s{beat}", MUTED, self.large, anchor="rs")
         for k, (x, y) in enumerate(camera.project(label_spots(points))[0]):
             ink = tuple(round(255 * c) for c in mix(dancer_color(k), INK, 0.3))
-            pen.text((x, height - y), str(k + 1), ink, self.small, anchor="mm")
-        return np.asarray(image)
+            _print(picture, (x, height - y), str(k + 1), ink, self.small, anchor="mm")
 
 
 def _letters(pixels: float):
@@ -128,6 +125,20 @@ def _letters(pixels: float):
 
     font = Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"
     return ImageFont.truetype(font, pixels)
+
+
+def _print(picture, at, text: str, ink, font, anchor: str) -> None:
+    """Print text into a picture (h, w, 4); Pillow is handed no more of it than it changes."""
+    from PIL import Image, ImageDraw
+
+    box = ImageDraw.Draw(Image.new("L", (1, 1))).textbbox(at, text, font=font, anchor=anchor)
+    left, top = (max(int(side) - 1, 0) for side in box[:2])
+    part = picture[top : max(int(box[3]) + 2, 0), left : max(int(box[2]) + 2, 0)]
+    if part.size:
+        image = Image.fromarray(np.ascontiguousarray(part))
+        spot = (at[0] - left, at[1] - top)
+        ImageDraw.Draw(image).text(spot, text, ink, font, anchor=anchor)
+        part[:] = np.asarray(image)
 
 
 def save_video(motion: Motion, path, song=None, *, size=None, fps: float | None = None) -> Path:
@@ -189,6 +200,7 @@ def _write_mp4(motion: Motion, path: Path, song, size, fps: float) -> None:
         rate = Fraction(fps).limit_denominator(1001)
         video = file.add_stream("libx264", rate=rate, options={"crf": "20", "preset": "superfast"})
         video.width, video.height, video.pix_fmt = *size, "yuv420p"
+        video.codec_context.thread_type = "FRAME"  # else x264 keeps us waiting for each picture
         audio = None
         if song is not None:
             # the stream must exist before the first packet is written
@@ -199,29 +211,29 @@ def _write_mp4(motion: Motion, path: Path, song, size, fps: float) -> None:
             return video.encode(av.VideoFrame.from_ndarray(picture, format="rgba"))
 
         with ThreadPoolExecutor(1) as encoder:  # a picture is packed while the next is drawn
-            packed = None
+            packed = encoder.submit(_pack_sound, av, audio, song, motion.duration)
             for picture in _frames(motion, song, size, fps):
-                if packed:
-                    file.mux(packed.result())
+                file.mux(packed.result())
                 packed = encoder.submit(encode, picture)
             file.mux(packed.result())
         file.mux(video.encode())
-        if audio is not None:
-            _write_sound(av, file, audio, song, motion.duration)
 
 
-def _write_sound(av, file, stream, song, seconds: float) -> None:
-    """Encode the first ``seconds`` of the song, at full scale cut to [-1, 1]."""
+def _pack_sound(av, stream, song, seconds: float) -> list:
+    """The first ``seconds`` of the song as packets, at full scale cut to [-1, 1]."""
+    if song is None:
+        return []
     samples = song.audio[: round(seconds * song.rate)]
     samples = np.clip(samples[:, :2] if samples.shape[1] > 1 else samples.repeat(2, 1), -1, 1)
     resampler = av.AudioResampler(format="fltp", layout="stereo", rate=48000, frame_size=_BLOCK)
+    packets = []
     for start in range(0, len(samples), song.rate):
         block = np.ascontiguousarray(samples[start : start + song.rate].T)
         frame = av.AudioFrame.from_ndarray(block, format="fltp", layout="stereo")
         frame.sample_rate, frame.pts = song.rate, start
         frame.time_base = Fraction(1, song.rate)
         for piece in resampler.resample(frame):
-            file.mux(stream.encode(piece))
+            packets += stream.encode(piece)
     for piece in resampler.resample(None):
-        file.mux(stream.encode(piece))
-    file.mux(stream.encode())
+        packets += stream.encode(piece)
+    return packets + stream.encode()
