@@ -170,7 +170,7 @@ def test_config_mistakes_are_named(config, text, words):
         ("reference = 3", "reference = 0", "reference=0 must be above 0"),
         ("dancers = 2", "dancers = 6", r"dancers=6 must lie in 1 \.\.\. 5"),
         ("songs = 2\nseconds = 3.0", "songs = 2\nseconds = 2", "seconds=2 must be at least 3"),
-        ("[data]", "[date]\n[data]", "'date' has no 'date'"),
+        ("[data]", "[date]\n[data]", "there is no table 'date'"),
     ],
 )
 def test_held_out_songs_are_held_out(config, old, new, words):

@@ -330,7 +330,8 @@ def read_arrays(path, names: tuple[str, ...] = ()) -> dict[str, np.ndarray]:
             named = {m.filename.removesuffix(".npy"): m for m in members}
             keys = [name for name in named if name in names] if names else named
             return {name: _array(archive.read(named[name])) for name in keys}
-    except (zipfile.BadZipFile, EOFError, SyntaxError, NotImplementedError, struct.error) as err:
+    except (OSError, zipfile.BadZipFile, EOFError, SyntaxError, RuntimeError, struct.error) as err:
+        # a broken zip may even ask for a place before the file's first byte (OSError)
         raise ValueError(f"{type(err).__name__}: {err}") from err
 
 

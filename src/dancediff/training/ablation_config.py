@@ -12,9 +12,10 @@ from dataclasses import asdict, dataclass, field, fields, replace
 from hashlib import sha256
 
 from dancediff.data.corpus import SIZES
-from dancediff.training.lodge import STAGES, check_lodge_tables, stage_config
+from dancediff.training.lodge import STAGES, check_lodge_tables, is_lodge, stage_config
 from dancediff.training.loop import TrainConfig
 from dancediff.training.run import MODELS, check_tables, read_toml
+from dancediff.training.tables import check_table, kinds_of
 
 SHORTEST = 3.0  # seconds in which every synthetic song has the beats a dance needs
 SEED_STRIDE = 100_000  # more than there are held-out songs: no song meets the same noise twice
@@ -143,12 +144,6 @@ def read_ablation(path) -> list[Variant]:
     return found if seeds is None else [_seeded(v, seed) for seed in seeds for v in found]
 
 
-def is_lodge(tables: dict) -> bool:
-    """Are these the tables of a training of Lodge?"""
-    model = tables.get("model")
-    return isinstance(model, dict) and model.get("class") == "Lodge"
-
-
 def _different(seeds: list) -> bool:
     return len(set(seeds)) == len(seeds) and all(type(seed) is int for seed in seeds)
 
@@ -220,9 +215,7 @@ def _check_songs(held_out: HeldOut, data: dict, source: str) -> None:
 
 
 def _options(kind, values: dict, source: str):
-    known = {f.name for f in fields(kind)}
-    for key in set(values) - known:
-        raise ValueError(f"{source} has no {key!r}; known: {', '.join(sorted(known))}")
+    values = check_table(values, kinds_of(kind), source)
     try:
         return kind(**values)
     except (TypeError, ValueError) as err:

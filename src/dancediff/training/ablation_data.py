@@ -12,7 +12,8 @@ from dancediff.data.windows import Take
 from dancediff.lodge.style import GENRES
 from dancediff.motion.motion import Motion
 from dancediff.music.synth import synth_song
-from dancediff.training.ablation_config import Variant, is_lodge
+from dancediff.training.ablation_config import Variant
+from dancediff.training.lodge import is_lodge
 from dancediff.training.lodge_data import Solo, prepared_solos, solos_of
 from dancediff.training.run import prepared_takes
 

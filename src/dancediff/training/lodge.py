@@ -12,7 +12,6 @@ Tables of the file
 """
 
 from collections.abc import Callable, Iterable
-from dataclasses import fields
 from pathlib import Path
 
 import torch
@@ -31,6 +30,7 @@ from dancediff.training.distributed import World
 from dancediff.training.lodge_data import Solo, SoloWindows, prepared_solos, solos_of
 from dancediff.training.lodge_losses import Critic, lodge_losses_of
 from dancediff.training.loop import TrainConfig, train
+from dancediff.training.tables import check_all, kinds_of
 from dancediff.training.units import FLOOR_UNIT, MIN_SPAN
 
 STAGES = {
@@ -38,35 +38,35 @@ STAGES = {
     "local": LodgeWeights.local,
     "fine_tune": LodgeWeights.fine_tune,
 }
-_CORPUS = {"folder", "songs", "first_seed", "seconds", "unheard"}
-_WINDOWS = {"windows_per_batch", "mirror", "captured", "music"}
+_CORPUS = {"folder": str, "songs": int, "first_seed": int, "seconds": float, "unheard": list}
+_WINDOWS = {"windows_per_batch": int, "mirror": float, "captured": float, "music": bool}
 
 
 def check_lodge_tables(config: dict, source: str) -> dict:
     """All tables of a training config of Lodge, empty where left out.
 
-    Raises: ValueError naming the source, the table and the key that is unknown.
+    Raises: ValueError naming the source, the table and the key that does not fit.
     """
-    names = {kind: {f.name for f in fields(kind)} for kind in (TrainConfig, LodgeWeights)}
+    train = kinds_of(TrainConfig)
+    del train["weights"]
     known = {
-        "data": _CORPUS | _WINDOWS | {"global_windows_per_batch"},
-        "model": {"class"},
-        "global_stage": {f.name for f in fields(GlobalConfig)},
-        "local_stage": {f.name for f in fields(LocalConfig)},
-        "train": names[TrainConfig] - {"weights"},
+        "data": _CORPUS | _WINDOWS | {"global_windows_per_batch": int},
+        "model": {"class": str},
+        "global_stage": kinds_of(GlobalConfig),
+        "local_stage": kinds_of(LocalConfig),
+        "train": train,
     }
     for stage in STAGES:
-        known[f"train_{stage}"] = names[TrainConfig] - {"weights"}
-        known[f"weights_{stage}"] = names[LodgeWeights]
-    optional = {"discriminator": {f.name for f in fields(DiscriminatorConfig)}}
-    for table, values in config.items():
-        allowed = (known | optional).get(table)
-        if allowed is None:
-            raise ValueError(f"{source}: there is no table {table!r}; known: {', '.join(known)}")
-        for key in set(values) - allowed:
-            raise ValueError(f"{source}: {table!r} has no {key!r}; known: {sorted(allowed)}")
-    tables = {table: dict(config.get(table, {})) for table in known}
-    return tables | {k: dict(v) for k, v in config.items() if k in optional}
+        known |= {f"train_{stage}": train, f"weights_{stage}": kinds_of(LodgeWeights)}
+    if "discriminator" in config:  # without its table there is none
+        known["discriminator"] = kinds_of(DiscriminatorConfig)
+    return check_all(config, known, source)
+
+
+def is_lodge(tables: dict) -> bool:
+    """Are these the tables of a training of Lodge?"""
+    model = tables.get("model")
+    return isinstance(model, dict) and model.get("class") == "Lodge"
 
 
 def stage_config(tables: dict, stage: str) -> TrainConfig | None:

@@ -2,7 +2,6 @@ r"""From a TOML file to a trained model: what ``dancediff train`` runs."""
 
 import tomllib
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import fields
 from pathlib import Path
 
 import torch
@@ -18,19 +17,26 @@ from dancediff.tcdiffpp.formation_prior import ON_FLOOR
 from dancediff.tcdiffpp.losses import LossWeights
 from dancediff.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 from dancediff.training.distributed import World
-from dancediff.training.lodge import train_lodge
+from dancediff.training.lodge import is_lodge, train_lodge
 from dancediff.training.loop import TrainConfig, train
+from dancediff.training.tables import check_all, kinds_of
 from dancediff.training.units import FLOOR_UNIT, MIN_SPAN
 
 MODELS = {"TCDiffPP": (TCDiffPP, TCDiffPPConfig), "EDGE": (EDGE, EDGEConfig)}
-_CORPUS = {"folder", "songs", "first_seed", "seconds", "workers", "unheard"}
-_WINDOWS = {"dancers_per_batch", "mirror", "shift", "rotate", "music", "captured", "swaps"}
+_CORPUS = {
+    "folder": str, "songs": int, "first_seed": int, "seconds": float, "workers": int,
+    "unheard": list,
+}  # fmt: skip
+_WINDOWS = {
+    "dancers_per_batch": int, "mirror": float, "shift": float, "rotate": float, "music": bool,
+    "captured": float, "swaps": float,
+}  # fmt: skip
 
 
 def read_config(path) -> dict:
     """Read and check a training config.
 
-    Raises: ValueError naming the file, the table and the key that is unknown.
+    Raises: ValueError naming the file, the table and the key that does not fit.
     """
     return check_tables(read_toml(path), repr(str(path)))
 
@@ -52,23 +58,20 @@ def read_toml(path) -> dict:
 def check_tables(config: dict, source: str) -> dict:
     """All tables of a training config; ``class`` in its table ``model`` is a key of `MODELS`.
 
-    Raises: ValueError naming the source, the table and the key that is unknown.
+    Raises: ValueError naming the source, the table and the key that does not fit.
     """
-    kind = config.get("model", {}).get("class", "TCDiffPP")
-    if kind not in MODELS:
+    model = config.get("model", {})
+    kind = model.get("class", "TCDiffPP") if isinstance(model, dict) else "TCDiffPP"
+    if not isinstance(kind, str) or kind not in MODELS:
         raise ValueError(f"{source}: class {kind!r} is not one of {', '.join(MODELS)}, Lodge")
     known = {
         "data": _CORPUS | _WINDOWS,
-        "model": {f.name for f in fields(MODELS[kind][1])} | {"class"},
-        "train": {f.name for f in fields(TrainConfig)} - {"weights"},
-        "weights": {f.name for f in fields(LossWeights)},
+        "model": kinds_of(MODELS[kind][1]) | {"class": str},
+        "train": kinds_of(TrainConfig),
+        "weights": kinds_of(LossWeights),
     }
-    for table, values in config.items():
-        for key in [table] if table not in known else set(values) - known[table]:
-            raise ValueError(
-                f"{source}: {table!r} has no {key!r}; known: {known.get(table, known)}"
-            )
-    return {table: dict(config.get(table, {})) for table in known}
+    del known["train"]["weights"]
+    return check_all(config, known, source)
 
 
 def fit_statistics(
@@ -197,7 +200,7 @@ def train_from_config(
     Raises: ValueError for a bad config or folder.
     """
     raw = read_toml(path)
-    if raw.get("model", {}).get("class") == "Lodge":
+    if is_lodge(raw):
         if start is not None:
             raise ValueError("start is not for Lodge, whose stages are trained one after the other")
         options = {"device": device, "world": world, "preview": preview, "resume": resume}

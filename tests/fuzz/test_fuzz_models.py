@@ -1,0 +1,82 @@
+"""Broken models, checkpoints and configs: nothing but ValueError, no memory for what is not there."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+import torch
+from fuzzing import fuzz, mutated, num_inputs
+
+from dancediff import hub
+from dancediff.tcdiffpp.losses import LossWeights
+from dancediff.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
+from dancediff.training.ablation_config import read_ablation
+from dancediff.training.checkpoint import load_checkpoint, save_checkpoint
+from dancediff.training.ema import EMA
+from dancediff.training.loop import TrainConfig, make_optimizer
+from dancediff.training.run import MODELS, read_config
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+SMALL = {"d_model": 8, "num_heads": 1, "num_layers": 1, "ff_dim": 8, "max_dancers": 2}
+
+
+@pytest.fixture(scope="module")
+def model():
+    torch.manual_seed(0)
+    return TCDiffPP(TCDiffPPConfig(**SMALL, fusion_hidden=8, footwork_hidden=8, num_frames=16))
+
+
+@pytest.mark.parametrize("file", ["config.json", "model.safetensors"])
+def test_a_model_folder(model, file, tmp_path, record_property):
+    folder = hub.save_model(model, tmp_path / "small")
+    path = folder / file
+    whole = path.read_bytes()
+    head = len(whole) if file.endswith("json") else 8 + int.from_bytes(whole[:8], "little")
+
+    def read(given):
+        path.write_bytes(given)
+        loaded = hub.load(folder)
+        assert all(value.isfinite().all() for value in loaded.state_dict().values())
+
+    out = fuzz(read, mutated(whole, num_inputs(), head=head))
+    record_property("trust", f"fuzz, model folder, {file}: {out}")
+    assert out.refused > 0.3 * out.tried
+    path.write_bytes(whole)
+    assert fuzz(lambda given: hub.load(folder), [whole]).read == 1
+
+
+def test_a_checkpoint(model, tmp_path, record_property):
+    path, ema = tmp_path / "checkpoint.safetensors", EMA(model, 0.9)
+    optimizer = make_optimizer(model, TrainConfig())
+    save_checkpoint(path, model=model, ema=ema, optimizer=optimizer, step=3, config={})
+    whole = path.read_bytes()
+
+    def read(given):
+        path.write_bytes(given)
+        load_checkpoint(path, model=model, ema=ema, optimizer=optimizer)
+
+    head = 8 + int.from_bytes(whole[:8], "little")
+    out = fuzz(read, mutated(whole, num_inputs(), head=head))
+    record_property("trust", f"fuzz, checkpoint: {out}")
+    assert out.refused > 0.3 * out.tried
+
+
+@pytest.mark.parametrize("name", ["tcdiffpp_small", "edge_small", "ablate_tiny", "ablate_lodge"])
+def test_a_config(name, tmp_path, record_property):
+    path = tmp_path / "a.toml"
+    shutil.copy(CONFIGS / f"{name}.toml", path)
+    whole = path.read_bytes()
+
+    def read(given):
+        path.write_bytes(given)
+        if name.startswith("ablate"):
+            return read_ablation(path)
+        tables = read_config(path)
+        _, sizes = MODELS[tables["model"].pop("class", "TCDiffPP")]
+        sizes(**tables["model"])
+        return TrainConfig(**tables["train"], weights=LossWeights(**tables["weights"]))
+
+    out = fuzz(read, mutated(whole, num_inputs()))
+    record_property("trust", f"fuzz, config {name}.toml: {out}")
+    assert out.read > 0.01 * out.tried  # a broken comment is no broken config
+    assert out.refused > 0.2 * out.tried
