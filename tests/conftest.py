@@ -76,3 +76,13 @@ def page(new_page):
     page = new_page()
     yield page
     page.close()
+
+
+def pytest_terminal_summary(terminalreporter):
+    """What `make trust` is asked for: how much was tried, and that nothing was lost."""
+    if os.environ.get("DANCEDIFF_TRUST") != "long":
+        return
+    reports = [r for kind in ("passed", "failed") for r in terminalreporter.stats.get(kind, [])]
+    facts = [v for r in reports for key, v in r.user_properties if key == "trust"]
+    terminalreporter.section("trust")
+    terminalreporter.write_line("\n".join(sorted(facts)))

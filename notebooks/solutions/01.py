@@ -1,27 +1,13 @@
 """Solutions of lesson 01."""
 
 # %% 01.1
-# A rotation matrix has rows of length one that stand at right angles. Two of them say it all: the
-# third is their cross product. Six numbers that are no such rows yet are pulled straight first.
-import torch
-from torch.nn.functional import normalize
-
-
-def six_to_matrix(d6):
-    first = normalize(d6[..., :3], dim=-1)
-    second = d6[..., 3:] - (first * d6[..., 3:]).sum(-1, keepdim=True) * first
-    second = normalize(second, dim=-1)
-    return torch.stack([first, second, torch.linalg.cross(first, second)], dim=-2)
-
-
-# %% 01.2
 # A joint's own rotation stands in the sum of its children, Q_p o_j, and not in its own place: an
 # elbow that bends stays where it is. A hand has no children, so nothing moves; that is why Lodge
 # leaves the hands out. The root carries all the others.
 moved = {"18 left elbow": 2, "22 left hand": 0, "9 chest": 12, "0 root": 23}
 
 
-# %% 01.3
+# %% 01.2
 # In the world the shoulder is turned by Q[13] @ R[16]. The inverse of Q[13], its transpose, undoes
 # whatever the body does, and the quarter turn points the arm up. It stays straight only if elbow
 # and wrist do.
@@ -36,6 +22,20 @@ def raise_hand(pose):
     Q = skeleton.world_rotations(pose)
     pose[16] = Q[13].mT @ rotation.rotation_about("z", tensor(pi / 2))
     return pose
+
+
+# %% 01.3
+# A rotation matrix has rows of length one that stand at right angles. Two of them say it all: the
+# third is their cross product. Six numbers that are no such rows yet are pulled straight first.
+import torch
+from torch.nn.functional import normalize
+
+
+def six_to_matrix(d6):
+    first = normalize(d6[..., :3], dim=-1)
+    second = d6[..., 3:] - (first * d6[..., 3:]).sum(-1, keepdim=True) * first
+    second = normalize(second, dim=-1)
+    return torch.stack([first, second, torch.linalg.cross(first, second)], dim=-2)
 
 
 # %% 01.4

@@ -1,6 +1,14 @@
 """Solutions of lesson 02."""
 
+
 # %% 02.1
+# Half of the bands get 20 decibels louder and half 20 softer, as when one tone follows another. The
+# mean change is 0, so the shortcut hears nothing. The rises alone make 64 x 20 / 128 = 10.
+def new_tone():
+    return [[-40, -20]] * 64 + [[-40, -60]] * 64
+
+
+# %% 02.2
 # Gaps between beats are in frames; 30 frames are a second. The median forgives a beat the tracker
 # has missed, where the mean would slow the song down.
 import numpy as np
@@ -11,24 +19,17 @@ def tempo(M):
     return 60 * 30 / float(np.median(np.diff(beats)))
 
 
-# %% 02.2
+# %% 02.3
 # Half as loud is 6 decibels less, everywhere. Onset strength is a difference of decibels, and peaks
 # and beats come from it; chroma say how the tones share the sound. Only the first MFCC, the mean
 # over all bands, still says how loud it is. For its sake every song is set to one loudness.
 changes = {"onset": False, "mfcc": True, "chroma": False, "peaks": False, "beats": False}
 
 
-# %% 02.3
+# %% 02.4
 # Features look around: an onset needs the frame before it, a beat the whole song. Computed first
 # and cut afterwards, a frame has the same features in every window it is in; with the cut first,
 # every slice begins with an edge that is not in the music.
 def windows(sound, starts, features):
     M = features(sound)
     return [M[start : start + 150] for start in starts]
-
-
-# %% 02.4
-# Half of the bands get 20 decibels louder and half 20 softer, as when one tone follows another. The
-# mean change is 0, so the shortcut hears nothing. The rises alone make 64 x 20 / 128 = 10.
-def new_tone():
-    return [[-40, -20]] * 64 + [[-40, -60]] * 64

@@ -2,6 +2,13 @@
 
 
 # %% 03.1
+# Whatever the speed at take-off, the height changes by g / fps² less in every frame than in the one
+# before. Nobody can jump with another g, so a file with a wrong frame rate gives itself away.
+def true_fps(height):
+    return float((9.81 / -height.diff(n=2).mean()) ** 0.5)
+
+
+# %% 03.2
 # Windows are 150 frames long, so two of the same take overlap when their starts are less than 150
 # apart; just 150 apart they only touch. `any` counts a test window once.
 def leaks(train, test):
@@ -9,13 +16,6 @@ def leaks(train, test):
         any(take == other and abs(start - begin) < 150 for other, begin in train)
         for take, start in test
     )
-
-
-# %% 03.2
-# Whatever the speed at take-off, the height changes by g / fps² less in every frame than in the one
-# before. Nobody can jump with another g, so a file with a wrong frame rate gives itself away.
-def true_fps(height):
-    return float((9.81 / -height.diff(n=2).mean()) ** 0.5)
 
 
 # %% 03.3

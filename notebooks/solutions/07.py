@@ -1,16 +1,6 @@
 """Solutions of lesson 07."""
 
 # %% 07.1
-# Sorting tells who stands k-th. Sorting that order tells where in it everybody is found: the rank.
-# The two are the same only for orders that are their own inverse, such as a plain exchange.
-
-
-def ranks(root):
-    order = root[:, 0, 0].argsort(stable=True)
-    return order.argsort()
-
-
-# %% 07.2
 # A mean is the same in whatever order one adds, so exchanged dancers get exchanged tokens; and
 # everybody is in it, so everybody is heard. Attention is such a mean, with weights.
 
@@ -19,10 +9,21 @@ def hear_all(h):
     return h + h.mean(dim=1, keepdim=True)
 
 
-# %% 07.3
+# %% 07.2
 # Without any of them all that the network does treats dancers alike. One part with weights of its
 # own for each place in the row is enough; FP has them, too, though nobody calls it an embedding.
 parts_them = {"nothing": False, "FP": True, "DPE": True, "DPE, FP": True, "all": True}
+
+
+# %% 07.3
+# Sorting tells who stands k-th. Sorting that order tells where in it everybody is found: the rank.
+# The two are the same only for orders that are their own inverse, such as a plain exchange.
+
+
+def ranks(root):
+    order = root[:, 0, 0].argsort(stable=True)
+    return order.argsort()
+
 
 # %% 07.4
 # In every frame the dancers come in the same order, so the table is repeated once for each frame.

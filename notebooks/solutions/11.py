@@ -11,16 +11,6 @@ def valleys(v):
 
 
 # %% 11.2
-# Each primitive loses the place of its own first frame, on the floor only: times (1, 0, 1) leaves
-# heights alone. Nothing is written into root, so the clip it was cut from stays whole.
-
-
-def forget(root):
-    floor = root.new_tensor([1.0, 0.0, 1.0])
-    return root - root[:, :1] * floor
-
-
-# %% 11.3
 # Joint k is k / 24 of the way from one rest to the next, so at every moment another one rests and
 # the others move on: their mean hardly changes. Lodge's rests are rests of the whole body; a wave
 # that runs through it has none, however clearly every part of it stops.
@@ -34,12 +24,22 @@ def ripple(frames):
     return joints
 
 
-# %% 11.4
+# %% 11.3
 # A border is a multiple of n, counted in frames of the clip and not of a local. Only so do the two
 # halves of a hard primitive lie in two locals, and only then do neighbours fit together.
 def hard_frames(N, n):
     middles = [4, *range(n, N, n), N - 4]
     return [[middle + i for i in range(-4, 4)] for middle in middles]
+
+
+# %% 11.4
+# Each primitive loses the place of its own first frame, on the floor only: times (1, 0, 1) leaves
+# heights alone. Nothing is written into root, so the clip it was cut from stays whole.
+
+
+def forget(root):
+    floor = root.new_tensor([1.0, 0.0, 1.0])
+    return root - root[:, :1] * floor
 
 
 # %% 11.5

@@ -19,16 +19,6 @@ def held(times, s):
 
 
 # %% 12.3
-# A margin of 1 on each side, and nothing to learn beyond it: relu. The critic is then content, and
-# its gradient is left for the dances that it is not sure about.
-
-
-def critic(real, made):
-    missing = (1 - real).relu().mean() + (1 + made).relu().mean()
-    return missing / 2
-
-
-# %% 12.4
 # A hard cue is pasted after every step, the last one too, so it is met whatever the network thinks;
 # but only there, and the frame beside it jumps. A soft cue is a hint: the last word is the
 # network's, and one that does not listen forgets it in a single step.
@@ -40,7 +30,7 @@ met = {
 }
 
 
-# %% 12.5
+# %% 12.4
 # Places cannot be repaired without a jump, steps can: a straight ramp from the steps before the
 # seam to those after it. The library bends both sides towards their mean instead. Both are right,
 # and with both the place where a walk ends depends on all the walks before it.
@@ -54,3 +44,13 @@ def join(paths):
         ends = step[seam - 8].item(), step[seam + 8].item()
         step[seam - 7 : seam + 8] = torch.linspace(*ends, 17)[1:-1]
     return paths[0, 0] + step.cumsum(0)
+
+
+# %% 12.5
+# A margin of 1 on each side, and nothing to learn beyond it: relu. The critic is then content, and
+# its gradient is left for the dances that it is not sure about.
+
+
+def critic(real, made):
+    missing = (1 - real).relu().mean() + (1 + made).relu().mean()
+    return missing / 2

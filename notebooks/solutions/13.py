@@ -1,6 +1,16 @@
 """Solutions of lesson 13."""
 
+
 # %% 13.1
+# The length of a step, whatever its direction. The signed mean of x and z is 0 along one diagonal,
+# 0.71 of the length along the other and half of it along x or z, so that code asks a foot which way
+# it slides. A lifted foot does not slide: y is left out.
+def skates(foot):
+    speed = 30 * foot[..., (0, 2)].diff(dim=0).norm(dim=-1)
+    return (speed > 0.3).any(dim=1)
+
+
+# %% 13.2
 # PFC weighs how hard the root accelerates with how far the feet travel. A statue does neither, so
 # its PFC is 0, the best there is. It has no moment of rest between two movements either: BAS is 0.
 from dataclasses import replace
@@ -9,15 +19,6 @@ from dataclasses import replace
 def cheat(dance):
     pose = dance.pose[:, :1].expand_as(dance.pose).clone()
     return replace(dance, pose=pose, root=dance.root[:, :1].expand_as(dance.root).clone())
-
-
-# %% 13.2
-# The length of a step, whatever its direction. The signed mean of x and z is 0 along one diagonal,
-# 0.71 of the length along the other and half of it along x or z, so that code asks a foot which way
-# it slides. A lifted foot does not slide: y is left out.
-def skates(foot):
-    speed = 30 * foot[..., (0, 2)].diff(dim=0).norm(dim=-1)
-    return (speed > 0.3).any(dim=1)
 
 
 # %% 13.3

@@ -120,10 +120,17 @@ def check(exercise: str, answer=None) -> None:
 
 
 def show(exercise: str, answer=None):
-    """Your numbers beside the expected ones, as a Figure (None while there is nothing to show)."""
-    task = EXERCISES.get(exercise)
-    if task is None or not callable(task.spec) or not callable(answer):
-        _say(f"{OPEN} {exercise} has nothing to show yet")
+    """Your numbers beside the expected ones, as a Figure; or None, and it says why.
+
+    An answer that is judged by what it achieves has no such numbers: this says what the check says.
+    """
+    task, verdict = EXERCISES.get(exercise), judge(exercise, answer)
+    if verdict.mark == OPEN or task is None or not callable(task.spec) or not callable(answer):
+        _say(f"{verdict.mark} {exercise} has nothing to draw")
+        return None
+    if task.accepts:
+        _say(f"{verdict.mark} {exercise} {verdict.text}")
+        _say(f"   judged by what it achieves; nb.solution({exercise!r}) prints one way to do it")
         return None
     case = task.cases()[-1]
     try:

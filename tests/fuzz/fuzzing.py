@@ -62,6 +62,12 @@ def fuzz(read: Callable, inputs: Iterable, *, allowed=ValueError) -> Outcome:
     return out
 
 
+def put(path, content: bytes | str) -> None:
+    """Write a file anew; some file systems take ten times longer to write over an old one."""
+    path.unlink(missing_ok=True)
+    path.write_bytes(content if isinstance(content, bytes) else content.encode("utf-8"))
+
+
 def _largest() -> int:
     """The most memory that this process has had, in bytes."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (
@@ -70,7 +76,7 @@ def _largest() -> int:
 
 
 def mutated(whole: bytes, count: int, *, seed: int = 0, head: int | None = None) -> Iterable[bytes]:
-    """``whole``, changed in one to four places, ``count`` times; mostly among its ``head`` bytes."""
+    """``whole`` changed ``count`` times, in one to four places, mostly among its ``head`` bytes."""
     rng = random.Random(seed)
     for _ in range(count):
         yield mutate(rng, whole, len(whole) if head is None else head)

@@ -2,7 +2,7 @@
 
 import pytest
 import torch
-from fuzzing import fuzz, mutated, num_inputs
+from fuzzing import fuzz, mutated, num_inputs, put
 
 from dancediff.export.smpl import load_smpl, save_smpl
 from dancediff.motion.motion import Motion
@@ -21,7 +21,7 @@ def test_glb(motion, tmp_path, record_property):
     whole = path.read_bytes()
 
     def read(given):
-        path.write_bytes(given)
+        put(path, given)
         assert gltf.load_glb(path).num_frames < 10_000
 
     out = fuzz(read, mutated(whole, num_inputs()))
@@ -35,7 +35,7 @@ def test_smpl(motion, tmp_path, record_property):
     whole = path.read_bytes()
 
     def read(given):
-        path.write_bytes(given)
+        put(path, given)
         assert load_smpl(path).num_frames < 10_000
 
     out = fuzz(read, mutated(whole, num_inputs()))

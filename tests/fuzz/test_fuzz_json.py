@@ -5,6 +5,7 @@ import random
 
 import numpy as np
 import pytest
+from fuzzing import fuzz, num_inputs, put
 
 from dancediff.data.aioz import aioz_jobs
 from dancediff.data.aistpp import aistpp_jobs
@@ -12,7 +13,6 @@ from dancediff.data.cmu import cmu_jobs
 from dancediff.data.finedance import _genre
 from dancediff.data.prepared import FORMAT, PreparedData
 
-MUTATIONS = 10_000
 NASTY = ["[]", "{}", "null", "true", "-1", "1e999", "NaN", '"', '"a"', "[[]]", "9" * 5000,
          "[" * 3000, '{"a":' * 3000, "\\u0000", "\\ud800", "é", "\x00", ",", ":", "}", "]",
          '"../../a"', "{}{}"]  # fmt: skip
@@ -77,30 +77,31 @@ def mutate(rng: random.Random, value) -> str:
     return text(rng, json.dumps(value)) if text else json.dumps(mutate_value(rng, value))
 
 
-def count_refused(read, value, path) -> int:
-    rng, refused = random.Random(0), 0
-    for _ in range(MUTATIONS):
-        path.write_text(mutate(rng, value), encoding="utf-8")
-        try:
-            read()
-        except ValueError:
-            refused += 1
-    return refused
+def refused(read, value, path, record_property) -> float:
+    """The share of mutations of a JSON file that is refused."""
+
+    def read_it(given):
+        put(path, given)
+        read()
+
+    rng = random.Random(0)
+    out = fuzz(read_it, (mutate(rng, value) for _ in range(num_inputs())))
+    record_property("trust", f"fuzz, {path.name}: {out}")
+    return out.refused / out.tried
 
 
-def test_the_manifest_of_cmu(tmp_path):
+def test_the_manifest_of_cmu(tmp_path, record_property):
     path = tmp_path / "manifest.json"
     path.write_text(json.dumps(MANIFEST))
     assert len(cmu_jobs(tmp_path)) == 3
-    refused = count_refused(lambda: cmu_jobs(tmp_path), MANIFEST, path)
-    assert 5000 < refused < MUTATIONS - 500
+    assert 0.5 < refused(lambda: cmu_jobs(tmp_path), MANIFEST, path, record_property) < 0.95
 
 
 def test_takes_of_a_broken_manifest(tmp_path):
     """What passes the manifest must still end in ValueError when the take is made."""
     rng, made = random.Random(1), 0
-    for _ in range(MUTATIONS):
-        (tmp_path / "manifest.json").write_text(mutate(rng, MANIFEST), encoding="utf-8")
+    for _ in range(num_inputs(3000)):
+        put(tmp_path / "manifest.json", mutate(rng, MANIFEST))
         try:
             jobs = cmu_jobs(tmp_path)
         except ValueError:
@@ -112,38 +113,38 @@ def test_takes_of_a_broken_manifest(tmp_path):
     assert made > 1000
 
 
-def test_the_index_of_prepared_data(tmp_path):
+def test_the_index_of_prepared_data(tmp_path, record_property):
     path = tmp_path / "index.json"
     path.write_text(json.dumps(INDEX))
     assert len(PreparedData(tmp_path)) == 2
-    refused = count_refused(lambda: list(PreparedData(tmp_path)), INDEX, path)
-    assert 5000 < refused < MUTATIONS - 200
+    share = refused(lambda: list(PreparedData(tmp_path)), INDEX, path, record_property)
+    assert 0.5 < share < 0.98
 
 
-def test_labels_of_finedance(tmp_path):
+def test_labels_of_finedance(tmp_path, record_property):
     path = tmp_path / "001.json"
     path.write_text(json.dumps(LABEL))
     assert _genre(path) == ("Hiphop", "Hiphop")
-    refused = count_refused(lambda: _genre(path), LABEL, path)
-    assert 3000 < refused < MUTATIONS - 500
+    assert 0.3 < refused(lambda: _genre(path), LABEL, path, record_property) < 0.95
 
 
 @pytest.mark.parametrize("reader", ["aioz", "aistpp"])
-def test_lists_of_takes(tmp_path, reader):
-    rng, refused = random.Random(2), 0
+def test_lists_of_takes(tmp_path, reader, record_property):
+    rng = random.Random(2)
     name = "gBR_sBM_cAll_d04_mBR0_ch01"
     (tmp_path / "motions").mkdir()
     (tmp_path / "motions_smpl").mkdir()
     (tmp_path / "motions_smpl" / "a_1_2_3.pkl").touch()
     names = {"aioz": "train_split_sequence_names.txt", "aistpp": "crossmodal_train.txt"}
     jobs = {"aioz": aioz_jobs, "aistpp": aistpp_jobs}[reader]
-    for _ in range(MUTATIONS // 4):
-        text = mutate_text(rng, f"{name}\n{name[:-1]}2\r\n")
-        raw = text.encode("utf-8") + rng.choice([b"", b"\xff", b"\xef\xbb\xbf"])
-        (tmp_path / names[reader]).write_bytes(raw)
-        (tmp_path / "labels.csv").write_bytes(np.random.default_rng(0).bytes(9) + raw)
-        try:
-            jobs(tmp_path)
-        except ValueError:
-            refused += 1
-    assert refused > 1000
+
+    def read(raw):
+        put(tmp_path / names[reader], raw)
+        put(tmp_path / "labels.csv", np.random.default_rng(0).bytes(9) + raw)
+        jobs(tmp_path)
+
+    texts = (mutate_text(rng, f"{name}\n{name[:-1]}2\r\n") for _ in range(num_inputs()))
+    ends = [b"", b"\xff", b"\xef\xbb\xbf"]
+    out = fuzz(read, (text.encode("utf-8") + rng.choice(ends) for text in texts))
+    record_property("trust", f"fuzz, {names[reader]}: {out}")
+    assert out.refused > 0.4 * out.tried

@@ -1,11 +1,11 @@
-"""Broken models, checkpoints and configs: nothing but ValueError, no memory for what is not there."""
+"""Broken models, checkpoints, configs: only ValueError, and no memory for what is not there."""
 
 import shutil
 from pathlib import Path
 
 import pytest
 import torch
-from fuzzing import fuzz, mutated, num_inputs
+from fuzzing import fuzz, mutated, num_inputs, put
 
 from dancediff import hub
 from dancediff.tcdiffpp.losses import LossWeights
@@ -34,7 +34,7 @@ def test_a_model_folder(model, file, tmp_path, record_property):
     head = len(whole) if file.endswith("json") else 8 + int.from_bytes(whole[:8], "little")
 
     def read(given):
-        path.write_bytes(given)
+        put(path, given)
         loaded = hub.load(folder)
         assert all(value.isfinite().all() for value in loaded.state_dict().values())
 
@@ -52,7 +52,7 @@ def test_a_checkpoint(model, tmp_path, record_property):
     whole = path.read_bytes()
 
     def read(given):
-        path.write_bytes(given)
+        put(path, given)
         load_checkpoint(path, model=model, ema=ema, optimizer=optimizer)
 
     head = 8 + int.from_bytes(whole[:8], "little")
@@ -68,7 +68,7 @@ def test_a_config(name, tmp_path, record_property):
     whole = path.read_bytes()
 
     def read(given):
-        path.write_bytes(given)
+        put(path, given)
         if name.startswith("ablate"):
             return read_ablation(path)
         tables = read_config(path)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from fuzzing import fuzz, mutated, num_inputs
+from fuzzing import fuzz, mutated, num_inputs, put
 
 from dancediff import Music
 
@@ -38,7 +38,7 @@ def test_only_value_error(suffix, tmp_path, record_property):
     whole = path.read_bytes()
 
     def read(given):
-        path.write_bytes(given)
+        put(path, given)
         song = Music.load(path)
         assert np.isfinite(song.audio).all()
         assert len(song.audio) < 100 * len(given)
@@ -60,5 +60,5 @@ def test_a_header_that_promises_too_much_is_refused_before_memory_is_taken(tmp_p
     data = bytearray(path.read_bytes())
     at = data.find(b"data")
     data[4:8] = data[at + 4 : at + 8] = (0xFFFFFF00).to_bytes(4, "little")
-    out = fuzz(lambda given: (path.write_bytes(given), Music.load(path)), [bytes(data)])
+    out = fuzz(lambda given: (put(path, given), Music.load(path)), [bytes(data)])
     assert out.tried == 1

@@ -50,7 +50,7 @@ def test_everything_comes_back(saved):
 
 def test_file_is_plain_safetensors(saved):
     with safe_open(saved[1], "pt") as file:
-        assert json.loads(file.metadata()["config"]) == {"lr": 0.1}
+        assert json.loads(file.metadata()["facts"])["config"] == {"lr": 0.1}
         kinds = {key.split(".")[0] for key in file.keys()}
     assert kinds == {"model", "ema", "optimizer"}
 

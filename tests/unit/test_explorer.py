@@ -30,6 +30,24 @@ def test_explore_redraws_and_resets():
     assert box.picture.value == first
 
 
+def test_no_broken_picture_before_the_first():
+    def panel(n, report):
+        return Figure()
+
+    box = panels.explore(panel, n=panels.slider(0, 9, 1, "n"))
+    assert box.picture.layout.display == "none"
+    box.run.click()
+    box.wait()
+    assert box.picture.layout.display == ""
+
+
+def test_sliders_begin_below_each_other():
+    names = {"a": "n", "b": "a far longer label"}
+    controls = {key: panels.slider(0, 9, 1, name) for key, name in names.items()}
+    panels.explore(lambda a, b: Figure(), **controls)
+    assert len({control.style.description_width for control in controls.values()}) == 1
+
+
 def test_reset_of_many_sliders_draws_once():
     drawn = []
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import torch
 from near_misses import NEAR_MISSES
-from near_misses.foundations import six_changes_nothing
+from near_misses.lesson_01 import six_changes_nothing
 
 from dancediff import nb
 from dancediff.motion.rotation import rot6d_to_matrix
@@ -67,7 +67,7 @@ def test_not_implemented_is_open():
     def stub(d6):
         raise NotImplementedError
 
-    assert nb.judge("01.1", stub).mark == nb.OPEN
+    assert nb.judge("01.3", stub).mark == nb.OPEN
 
 
 @pytest.mark.parametrize("exercise", [*nb.EXERCISES, "77.7", ""])
@@ -81,10 +81,10 @@ def test_check_never_raises(exercise, answer, capsys):
 
 
 def test_a_wrong_answer_sees_both_numbers(capsys):
-    nb.check("01.1", six_changes_nothing)
+    nb.check("01.3", six_changes_nothing)
     out = capsys.readouterr().out
-    assert out.startswith(f"{nb.WRONG} 01.1 yours [1, 0, 0") and "expected [0." in out
-    nb.check("01.1", lambda d6: d6)
+    assert out.startswith(f"{nb.WRONG} 01.3 yours [1, 0, 0") and "expected [0." in out
+    nb.check("01.3", lambda d6: d6)
     assert "shape (2, 6), expected (2, 3, 3)" in capsys.readouterr().out
 
 
@@ -93,12 +93,12 @@ def test_an_answer_cannot_spoil_the_check():
         d6.zero_()
         return rot6d_to_matrix(d6)
 
-    assert nb.judge("01.1", destructive).mark == nb.WRONG
-    assert nb.judge("01.1", rot6d_to_matrix).mark == nb.RIGHT
+    assert nb.judge("01.3", destructive).mark == nb.WRONG
+    assert nb.judge("01.3", rot6d_to_matrix).mark == nb.RIGHT
 
 
 def spoils_tensor(root):
-    """Exercise 11.2 solved, in place."""
+    """Exercise 11.4 solved, in place."""
     root[..., (0, 2)] -= root[:, :1, (0, 2)].clone()
     return root
 
@@ -127,7 +127,7 @@ def spoils_array(music, motion):
 @pytest.mark.parametrize(
     ("exercise", "answer", "what"),
     [
-        ("11.2", spoils_tensor, "a tensor (13, 8, 3)"),
+        ("11.4", spoils_tensor, "a tensor (13, 8, 3)"),
         ("12.2", spoils_list, "a list"),
         ("13.3", spoils_array, "an array (20,)"),
         ("13.5", spoils_motion, "a Motion"),
@@ -157,7 +157,7 @@ def _halves(text):
 
 
 def test_nan_is_named():
-    verdict = nb.judge("02.1", lambda M: float("nan"))
+    verdict = nb.judge("02.2", lambda M: float("nan"))
     assert "not finite" in verdict.text
 
 
@@ -165,6 +165,33 @@ def test_show_draws_two_rows_of_bars():
     figure = nb.show("04.1", lambda x_t, eps, t, abar: x_t)
     labels = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
     assert labels == ["yours", "expected"]
+
+
+@pytest.mark.parametrize("exercise", nb.EXERCISES)
+def test_show_draws_numbers_or_says_why_not(exercise, capsys):
+    task = nb.EXERCISES[exercise]
+    figure = nb.show(exercise, run_solution(exercise)[1])
+    out = capsys.readouterr().out
+    if not callable(task.spec):
+        assert figure is None and "nothing to draw" in out
+    elif task.accepts:
+        assert figure is None and out.startswith(f"{nb.RIGHT} {exercise} {task.title}")
+        assert "judged by what it achieves" in out
+    else:
+        assert figure is not None and out == ""
+
+
+def test_show_says_what_is_wrong_where_nothing_is_drawn(capsys):
+    assert nb.show("13.5", lambda dance: dance) is None
+    out = capsys.readouterr().out
+    assert out.startswith(f"{nb.WRONG} 13.5 the published features grow 1.0 times")
+    assert "judged by what it achieves" in out
+
+
+@pytest.mark.parametrize("exercise", ["04.1", "04.4", "04.3", "77.7"])
+def test_show_waits_for_an_answer(exercise, capsys):
+    assert nb.show(exercise, lambda *_: ...) is None
+    assert "nothing to draw" in capsys.readouterr().out
 
 
 # -------------------------------------------------------------------------------- small helpers
@@ -223,6 +250,19 @@ def test_every_exercise_has_stub_checker_and_solution(path):
         assert nb.judge(key, space[name]).mark == nb.OPEN
         assert run_solution(key)[0] == name
         assert key.startswith(path.stem[:2])
+
+
+@pytest.mark.parametrize("path", LESSONS, ids=lambda p: p.stem)
+def test_exercises_are_numbered_in_reading_order(path):
+    book = json.loads(path.read_text(encoding="utf-8"))
+    text = "\n".join(source(c) for c in book["cells"])
+    lesson = path.stem[:2]
+    shown = [key for key in nb.EXERCISES if key.startswith(lesson)]
+    assert shown == [f"{lesson}.{k + 1}" for k in range(len(shown))]
+    assert re.findall(r"### 🧩 Exercise ([\d.]+)", text) == shown
+    assert re.findall(r'nb\.check\("([\d.]+)"', text) == shown
+    solutions = (BOOKS / "solutions" / f"{lesson}.py").read_text(encoding="utf-8")
+    assert re.findall(r"^# %% ([\d.]+)$", solutions, re.MULTILINE) == shown
 
 
 @pytest.mark.parametrize("path", LESSONS, ids=lambda p: p.stem)

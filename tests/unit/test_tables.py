@@ -27,7 +27,7 @@ def test_values_of_another_kind_are_named(config, words):
 
 
 def test_of_lodge_too():
-    with pytest.raises(ValueError, match="'train_local': steps=1.5 should be a whole number"):
+    with pytest.raises(ValueError, match=r"'train_local': steps=1\.5 should be a whole number"):
         check_lodge_tables({"train_local": {"steps": 1.5}}, "a.toml")
     tables = check_lodge_tables({"local_stage": {"genres": ["salsa"]}}, "a.toml")
     assert tables["local_stage"] == {"genres": ("salsa",)}

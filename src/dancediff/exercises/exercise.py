@@ -5,6 +5,7 @@ answers are right, tested for what it must achieve.
 """
 
 import copy
+import inspect
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -148,4 +149,10 @@ def _kind(v) -> str:
 
 
 def _brief(case: tuple) -> str:
-    return ", ".join(_kind(v) if isinstance(v, torch.Tensor) else f"{v!r}" for v in case)
+    return ", ".join(_name(v) for v in case)
+
+
+def _name(v) -> str:
+    if inspect.isfunction(v):  # where it lies in memory tells nobody anything
+        return v.__name__.strip("_")
+    return _kind(v) if isinstance(v, torch.Tensor) else f"{v!r}"

@@ -33,7 +33,8 @@ def save_checkpoint(
     for i, state in optimizer.state_dict()["state"].items():
         tensors |= {f"optimizer.{i}.{k}": torch.as_tensor(v) for k, v in state.items()}
     tensors |= {f"extra.{k}": v for k, v in (extra or {}).items()}
-    meta = {"step": str(step), "ema_updates": str(ema.updates), "config": json.dumps(config)}
+    facts = {"step": step, "ema_updates": ema.updates, "config": config}
+    meta = {"facts": json.dumps(facts)}  # one entry: safetensors writes several in any order
     with atomic_write(path) as part:
         save_file({k: v.detach().contiguous().clone() for k, v in tensors.items()}, part, meta)
 
@@ -45,7 +46,7 @@ def load_checkpoint(path, *, model: nn.Module, ema: EMA, optimizer) -> int:
     """
     try:
         with safe_open(path, "pt") as file:
-            meta = file.metadata()
+            facts = json.loads(file.metadata()["facts"])
             tensors = {k: file.get_tensor(k) for k in file.keys()}
         model.load_state_dict(_part(tensors, "model."))
         ema.model.load_state_dict(_part(tensors, "ema."))
@@ -55,8 +56,8 @@ def load_checkpoint(path, *, model: nn.Module, ema: EMA, optimizer) -> int:
             state.setdefault(int(i), {})[key] = value
         groups = optimizer.state_dict()["param_groups"]
         optimizer.load_state_dict({"state": state, "param_groups": groups})
-        ema.updates = int(meta["ema_updates"])
-        return int(meta["step"])
+        ema.updates = int(facts["ema_updates"])
+        return int(facts["step"])
     except (SafetensorError, RuntimeError, KeyError, ValueError, TypeError) as err:
         raise ValueError(f"{path} is no checkpoint of this model: {err}") from err
 

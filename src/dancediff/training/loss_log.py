@@ -28,7 +28,7 @@ class LossLog:
         with atomic_write(path) as part, part.open("w", newline="", encoding="utf-8") as file:
             csv.writer(file).writerows(rows)
         self.has_header = bool(rows)
-        self.file = path.open("a", newline="", encoding="utf-8")
+        self.file = path.open("a", buffering=1, newline="", encoding="utf-8")  # whole lines
         self.board = tensorboard(path.parent / "tensorboard", first)
 
     @property

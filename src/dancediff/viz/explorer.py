@@ -11,7 +11,7 @@ from html import escape
 
 from dancediff.viz.panels import as_png
 
-_WIDE = {"max_width": "100%"}
+_WIDE = {"max_width": "100%", "align_self": "flex-start"}  # else a picture is blown up
 
 
 class Cancelled(Exception):
@@ -41,8 +41,9 @@ class Explorer:
         self.bar = widgets.IntProgress(layout={"width": "300px"})
         self.message = widgets.HTML()
         self.pinned = widgets.Image(format="png", layout=_WIDE | {"display": "none"})
-        self.picture = widgets.Image(format="png", layout=_WIDE)
+        self.picture = widgets.Image(format="png", layout=_WIDE | {"display": "none"})
         self.stage = widgets.VBox()
+        _align(controls.values())
         _show(False, self.cancel, self.bar, self.watch)
         _show(self.slow, self.run)
 
@@ -119,6 +120,7 @@ class Explorer:
         made = made if isinstance(made, tuple) else (made,)
         figure, self.dance, self.song = (*made, None, None)[:3]
         self.picture.value, self.message.value = as_png(figure), ""
+        _show(True, self.picture)  # an image without a picture is shown as a broken one
         self.pin.disabled = False
         self.watch.disabled = self.dance is None
         _show(self.dance is not None, self.watch)
@@ -160,6 +162,15 @@ def _button(text: str, icon: str, on_click, *, disabled: bool = False):
     )
     button.on_click(on_click)
     return button
+
+
+def _align(controls) -> None:
+    """Give all labels the width of the longest, so that sliders begin below each other."""
+    named = [one for one in controls if getattr(one, "description", "")]
+    wide = max((7 * len(one.description) + 16 for one in named), default=0)
+    for one in named:
+        one.style.description_width = f"{wide}px"
+        one.layout.width = f"{wide + (350 if hasattr(one, 'readout') else 180)}px"
 
 
 def _show(shown: bool, *parts) -> None:

@@ -127,7 +127,10 @@ def plot_schedule(abar, *, t=None, ax=None, title: str | None = None):
     ax.plot(steps, np.sqrt(1 - abar), color=dancer_color(4), lw=2.2, ls="--")
     end = len(abar) - 1
     for height, name, k in ((0.93, "signal  √ᾱ", 0), (0.36, "noise  √(1−ᾱ)", 4)):
-        ax.text(0.28 * end, height, name, color=dancer_color(k), fontsize=9, fontweight="bold")
+        ax.text(
+            0.28 * end, height, name, color=dancer_color(k), fontsize=9, fontweight="bold",
+            zorder=4, bbox={"facecolor": ax.get_facecolor(), "edgecolor": "none", "pad": 1},
+        )  # fmt: skip
     if t is not None:
         ax.axvline(t, color=INK, lw=1)
         ax.plot([t, t], [abar[t] ** 0.5, (1 - abar[t]) ** 0.5], "o", color=INK, ms=5)

@@ -116,7 +116,7 @@ def noise_panel(
     plot_moment(points, camera, ax=moment, numbers=False)
     share = float(abar[t])
     set_title(moment, f"t = {t}")
-    plot_schedule(abar, t=t, ax=curve, title=f"{share:.1%} of the signal's power is left")
+    plot_schedule(abar, t=t, ax=curve, title=f"Signal: weight {share**0.5:.2f}, power {share:.1%}")
     return figure
 
 

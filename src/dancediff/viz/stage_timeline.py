@@ -47,10 +47,10 @@ def make_controls(widgets, width: int, frames: int, fps: float, views: list[str]
 
 
 def ticks(width: int, frames: int, fps: float, song) -> str:
-    """A ruler as long as the slider's way: a mark every five seconds, a stroke a beat.
+    """A ruler as long as the slider's way: a mark every second or five, a stroke a beat.
 
-    >>> ticks(760, 151, 30.0, None).count("<text")
-    2
+    >>> ticks(760, 151, 30.0, None).count("<text"), ticks(760, 601, 30.0, None).count("<text")
+    (6, 5)
     """
 
     def place(seconds: float) -> float:
@@ -64,7 +64,7 @@ def ticks(width: int, frames: int, fps: float, song) -> str:
     )
     words = "".join(
         f'<text x="{max(place(second), 9):.1f}" y="9" text-anchor="middle">{second} s</text>'
-        for second in range(0, int(last) + 1, 5)
+        for second in range(0, int(last) + 1, 1 if last < 12 else 5)
     )
     style = f"display:block;overflow:visible;font:10px sans-serif;fill:{MUTED}"
     return (

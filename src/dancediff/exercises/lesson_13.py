@@ -1,4 +1,4 @@
-"""Exercises of lesson 13: what the metrics measure."""
+"""Exercises of lesson 13: Can you measure a dance?"""
 
 from dataclasses import replace
 
@@ -6,6 +6,24 @@ import numpy as np
 import torch
 
 from dancediff.exercises.exercise import Exercise
+
+
+def _slides(foot):
+    speed = 30 * foot[..., (0, 2)].diff(dim=0).norm(dim=-1)
+    return (speed > 0.3).any(dim=1)
+
+
+def _feet() -> list[tuple]:
+    """A foot that slides all ways, a little under and over 30 cm/s, and one that is lifted."""
+    angle = torch.arange(24) / 24 * 2 * torch.pi + 0.05
+    way = torch.stack([angle.cos(), 0 * angle, angle.sin()], -1)
+    step = way[:, None] * torch.tensor([0.25, 0.35, 0.45]).repeat(8)[:, None, None] / 30
+    both = step.expand(-1, 2, -1).cumsum(0)
+    ankle, toe = torch.zeros_like(both), torch.zeros_like(both)
+    ankle[:, 0], toe[:, 1] = both[:, 0], both[:, 1]
+    lifted = both * torch.tensor([0.1, 0.0, 0.1])
+    lifted[..., 1] = torch.arange(24)[:, None] / 60  # half a metre a second, upwards
+    return [(both,), (ankle,), (toe,), (lifted,)]
 
 
 def _dances() -> list[tuple]:
@@ -37,24 +55,6 @@ def _fools_pfc(got, dance) -> str:
         if not mine <= its / 2:
             return f"your {name} is {mine:.3g}, expected at most half of the dance's {its:.3g}"
     return ""
-
-
-def _slides(foot):
-    speed = 30 * foot[..., (0, 2)].diff(dim=0).norm(dim=-1)
-    return (speed > 0.3).any(dim=1)
-
-
-def _feet() -> list[tuple]:
-    """A foot that slides all ways, a little under and over 30 cm/s, and one that is lifted."""
-    angle = torch.arange(24) / 24 * 2 * torch.pi + 0.05
-    way = torch.stack([angle.cos(), 0 * angle, angle.sin()], -1)
-    step = way[:, None] * torch.tensor([0.25, 0.35, 0.45]).repeat(8)[:, None, None] / 30
-    both = step.expand(-1, 2, -1).cumsum(0)
-    ankle, toe = torch.zeros_like(both), torch.zeros_like(both)
-    ankle[:, 0], toe[:, 1] = both[:, 0], both[:, 1]
-    lifted = both * torch.tensor([0.1, 0.0, 0.1])
-    lifted[..., 1] = torch.arange(24)[:, None] / 60  # half a metre a second, upwards
-    return [(both,), (ankle,), (toe,), (lifted,)]
 
 
 def _rhythm(music, motion):
@@ -122,19 +122,19 @@ def _fools_published_energy(got, dance) -> str:
 
 EXERCISES = {
     "13.1": Exercise(
+        "a foot that slides sideways",
+        _slides,
+        "30 frames a second; the length of the step on the floor, over x and z and not y, for the "
+        "ankle and for the toe; one of the two is enough",
+        _feet,
+    ),
+    "13.2": Exercise(
         "make a metric lie",
         _stand_still,
         "PFC multiplies the root's acceleration with how far the feet travel: what if nobody "
         "travels? And BAS needs moments of rest between movements",
         _dances,
         _fools_pfc,
-    ),
-    "13.2": Exercise(
-        "a foot that slides sideways",
-        _slides,
-        "30 frames a second; the length of the step on the floor, over x and z and not y, for the "
-        "ankle and for the toe; one of the two is enough",
-        _feet,
     ),
     "13.3": Exercise(
         "a score with two sides",

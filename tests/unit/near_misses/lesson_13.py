@@ -1,4 +1,4 @@
-"""Plausible wrong answers to the exercises of lesson 13."""
+"""Plausible wrong answers to the exercises of lesson 13: Can you measure a dance?"""
 
 from dataclasses import replace
 
@@ -8,13 +8,13 @@ import torch
 from dancediff.metrics.rhythm import closeness
 
 
+def steps(foot):
+    return 30 * foot[..., (0, 2)].diff(dim=0)
+
+
 def both_ways(music, motion):
     """BAS and MMC."""
     return closeness(music, motion, 0.1), closeness(motion, music, 0.1)
-
-
-def steps(foot):
-    return 30 * foot[..., (0, 2)].diff(dim=0)
 
 
 def on_the_beat(music, motion):
@@ -24,19 +24,19 @@ def on_the_beat(music, motion):
 
 NEAR_MISSES = {
     "13.1": [
-        lambda dance: dance,
-        lambda dance: dance.joints(),
-        lambda dance: dance.frames(0, 1),
-        lambda dance: replace(dance, root=2 * dance.root),
-        lambda dance: replace(dance, root=dance.root.mean(1, keepdim=True).expand_as(dance.root)),
-    ],
-    "13.2": [
         lambda foot: (steps(foot).mean(-1).abs() > 0.3).any(1),  # the released code
         lambda foot: (steps(foot).abs().mean(-1) > 0.3).any(1),  # no sign, and still no length
         lambda foot: (steps(foot).norm(dim=-1) > 0.3).all(1),  # ankle and toe
         lambda foot: (steps(foot).norm(dim=-1) > 9).any(1),  # frames twice
         lambda foot: (30 * foot.diff(dim=0).norm(dim=-1) > 0.3).any(1),  # lifting is no sliding
         lambda foot: steps(foot).norm(dim=-1) > 0.3,  # one answer each for ankle and toe
+    ],
+    "13.2": [
+        lambda dance: dance,
+        lambda dance: dance.joints(),
+        lambda dance: dance.frames(0, 1),
+        lambda dance: replace(dance, root=2 * dance.root),
+        lambda dance: replace(dance, root=dance.root.mean(1, keepdim=True).expand_as(dance.root)),
     ],
     "13.3": [
         lambda music, motion: both_ways(music, motion)[0],  # BAS: rests everywhere are perfect

@@ -1,0 +1,106 @@
+"""Exercises of lesson 01: A dance is a tensor."""
+
+import torch
+
+from dancediff.exercises.exercise import Exercise
+from dancediff.motion.rotation import (
+    axis_angle_to_matrix,
+    matrix_to_rot6d,
+    rot6d_to_matrix,
+    rotation_about,
+)
+from dancediff.motion.skeleton import SMPL24, forward_kinematics, world_rotations
+
+LEFT_ARM = [SMPL24.index(name) for name in ("lshoulder", "lelbow", "lwrist")]
+
+
+def _raise_hand(pose):
+    pose = pose.clone()
+    pose[LEFT_ARM] = torch.eye(3)
+    collar = world_rotations(pose)[SMPL24.index("lcollar")]
+    pose[LEFT_ARM[0]] = collar.mT @ rotation_about("z", torch.tensor(torch.pi / 2))
+    return pose
+
+
+def _poses() -> list[tuple]:
+    turns = 0.5 * torch.randn(3, 24, 3, generator=torch.Generator().manual_seed(2))
+    turns[0, 0] = torch.tensor([0.0, 0.0, 1.6])  # lies on the side
+    turns[1, 0] = torch.tensor([1.2, 0.0, 0.0])  # bows
+    return [(pose,) for pose in axis_angle_to_matrix(turns)]
+
+
+def _raised(got, pose) -> str:
+    if tuple(got.shape) != (24, 3, 3):
+        return f"shape {tuple(got.shape)}, expected (24, 3, 3)"
+    if not _are_rotations(got):
+        return "some of your matrices are no rotations: they bend the bones"
+    others = [j for j in range(24) if j not in LEFT_ARM]
+    if not torch.allclose(got[others], pose[others], atol=1e-4):
+        return "you have turned other joints, too; expected only 16, 18 and 20"
+    joints = forward_kinematics(got, torch.zeros(3))
+    up = (joints[SMPL24.index("lhand")] - joints[LEFT_ARM[0]])[1].item()
+    return "" if up >= 0.55 else f"the hand is {up:.2f} m above its shoulder, expected 0.55 or more"
+
+
+def _are_rotations(R) -> bool:
+    square = torch.allclose(R @ R.mT, torch.eye(3).expand_as(R), atol=1e-3)
+    return square and bool((torch.linalg.det(R) > 0).all())
+
+
+def _rotation_cases() -> list[tuple]:
+    R = axis_angle_to_matrix(torch.tensor([[0.3, -1.1, 0.4], [0.0, 2.0, 1.0]]))
+    d6 = matrix_to_rot6d(R)
+    stretched = d6 * torch.tensor([2.0, 2, 2, 0.5, 0.5, 0.5])
+    bent = stretched + 0.3 * stretched[..., [3, 4, 5, 0, 1, 2]]  # the rows are no longer square
+    return [(d6,), (stretched,), (bent,)]
+
+
+def _two_near():
+    return [1.0, 0, 0, 1, 0.004, 0], [1.0, 0, 0, 1, -0.004, 0]
+
+
+def _jumps(got) -> str:
+    pair = torch.stack([torch.as_tensor(d6).float().reshape(6) for d6 in got])
+    if len(pair) != 2:
+        return f"{len(pair)} answers, expected two"
+    if pair.unflatten(-1, (2, 3)).norm(dim=-1).min() < 1:
+        return "one of your rows is shorter, expected a length of 1 or more"
+    if (apart := (pair[0] - pair[1]).abs().max().item()) > 0.0101:
+        return f"yours differ by {apart:.3g}, expected at most 0.01"
+    R = rot6d_to_matrix(pair)
+    if not _are_rotations(R):
+        return "one of yours is no rotation at all: its rows are parallel, not nearly parallel"
+    angle = torch.rad2deg(torch.acos(((torch.trace(R[0].mT @ R[1]) - 1) / 2).clamp(-1, 1))).item()
+    return "" if angle >= 90 else f"your rotations are {angle:.0f} degrees apart, expected 90"
+
+
+EXERCISES = {
+    "01.1": Exercise(
+        "what comes along",
+        {"18 left elbow": 2, "22 left hand": 0, "9 chest": 12, "0 root": 23},
+        "a turn moves what hangs below the joint, never the joint itself; count the joints below "
+        "in the picture of the skeleton",
+    ),
+    "01.2": Exercise(
+        "raise your hand",
+        _raise_hand,
+        "in the world the shoulder is turned by Q[13] @ R[16]: choose R[16] so that this is a "
+        "quarter turn about z, and let elbow and wrist be straight",
+        _poses,
+        _raised,
+    ),
+    "01.3": Exercise(
+        "six numbers to a rotation",
+        rot6d_to_matrix,
+        "rows: make the first one unit length, take its share out of the second, make that unit "
+        "length too; the third is their cross product, in this order",
+        _rotation_cases,
+    ),
+    "01.4": Exercise(
+        "find the jump",
+        _two_near,
+        "the second row loses its share of the first one: what is left when the two point nearly "
+        "the same way, and how long is it before it is made unit length?",
+        accepts=_jumps,
+    ),
+}

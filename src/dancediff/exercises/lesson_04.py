@@ -1,0 +1,106 @@
+"""Exercises of lesson 04: Destroying a dance."""
+
+import torch
+
+from dancediff.diffusion.schedule import cosine_abar, q_sample
+from dancediff.exercises.exercise import Exercise
+
+
+def _x0_from(x_t, eps, t, abar):
+    return (x_t - (1 - abar[t]).sqrt() * eps) / abar[t].sqrt()
+
+
+def _x0_cases() -> list[tuple]:
+    draw = torch.Generator().manual_seed(0)
+    abar = cosine_abar(1000)
+    x_0, eps = (torch.randn(2, 3, 4, generator=draw, dtype=torch.float64) for _ in range(2))
+    return [(q_sample(x_0, t, abar, eps), eps, t, abar) for t in (0, 250, 800)]
+
+
+def _further(x_s, s, t, abar, eps):
+    left = abar[t] / abar[s]
+    return left.sqrt() * x_s + (1 - left).sqrt() * eps
+
+
+def _further_cases() -> list[tuple]:
+    draw = torch.Generator().manual_seed(0)
+    x_s, eps = (torch.randn(2, 3, 4, generator=draw, dtype=torch.float64) for _ in range(2))
+    return [(x_s, s, t, cosine_abar(1000), eps) for s, t in ((300, 600), (599, 600), (0, 900))]
+
+
+def _noise_cases() -> list[tuple]:
+    draw = torch.Generator().manual_seed(0)
+    return [(torch.randn(3, 20, 151, generator=draw, dtype=torch.float64), cosine_abar(1000))]
+
+
+def _fool_the_loss(eps, abar):
+    return 950, eps + 0.1
+
+
+def _fools_the_loss(got, eps, abar) -> str:
+    t, guess = got
+    if t != int(t) or not 0 <= t <= 960:
+        return f"t = {t}, expected a step from 0 to 960"
+    if guess.shape != eps.shape:
+        return f"shape {tuple(guess.shape)} of the guess, expected {tuple(eps.shape)}"
+    loss = ((guess - eps) ** 2).mean().item()
+    if not loss <= 0.01 + 1e-6:
+        return f"the loss is {loss:.3g}, expected at most 0.01"
+    a = abar[int(t)].item()
+    error = (loss * (1 - a) / a) ** 0.5
+    return "" if error >= 1 else f"the dance is wrong by {error:.2f}, expected 1 or more"
+
+
+def _even_abar(num_steps):
+    return torch.linspace(0.99, 0.0005, num_steps)
+
+
+def _is_a_plan(got, num_steps) -> str:
+    abar = torch.as_tensor(got).double()
+    if abar.shape != (num_steps,):
+        return f"shape {tuple(abar.shape)}, expected ({num_steps},)"
+    if not (abar > 0).all() or not (abar[:-1] > abar[1:]).all():
+        return "some of your numbers do not fall, or are not above 0"
+    if not 0.95 <= abar[0] <= 1 or not abar[-1] <= 0.001 + 1e-6:
+        return (
+            f"yours goes from {abar[0]:.3g} to {abar[-1]:.3g}, expected 0.95 … 1 to 0.001 or less"
+        )
+    middle = ((abar > 0.1) & (abar < 0.9)).double().mean().item()
+    return "" if middle >= 0.7 else f"{middle:.0%} of the steps are in the middle, expected 70%"
+
+
+EXERCISES = {
+    "04.1": Exercise(
+        "undo the noise",
+        _x0_from,
+        "solve x_t = √ᾱ x_0 + √(1-ᾱ) ε for x_0, with ᾱ = abar[t]; mind both roots",
+        _x0_cases,
+    ),
+    "04.2": Exercise(
+        "walk on",
+        _further,
+        "the share abar[t] / abar[s] of the power is kept; noise makes up the rest to 1",
+        _further_cases,
+    ),
+    "04.3": Exercise(
+        "what drowns first",
+        {"sway": 650, "kick": 310, "tremble": 70},
+        "the noise is as strong in a slow movement as in a fast one; which of the three is the "
+        "largest in metres?",
+    ),
+    "04.4": Exercise(
+        "small loss, broken dance",
+        _fool_the_loss,
+        "the loss allows an error of 0.1 in every number of the noise; from which step on does it "
+        "arrive ten times larger?",
+        _noise_cases,
+        _fools_the_loss,
+    ),
+    "04.5": Exercise(
+        "your own plan",
+        _even_abar,
+        "spread the steps evenly over the power itself; end above 0, so that nobody divides by it",
+        lambda: [(1000,), (50,)],
+        _is_a_plan,
+    ),
+}

@@ -1,0 +1,87 @@
+"""Exercises of lesson 06: The sampling lab."""
+
+import torch
+
+from dancediff.diffusion.precondition import Preconditioning, dct_matrix
+from dancediff.exercises.exercise import Exercise
+from dancediff.exercises.shared import unlike
+
+
+def _guide(denoiser, x_t, w):
+    without = denoiser(x_t, music=False)
+    return without + w * (denoiser(x_t, music=True) - without)
+
+
+def _guide_cases() -> list[tuple]:
+    x_t = torch.randn(2, 3, 4, generator=torch.Generator().manual_seed(0))
+    return [(_hears, x_t, w) for w in (0.0, 1.0, 2.0, 0.5)]
+
+
+def _hears(x_t, music):
+    return 0.5 * x_t + 1 if music else 0.3 * x_t - 2
+
+
+def _within(x, mean, spread, C):
+    known = Preconditioning(*x.shape)
+    known.mean.copy_(mean)
+    known.spread.copy_(spread)
+    return known.within(x)
+
+
+def _wild_guesses() -> list[tuple]:
+    draw = torch.Generator().manual_seed(0)
+    cases = []
+    for f, d, size in ((12, 3, 1.0), (20, 2, 8.0), (16, 1, 0.01)):
+        mean = 0.8 * torch.randn(d, generator=draw)
+        spread = torch.linspace(0.5, 0.01, f)[:, None] * torch.linspace(1, 2, d)
+        cases.append((mean + size * torch.randn(f, d, generator=draw), mean, spread, dct_matrix(f)))
+    return cases
+
+
+def _bent(path, y):
+    return path + torch.linspace(0, 1, len(path)) * (y - path[-1])
+
+
+def _paths() -> list[tuple]:
+    second = torch.arange(60) / 30
+    return [(0.4 * (5 * second).sin() - 0.3, 1.2), (0.3 * (7 * second[:31]).cos(), -0.9)]
+
+
+def _is_bent(got, path, y) -> str:
+    if wrong := unlike(got, path.shape):
+        return wrong
+    if abs(got[-1] - y) > 1e-3:
+        return f"ends at {got[-1]:.3f} m, expected {y:.3f} m"
+    if abs(got[0] - path[0]) > 1e-3:
+        return f"starts at {got[0]:.3f} m, expected {path[0]:.3f} m, as before"
+    share = abs(y - path[-1]).item() / (len(path) - 1)
+    worst = (got - path).diff().abs().max().item()
+    if worst > 2 * share + 1e-5:
+        return f"a step changes by {worst / share:.1f} even shares, expected 2 at most"
+    return ""
+
+
+EXERCISES = {
+    "06.1": Exercise(
+        "listen harder",
+        _guide,
+        "start from the guess without music and go w times the way to the one with it: w = 0 is "
+        "silence, w = 1 plain",
+        _guide_cases,
+    ),
+    "06.2": Exercise(
+        "cut where no dance is",
+        _within,
+        "take the mean away, go to frequencies with C, cut each at four of its spreads, go back "
+        "with C.T, add the mean",
+        _wild_guesses,
+    ),
+    "06.3": Exercise(
+        "bend it yourself",
+        _bent,
+        "add a share of what is missing at the end, y - path[-1], to every frame: 0 at the first, "
+        "1 at the last, and nowhere in haste",
+        _paths,
+        _is_bent,
+    ),
+}

@@ -1,0 +1,88 @@
+"""Exercises of lesson 07: Who stands where?"""
+
+import torch
+
+from dancediff.exercises.exercise import Exercise
+from dancediff.exercises.shared import unlike
+
+
+def _nameless(h):
+    return h + h.mean(1, keepdim=True)
+
+
+def _crowds() -> list[tuple]:
+    """Three groups each: one, the same in another order, the same with one dancer replaced."""
+    draw = torch.Generator().manual_seed(0)
+    cases = []
+    for order in ([2, 0, 1], [1, 3, 0, 2]):
+        h, new = (torch.randn(n, 5, 4, generator=draw) for n in (len(order), 1))
+        cases.append((torch.stack([h, h[order], torch.cat([new, h[1:]])]),))
+    return cases
+
+
+def _hears_without_names(got, h) -> str:
+    if wrong := unlike(got, h.shape):
+        return wrong
+    order = [(h[0] == dancer).all(-1).all(-1).nonzero().item() for dancer in h[1]]
+    if not torch.allclose(got[1], got[0][order], atol=1e-4):
+        return "the same dancers in another order get other tokens"
+    heard = (got[2, 1:] - got[0, 1:]).abs().amax((1, 2))
+    if (heard < 1e-4).any():
+        return f"dancer {1 + int(heard.argmin())} does not hear that dancer 0 was replaced"
+    return ""
+
+
+def _ranks(root):
+    return root[:, 0, 0].argsort(stable=True).argsort()
+
+
+def _ranks_cases() -> list[tuple]:
+    draw = torch.Generator().manual_seed(0)
+    root = torch.randn(4, 20, 3, generator=draw)
+    root[:, 0, 0] = torch.tensor([0.5, 1.5, -1.5, -0.5])  # its order is not its own inverse
+    root[:, -1, 0] = torch.tensor([-1.5, 0.5, -0.5, 1.5])
+    return [(root,), (root[:3],)]
+
+
+def _mark(tokens, table):
+    return tokens + table.repeat(len(tokens) // len(table), 1)
+
+
+def _token_cases() -> list[tuple]:
+    draw = torch.Generator().manual_seed(0)
+    sizes = ((4, 3, 2), (3, 2, 5), (6, 5, 1), (7, 1, 3))  # frames, dancers, width
+    return [
+        (torch.randn(f * n, d, generator=draw), torch.randn(n, d, generator=draw))
+        for f, n, d in sizes
+    ]
+
+
+EXERCISES = {
+    "07.1": Exercise(
+        "hear all, know nobody's name",
+        _nameless,
+        "a sum or a mean over the dancers does not know their order; the dancers are axis 1",
+        _crowds,
+        _hears_without_names,
+    ),
+    "07.2": Exercise(
+        "who can part them?",
+        {"nothing": False, "FP": True, "DPE": True, "DPE, FP": True, "all": True},
+        "whatever treats the first in the row otherwise than the second can part them; the weights "
+        "of FP are other ones for each place in the row",
+    ),
+    "07.3": Exercise(
+        "what is my rank?",
+        _ranks,
+        "the order says who stands k-th; a rank says which k somebody has: the inverse. Look at x, "
+        "at the first frame only",
+        _ranks_cases,
+    ),
+    "07.4": Exercise(
+        "a vector on the right token",
+        _mark,
+        "token k is dancer k % n, so the whole table comes again in every frame: repeat it, not "
+        "its rows",
+        _token_cases,
+    ),
+}

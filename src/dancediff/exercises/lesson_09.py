@@ -1,0 +1,74 @@
+"""Exercises of lesson 09: Changing places."""
+
+import torch
+
+from dancediff.exercises.exercise import Exercise
+from dancediff.exercises.shared import unlike, walks
+from dancediff.motion.representation import TCDIFFPP
+from dancediff.tcdiffpp.footwork_adaptor import ground_velocity
+from dancediff.tcdiffpp.order import in_order
+
+
+def _swap_twice(S1, S2):
+    return S1[S2]
+
+
+def _swap_pairs() -> list[tuple]:
+    pairs = [([1, 2, 0], [1, 0, 2]), ([0, 2, 1], [2, 0, 1]), ([3, 0, 2, 1, 4], [1, 4, 0, 3, 2])]
+    return [(torch.tensor(S1), torch.tensor(S2)) for S1, S2 in pairs]
+
+
+def _out_of_order() -> list[tuple]:
+    cases = [
+        ([-1.0, 0.2, 1.1], [2, 1, 0]),
+        ([0.3, 0.0, -0.2, 0.1], [1, 3, 0, 2]),
+        ([-0.8, 0.1, 0.9], [0, 1, 2]),  # all is well
+        ([0.9, -1.4, 0.1], [1, 2, 0]),  # here, too
+        ([0.0, 0.1], [0, 1]),
+    ]
+    return [(torch.tensor(x), torch.tensor(S), 0.45) for x, S in cases]
+
+
+def _stands_in_order(got, x, S, gap) -> str:
+    if wrong := unlike(got, x.shape):
+        return wrong
+    room = got[S].diff().min().item()
+    if room < gap - 1e-3:
+        return f"from left to right {S.tolist()} there are {room:.2f} m to the next, expected {gap}"
+    if abs(got.mean() - x.mean()) > 1e-3:
+        return f"the group's middle goes from {x.mean():.2f} to {got.mean():.2f} m"
+    if x[S].diff().min() >= gap and (got - x).abs().max() > 1e-3:
+        return "these stand in order with room, and are moved nevertheless"
+    return ""
+
+
+def _floor_velocity(root):
+    x = root.new_zeros(*root.shape[:-1], TCDIFFPP.dim)
+    x[..., TCDIFFPP.root] = root
+    return ground_velocity(x)
+
+
+EXERCISES = {
+    "09.1": Exercise(
+        "swap twice",
+        _swap_twice,
+        "the dancer who is k-th in the end was S2[k]-th in the middle, and S1 says for each place "
+        "of the middle who stands there",
+        _swap_pairs,
+    ),
+    "09.2": Exercise(
+        "put them in order",
+        in_order,
+        "go through S from the left and give everybody her place, or, if that is too near, one "
+        "gap right of the last; in the end shift all until the middle is where it was",
+        _out_of_order,
+        _stands_in_order,
+    ),
+    "09.3": Exercise(
+        "too slow to matter",
+        _floor_velocity,
+        "x and z are numbers 0 and 2; differences of neighbouring frames times 30 are metres a "
+        "second; frame 0 has no frame before it: zeros in front",
+        walks,
+    ),
+}

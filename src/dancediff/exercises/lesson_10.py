@@ -1,0 +1,90 @@
+"""Exercises of lesson 10: A long group dance."""
+
+from itertools import permutations
+
+import torch
+
+from dancediff.exercises.exercise import Exercise
+from dancediff.exercises.shared import unlike
+
+FPS = 30
+
+
+def _join(segments, overlap):
+    return torch.cat([segments[0], *(s[:, overlap:] for s in segments[1:])], dim=1)
+
+
+def _segments() -> list[tuple]:
+    draw = torch.Generator().manual_seed(0)
+    sizes = ((3, 2, 10, 4, 5), (2, 1, 6, 3, 2), (1, 2, 8, 3, 4))  # segments, n, f, d, overlap
+    return [(torch.randn(*shape, generator=draw), overlap) for *shape, overlap in sizes]
+
+
+def _backwards(first):
+    return first.flip(1)[:, :FPS]
+
+
+def _before_seams() -> list[tuple]:
+    """Dancers who walk at 1.0 to 1.5 m/s when the seam comes (n, f, 3)."""
+    second = torch.arange(45)[:, None] / FPS
+    ways = torch.tensor([[1.2, 0.0, 0.3], [-1.0, 0.0, 0.2], [0.0, 0.0, 1.5]])
+    starts = torch.tensor([[-1.0, 0.9, 0.0], [1.0, 0.9, 0.0], [0.0, 0.9, -1.0]])
+    root = starts[:, None] + second * ways[:, None]
+    return [(root,), (root[:2, :36],)]
+
+
+def _hides_a_seam(got, first) -> str:
+    if wrong := unlike(got, (len(first), FPS, 3)):
+        return wrong
+    jump = (got[:, 0] - first[:, -1]).norm(dim=-1).max().item()
+    if jump > 0.01:
+        return f"somebody jumps {100 * jump:.1f} cm across the seam, expected 1 cm at most"
+    steps = got.diff(dim=1)
+    if (farthest := steps.norm(dim=-1).max().item()) > 0.1:
+        return f"a later step is {100 * farthest:.0f} cm long, expected 10 cm at most"
+    before = first[:, -1] - first[:, -2]
+    change = FPS * (steps[:, 0] - before).norm(dim=-1).max().item()
+    return "" if change >= 1.5 else f"the velocity changes by {change:.1f} m/s only, expected 1.5"
+
+
+def _shortest(start, places):
+    way = torch.cdist(start, places)
+    dancers = range(len(start))
+    return torch.tensor(
+        min(permutations(dancers), key=lambda goes: way[dancers, goes].sum().item())
+    )
+
+
+def _formations() -> list[tuple]:
+    draw = torch.Generator().manual_seed(3)
+    row = torch.stack([torch.linspace(-2, 2, 5), torch.zeros(5)], -1)
+    turned = row[[3, 0, 4, 1, 2]] + torch.tensor([0.2, 1.0])
+    return [
+        (row, turned),
+        *((2 * torch.randn(2, n, 2, generator=draw)).unbind() for n in (3, 4, 5, 5)),
+    ]
+
+
+EXERCISES = {
+    "10.1": Exercise(
+        "join the segments",
+        _join,
+        "take the first segment whole, of every later one only what comes behind the overlap, and "
+        "join along the frames",
+        _segments,
+    ),
+    "10.2": Exercise(
+        "a seam that nobody measured",
+        _backwards,
+        "begin where they stand, and go on in a direction in which nobody was going",
+        _before_seams,
+        _hides_a_seam,
+    ),
+    "10.3": Exercise(
+        "who goes where?",
+        _shortest,
+        "with five dancers there are 120 ways to give out the places: measure all, keep the "
+        "shortest; the result says for each dancer which place",
+        _formations,
+    ),
+}

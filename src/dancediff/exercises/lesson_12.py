@@ -1,0 +1,112 @@
+"""Exercises of lesson 12: Fill in the rest."""
+
+import torch
+
+from dancediff.diffusion.samplers import sampling_times
+from dancediff.diffusion.schedule import cosine_abar
+from dancediff.exercises.exercise import Exercise
+from dancediff.exercises.shared import NUMBERS, unlike
+from dancediff.lodge.guidance import guided_steps
+from dancediff.lodge.losses import l_critic
+from dancediff.motion.rotation import rot6d_to_matrix
+
+
+def _mirror(R, swap):
+    D = torch.diag(R.new_tensor([-1.0, 1.0, 1.0]))
+    return D @ R[:, swap] @ D
+
+
+def _poses() -> list[tuple]:
+    R = rot6d_to_matrix(torch.randn(4, 5, 6, generator=torch.Generator().manual_seed(0)))
+    return [(R, torch.tensor([0, 2, 1, 3, 4])), (R[:, :3], torch.tensor([2, 1, 0]))]
+
+
+def _ways() -> list[tuple]:
+    ways = [[999, 749, 499, 249, -1]]
+    ways += [list(sampling_times(s, n, cosine_abar())) for s, n in (("ddim", 50), ("dpm", 20))]
+    return [(way, s) for way in ways for s in (0.0, 0.3, 0.5, 1.0)]
+
+
+def _walks() -> list[tuple]:
+    draw = torch.Generator().manual_seed(0)
+    wander = torch.randn(3, 64, generator=draw).cumsum(1).cumsum(1) / 6000
+    turn_back = torch.tensor([[0.03], [-0.02]]) * torch.arange(40.0) + torch.tensor([[1.0], [4.0]])
+    return [(wander,), (turn_back,)]
+
+
+def _path(paths):
+    n = paths.shape[1]
+    step = paths.diff(dim=1, prepend=paths[:, :1]).flatten()
+    for seam in range(n, len(step), n):
+        ends = step[seam - 8].item(), step[seam + 8].item()
+        step[seam - 7 : seam + 8] = torch.linspace(*ends, 17)[1:-1]
+    return paths[0, 0] + step.cumsum(0)
+
+
+def _joins(got, paths) -> str:
+    L, n = paths.shape
+    if wrong := unlike(got, (L * n,), NUMBERS):
+        return wrong
+    path = torch.as_tensor(got).double()
+    if abs(path[0] - paths[0, 0]) > 1e-3:
+        return f"your path begins at {path[0]:.2f} m, expected {paths[0, 0]:.2f}"
+    step, own = path.diff(), paths.double().diff(dim=1)
+    for k in range(L):  # step[i - 1] leads to frame i
+        first, last = 8 if k else 1, n - 8 if k < L - 1 else n - 1
+        change = step[k * n + first - 1 : k * n + last] - own[k, first - 1 : last]
+        if change.abs().max() > 1e-4:
+            return f"walk {k} has other steps than its own, far from every seam"
+    kink = step.diff().abs().max()
+    if kink > 0.01:
+        return f"somewhere a step is {100 * kink:.1f} cm longer or shorter than the one before"
+    return ""
+
+
+def _verdicts() -> list[tuple]:
+    draw = torch.Generator().manual_seed(0)
+    sure = torch.tensor([1.5, 3.0]), torch.tensor([-1.0, -2.0])
+    return [(2 * torch.randn(6, generator=draw), 2 * torch.randn(6, generator=draw)), sure]
+
+
+EXERCISES = {
+    "12.1": Exercise(
+        "in the mirror",
+        _mirror,
+        "each joint takes its partner's rotation, R[:, swap], seen from the other side, D R D: "
+        "signs change where a row or a column of x meets one of y or z",
+        _poses,
+    ),
+    "12.2": Exercise(
+        "the dead knob",
+        guided_steps,
+        "count the starts of steps, times[:-2] without the last one, above T (1 - s), with T = "
+        "times[0] + 1 and t + 1 for t",
+        _ways,
+    ),
+    "12.3": Exercise(
+        "a network that does not listen",
+        {
+            "a hard cue": True,
+            "the frame beside a hard cue": False,
+            "a soft cue, s = 0.5": False,
+            "a soft cue, s = 1": False,
+        },
+        "the last step's result is the network's guess; what is put into it after that step, and "
+        "what only before? Soft cues never follow the last step",
+    ),
+    "12.4": Exercise(
+        "a path without a kink",
+        _path,
+        "go from places to steps, and let the steps, 7 before and 7 after a seam, change little "
+        "by little; then add all steps up",
+        _walks,
+        _joins,
+    ),
+    "12.5": Exercise(
+        "the critic's loss",
+        l_critic,
+        "what is missing to 1 for real dances, what is above -1 for made ones, never below 0; "
+        "half of each mean",
+        _verdicts,
+    ),
+}

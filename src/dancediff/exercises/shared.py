@@ -1,0 +1,30 @@
+"""What the exercises of several lessons need."""
+
+import numpy as np
+import torch
+
+NUMBERS = torch.Tensor | np.ndarray
+
+
+def unlike(got, shape, kinds=torch.Tensor) -> str:
+    """What is wrong with an answer that should be finite numbers of a shape, or "".
+
+    >>> unlike(torch.ones(2), (3,))
+    'shape (2,), expected (3,)'
+    """
+    if not isinstance(got, kinds):
+        return f"type {type(got).__name__}, expected a tensor {tuple(shape)}"
+    if tuple(got.shape) != tuple(shape):
+        return f"shape {tuple(got.shape)}, expected {tuple(shape)}"
+    return "" if torch.as_tensor(got).isfinite().all() else "some of your numbers are not finite"
+
+
+def walks(sizes=((2, 40), (3, 30), (5, 20))) -> list[tuple]:
+    """Roots that wander over a stage, one metre up (n, f, 3)."""
+    draw = torch.Generator().manual_seed(0)
+    cases = []
+    for n, f in sizes:
+        root = 0.02 * torch.randn(n, f, 3, generator=draw).cumsum(1)
+        places = torch.stack([torch.linspace(-1.5, 1.5, n), torch.ones(n), torch.zeros(n)], -1)
+        cases.append((root * torch.tensor([1.0, 0.1, 1.0]) + places[:, None],))
+    return cases

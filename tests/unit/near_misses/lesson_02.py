@@ -1,0 +1,47 @@
+"""Plausible wrong answers to the exercises of lesson 02: What the model hears."""
+
+import numpy as np
+
+
+def beat_frames(M):
+    return np.flatnonzero(np.asarray(M)[:, 34] > 0.5)
+
+
+def slice_first(sound, starts, features):
+    return np.stack([features(sound[512 * s : 512 * (s + 150)])[:150] for s in starts])
+
+
+NEAR_MISSES = {
+    "02.1": [
+        lambda: np.full((128, 2), -40.0),  # nothing begins
+        lambda: np.tile([-40.0, -20.0], (128, 1)),  # both hear it
+        lambda: np.tile([-20.0, -40.0], (128, 1)),  # nobody does
+        lambda: np.repeat([[-42.0, -38.0], [-38.0, -42.0]], 64, axis=0),  # too faint
+        lambda: np.repeat([[-40.0, 20.0], [-40.0, -100.0]], 64, axis=0),  # no such decibels
+        lambda: np.repeat([[-60.0, -20.0], [-20.0, -60.0]], 64, axis=0).T,
+    ],
+    "02.2": [
+        lambda M: 60 * 30 / np.diff(beat_frames(M)).mean(),  # minds a missing beat
+        lambda M: 60 / np.median(np.diff(beat_frames(M))),  # takes frames for seconds
+        lambda M: 60 * 30 * len(beat_frames(M)) / len(M),
+        lambda M: np.diff(beat_frames(M)),
+    ],
+    "02.3": [
+        {"onset": True, "mfcc": True, "chroma": False, "peaks": False, "beats": False},
+        {"onset": True, "mfcc": True, "chroma": True, "peaks": False, "beats": False},
+        {"onset": False, "mfcc": False, "chroma": False, "peaks": False, "beats": False},
+        {"onset": True, "mfcc": True, "chroma": True, "peaks": True, "beats": True},
+    ],
+    "02.4": [
+        slice_first,  # what EDGE does
+        lambda sound, starts, features: np.stack(
+            [features(sound[s : s + 512 * 150])[:150] for s in starts]
+        ),  # takes frames for samples
+        lambda sound, starts, features: np.stack(
+            [features(sound[: 512 * (s + 150)])[s : s + 150] for s in starts]
+        ),  # knows the past, not what is to come
+        lambda sound, starts, features: np.stack([features(sound)[s : s + 151] for s in starts]),
+        lambda sound, starts, features: np.stack([features(sound)[:150] for s in starts]),
+        lambda sound, starts, features: features(sound),
+    ],
+}

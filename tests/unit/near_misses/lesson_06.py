@@ -1,0 +1,27 @@
+"""Plausible wrong answers to the exercises of lesson 06: The sampling lab."""
+
+import torch
+
+NEAR_MISSES = {
+    "06.1": [
+        lambda net, x_t, w: net(x_t, music=True) + w * net(x_t, music=False),
+        lambda net, x_t, w: w * net(x_t, music=True),
+        lambda net, x_t, w: (1 + w) * net(x_t, music=True) - w * net(x_t, music=False),
+        lambda net, x_t, w: (1 - w) * net(x_t, music=True) + w * net(x_t, music=False),
+    ],
+    "06.2": [
+        lambda x, mean, spread, C: x.clamp(-1, 1),  # the released code
+        lambda x, mean, spread, C: mean + (x - mean).clamp(-4 * spread, 4 * spread),  # frames
+        lambda x, mean, spread, C: C.T @ (C @ x).clamp(-4 * spread, 4 * spread),  # around zero
+        lambda x, mean, spread, C: mean + C.T @ (C @ (x - mean)).clamp(-spread, spread),
+        lambda x, mean, spread, C: C.T @ (C @ (x - mean)).clamp(-4 * spread, 4 * spread),
+        lambda x, mean, spread, C: mean + C @ (C.T @ (x - mean)).clamp(-4 * spread, 4 * spread),
+    ],
+    "06.3": [
+        lambda path, y: torch.cat([path[:-1], path.new_tensor([y])]),  # pasted
+        lambda path, y: path + (y - path[-1]),  # the start moves, too
+        lambda path, y: torch.linspace(path[0].item(), y, len(path)),  # forgets the dance
+        lambda path, y: path + torch.linspace(0, 1, len(path)) ** 3 * (y - path[-1]),  # haste
+        lambda path, y: path + torch.linspace(0, 1, len(path)) * y,  # misses the place
+    ],
+}

@@ -1,0 +1,65 @@
+"""Plausible wrong answers to the exercises of lesson 10: A long group dance."""
+
+import torch
+
+from dancediff.exercises.lesson_10 import EXERCISES
+
+
+def one_way(first, speed):
+    """Everybody goes to the right, from where she stands."""
+    steps = torch.arange(30)[:, None] * torch.tensor([speed / 30, 0.0, 0.0])
+    return first[:, -1:] + steps
+
+
+def nearest_place(start, places):
+    return torch.cdist(start, places).argmin(1)  # two may want the same
+
+
+def by_rank(start, places):
+    """Left to left, right to right."""
+    goes = torch.empty(len(start), dtype=torch.long)
+    goes[start[:, 0].argsort()] = places[:, 0].argsort()
+    return goes
+
+
+def one_by_one(start, places):
+    """The first takes what is nearest to her, the last what is left."""
+    way, goes = torch.cdist(start, places), []
+    for dancer in way:
+        dancer[goes] = torch.inf
+        goes.append(int(dancer.argmin()))
+    return torch.tensor(goes)
+
+
+def best(start, places):
+    return EXERCISES["10.3"].spec(start, places)
+
+
+NEAR_MISSES = {
+    "10.1": [
+        lambda segments, overlap: torch.cat(list(segments), 1),  # the overlaps are danced twice
+        lambda segments, overlap: torch.cat([s[:, overlap:] for s in segments], 1),  # starts late
+        lambda segments, overlap: torch.cat(  # keeps the later version of the overlap
+            [*(s[:, : s.shape[1] - overlap] for s in segments[:-1]), segments[-1]], 1
+        ),
+        lambda segments, overlap: torch.cat(  # takes the stride for the overlap
+            [segments[0], *(s[:, s.shape[1] - overlap :] for s in segments[1:])], 1
+        ),
+    ],
+    "10.2": [
+        lambda first: first[:, -30:],  # jumps back a second
+        lambda first: first.flip(1)[:, :20],  # too short
+        lambda first: first[:, -1:] + (first[:, -1:] - first[:, -2:-1]) * torch.arange(30)[:, None],
+        lambda first: first[:, -1:].expand(-1, 30, -1) + 0.5,  # elsewhere
+        lambda first: one_way(first, 6.0),  # runs
+        lambda first: first[:1, -1:] + 0 * first[:, -30:],  # all on one place
+    ],
+    "10.3": [
+        nearest_place,
+        by_rank,
+        one_by_one,
+        lambda start, places: torch.arange(len(start)),
+        lambda start, places: best(start, places).argsort(),  # who takes a place, not which place
+        lambda start, places: torch.cdist(start, places).min(),
+    ],
+}

@@ -1,0 +1,75 @@
+"""Plausible wrong answers to the exercises of lesson 12: Fill in the rest."""
+
+import torch
+
+
+def added_up(paths, *, meet=False, fade=False):
+    """Steps added up; at a seam none, the mean of both sides, or (all along a walk) a slow fade."""
+    step = paths.diff(dim=1, prepend=paths[:, :1])
+    if meet:
+        step[1:, 0] = (step[:-1, -1] + step[1:, 1]) / 2
+    if fade:
+        step = torch.nn.functional.avg_pool1d(step.flatten()[None], 31, 1, 15)[0]
+    return paths[0, 0] + step.flatten().cumsum(0)
+
+
+def shifted(paths):
+    """Each walk begins where the one before ended; a frame of standing still at every seam."""
+    ends = (paths[:-1, -1] - paths[1:, 0]).cumsum(0)
+    return (paths + torch.cat([torch.zeros(1), ends])[:, None]).flatten()
+
+
+NEAR_MISSES = {
+    "12.1": [
+        lambda R, swap: R[:, swap],  # partners, seen from the same side
+        lambda R, swap: torch.diag(torch.tensor([-1.0, 1, 1])) @ R[:, swap],  # no rotation
+        lambda R, swap: (
+            torch.diag(torch.tensor([-1.0, 1, 1])) @ R @ torch.diag(torch.tensor([-1.0, 1, 1]))
+        ),  # nobody changes sides
+        lambda R, swap: R[:, swap] * torch.tensor([-1.0, 1, 1]),
+        lambda R, swap: R[:, swap].mT,
+    ],
+    "12.2": [
+        lambda times, s: sum(t > 50 * (1 - s) for t in times[:-2]),  # the released code
+        lambda times, s: sum(t + 1 > (times[0] + 1) * s for t in times[:-2]),  # 1 - s
+        lambda times, s: round(s * (len(times) - 1)),  # a share of the steps, not of the way
+        lambda times, s: sum(t + 1 > (times[0] + 1) * (1 - s) for t in times[:-1]),  # the last, too
+        lambda times, s: sum(t + 1 > 1000 * (1 - s) for t in times[1:-1]),  # where they end
+    ],
+    "12.3": [
+        {
+            "a hard cue": True,
+            "the frame beside a hard cue": False,
+            "a soft cue, s = 0.5": False,
+            "a soft cue, s = 1": True,  # "at every step", but the last
+        },
+        {
+            "a hard cue": True,
+            "the frame beside a hard cue": True,  # pasting does not spread
+            "a soft cue, s = 0.5": False,
+            "a soft cue, s = 1": False,
+        },
+        {
+            "a hard cue": False,  # the last step is followed by the hard cues, too
+            "the frame beside a hard cue": False,
+            "a soft cue, s = 0.5": False,
+            "a soft cue, s = 1": False,
+        },
+        {"hard": True, "soft": False},
+    ],
+    "12.4": [
+        lambda paths: paths.flatten(),  # glued
+        shifted,  # no jump, but one step of nothing, and a kink
+        added_up,  # the same
+        lambda paths: added_up(paths, meet=True),  # half a kink, twice
+        lambda paths: added_up(paths, fade=True),  # smooth, and every step is another
+        lambda paths: added_up(paths, meet=True) - paths[0, 0],  # begins at 0
+    ],
+    "12.5": [
+        lambda real, made: -0.5 * (real - made).mean(),  # never content
+        lambda real, made: 0.5 * ((1 + real).relu() + (1 - made).relu()).mean(),  # the other way
+        lambda real, made: ((1 - real).relu() + (1 + made).relu()).mean(),  # twice as much
+        lambda real, made: 0.5 * ((1 - real).relu() + (1 + made).relu()),  # one for each dance
+        lambda real, made: 0.5 * ((-real).relu() + made.relu()).mean(),  # without the margin
+    ],
+}
