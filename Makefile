@@ -7,7 +7,7 @@ BIN    := $(VENV)/bin
 READY  := $(VENV)/.ready
 export MPLBACKEND ?= Agg
 
-.PHONY: setup dance test lint lab docs player clean
+.PHONY: setup dance test trust lint lab docs player clean
 setup: $(READY)
 
 # The stamp is written last, so an interrupted set-up is done again.
@@ -36,6 +36,12 @@ test: $(READY)
 	$(BIN)/python notebooks/solve.py out/solved
 	$(BIN)/python -m pytest --nbval-lax --nbval-current-env --nbval-cell-timeout=120 \
 	  -n 2 --dist loadfile -o addopts= notebooks/ out/solved/
+
+# The long form of the fuzz and trust tests; what they found stands at the end.
+trust: export OMP_NUM_THREADS = 1
+trust: export DANCEDIFF_TRUST = long
+trust: $(READY)
+	$(BIN)/python -m pytest -n 2 --timeout=1200 tests/fuzz tests/trust
 
 lint: $(READY)
 	$(BIN)/ruff check .

@@ -140,11 +140,13 @@ def test_lists_of_takes(tmp_path, reader, record_property):
 
     def read(raw):
         put(tmp_path / names[reader], raw)
-        put(tmp_path / "labels.csv", np.random.default_rng(0).bytes(9) + raw)
+        junk = np.random.default_rng(0).bytes(9) if rng.random() < 0.1 else b""
+        put(tmp_path / "labels.csv", junk + b"name,genre,style\n" + raw.replace(b"\n", b",a,b\n"))
         jobs(tmp_path)
 
     texts = (mutate_text(rng, f"{name}\n{name[:-1]}2\r\n") for _ in range(num_inputs()))
     ends = [b"", b"\xff", b"\xef\xbb\xbf"]
     out = fuzz(read, (text.encode("utf-8") + rng.choice(ends) for text in texts))
     record_property("trust", f"fuzz, {names[reader]}: {out}")
-    assert out.refused > 0.4 * out.tried
+    assert out.refused > 0.2 * out.tried
+    assert out.read > 0.01 * out.tried
