@@ -17,7 +17,7 @@ OWN, UNSAID = "dancediff", "not said"
 WORDS = """\
 Installed by pip, not part of this repository: {count} with all extras, what they need included.
 `python docs/site/licences.py` writes this table from what they say of themselves.
-Two wheels bring more than that: soundfile has libsndfile (LGPL-2.1-or-later), av has FFmpeg with x264
+Two wheels bring more than that: soundfile has libsndfile (LGPL-2.1-or-later), av FFmpeg with x264
 (GPL-2.0-or-later); av is needed for .mp4 alone.
 """
 SHORT = {  # words of older packages -> SPDX

@@ -1,18 +1,16 @@
 """The commands, each with its options; torch is imported when one runs."""
 
-import importlib.metadata
 import inspect
 import operator
-import platform
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
 import tyro
 
+from dancediff.cli.doctor import Doctor
 from dancediff.cli.evaluate import Evaluate
 from dancediff.cli.files import (
-    EXTRAS,
     USUAL,
     check_folder,
     check_formats,
@@ -254,28 +252,6 @@ class Warm:
         facts = {"song": song.name, "seconds": song.duration, "tempo": song.tempo}
         line = f"ready: {song.name!r}, {song.duration:.0f} s, {song.tempo:.0f} beats a minute"
         tell(self.json, facts, [line])
-
-
-@dataclass
-class Doctor:
-    """Say which versions are here, and what is missing."""
-
-    json: bool = False
-    """Print one line of JSON instead of text."""
-
-    def run(self) -> None:
-        """One line a package."""
-        versions: dict[str, str | None] = {"python": platform.python_version()}
-        lines = [f"python {versions['python']} on {platform.system()} {platform.machine()}"]
-        for name in ("dancediff", "torch", "numpy", "librosa", "soundfile", *EXTRAS):
-            try:
-                versions[name] = importlib.metadata.version(name)
-                lines.append(f"{name} {versions[name]}")
-            except importlib.metadata.PackageNotFoundError:
-                versions[name] = None
-                extra = f"[{EXTRAS[name]}]" if name in EXTRAS else ""
-                lines.append(f'{name} is missing: pip install "dancediff{extra}"')
-        tell(self.json, versions, lines)
 
 
 COMMANDS = {
