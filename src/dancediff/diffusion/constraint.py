@@ -178,4 +178,4 @@ def gain(cov: Tensor, frames: Tensor, slack: Tensor) -> Tensor:
     among = cov[:, frames]
     largest = among.diagonal(dim1=1, dim2=2).amax(1)[:, None]
     noise = torch.diag_embed(slack**2 + JITTER * largest)
-    return torch.linalg.solve(among + noise, cov.mT).mT
+    return torch.cholesky_solve(cov.mT, torch.linalg.cholesky(among + noise)).mT

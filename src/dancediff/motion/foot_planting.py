@@ -12,8 +12,9 @@ Symbols (axes: f frames · j the ankle and the toe of one foot)
 
 import torch
 from torch import Tensor
-from torch.nn.functional import avg_pool1d, one_hot
+from torch.nn.functional import avg_pool1d, one_hot, pad
 
+from dancediff.motion.banded import bends, nearness, solve_banded, steps
 from dancediff.motion.ground import AIR, TOE_CLEARANCE, flights
 from dancediff.motion.ik import two_bone_knee
 from dancediff.motion.representation import TCDIFFPP, MotionSpec, unpack, whole_pose
@@ -123,16 +124,15 @@ def planting_shift(p: Tensor, c: Tensor, held: Tensor | None = None) -> Tensor:
     stands = STAND * ((c.double() - UNSURE) / (SURE - UNSURE)).clamp(0, 1)
     w, toe = stands[..., :-1, :], stands[..., -1]
     step = p.double().diff(dim=-3)
-    D = torch.eye(f, dtype=w.dtype, device=p.device).diff(dim=0)
     stay = torch.ones(p.shape[:-2], dtype=w.dtype, device=p.device)
     if held is not None:
         stay = stay.masked_fill(held, HELD)
-    bend = D.diff(dim=0)
-    A = D.mT @ (w.sum(-1)[..., None] * D) + SMOOTH * bend.mT @ bend + torch.diag_embed(stay)
-    b = -D.mT @ (w[..., None] * step).sum(-2)
+    A = steps(w.sum(-1)) + SMOOTH * bends(f).to(w) + nearness(stay)
+    pull = (w[..., None] * step).sum(-2)  # each frame is pulled by the step to it and from it
+    b = pad(pull, (0, 0, 0, 1)) - pad(pull, (0, 0, 1, 0))
     b_up = b[..., 1] + toe * (TOE_CLEARANCE - p[..., -1, 1].double())
-    x, z = torch.linalg.solve(A, b[..., (0, 2)]).unbind(-1)
-    y = torch.linalg.solve(A + torch.diag_embed(toe), b_up)
+    x, z = solve_banded(A, b[..., (0, 2)]).unbind(-1)
+    y = solve_banded(A + nearness(toe), b_up[..., None])[..., 0]
     u = torch.stack([x, y, z], -1).to(p)
     lowest = p.new_tensor(LOWEST[: p.shape[-2]])
     lift = (lowest - p[..., 1] - u[..., None, 1]).amax(-1).clamp_min(0)

@@ -12,6 +12,7 @@ Symbols (axes: f frames · j joints)
 import torch
 from torch import Tensor
 
+from dancediff.motion.banded import bends, nearness, solve_banded
 from dancediff.motion.representation import TCDIFFPP, MotionSpec, joints_of
 from dancediff.motion.skeleton import FOOT_JOINTS
 
@@ -78,9 +79,8 @@ def grounding_shift(h: Tensor, held: Tensor | None = None) -> Tensor:
     target = -h.double()
     if held is not None:
         weight, target = weight.masked_fill(held, HELD), target.masked_fill(held, 0)
-    bend = torch.eye(f, dtype=weight.dtype, device=h.device).diff(n=2, dim=0)
-    A = torch.diag_embed(weight) + SMOOTH * bend.mT @ bend
-    return torch.linalg.solve(A, (weight * target)[..., None])[..., 0].to(h)
+    A = nearness(weight) + SMOOTH * bends(f).to(weight)
+    return solve_banded(A, (weight * target)[..., None])[..., 0].to(h)
 
 
 def stand_on_floor(x: Tensor, held: Tensor | None = None, spec: MotionSpec = TCDIFFPP) -> Tensor:

@@ -18,6 +18,7 @@ import roma
 import torch
 from torch import Tensor
 
+from dancediff.motion.banded import bends, nearness, solve_banded
 from dancediff.motion.representation import TCDIFFPP, MotionSpec
 from dancediff.motion.rotation import matrix_to_rot6d, rot6d_to_matrix
 
@@ -99,8 +100,6 @@ def _weights(times_too_fast: Tensor) -> Tensor:
 
 def _through(q: Tensor, weight: Tensor) -> Tensor:
     """Unit quaternions near q that bend as little as can be, (k, f, 4)."""
-    f = q.shape[1]
-    bend = torch.eye(f, dtype=torch.float64, device=q.device).diff(n=2, dim=0)
-    A = torch.diag_embed(weight) + SMOOTH * bend.mT @ bend
-    smooth = torch.linalg.solve(A, weight[..., None] * q.double())
+    A = nearness(weight) + SMOOTH * bends(q.shape[1]).to(weight)
+    smooth = solve_banded(A, weight[..., None] * q.double())
     return (smooth / smooth.norm(dim=-1, keepdim=True)).to(q)

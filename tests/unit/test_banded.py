@@ -1,0 +1,60 @@
+"""Banded systems against dense ones, and with a number of threads that was set by hand."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import torch
+
+from dancediff.motion.banded import bends, nearness, solve_banded, steps
+
+
+def dense(bands):
+    """The whole matrix, from its diagonal and the two below."""
+    lower = torch.diag_embed(bands[..., 0, :])
+    for o in range(1, min(3, bands.shape[-1])):
+        below = torch.diag_embed(bands[..., o, : bands.shape[-1] - o], -o)
+        lower = lower + below + below.mT
+    return lower
+
+
+@pytest.mark.parametrize("f", [1, 2, 3, 4, 9])
+def test_bands_are_those_of_the_sums_of_squares(f):
+    w, v = torch.rand(2, f, dtype=torch.float64), torch.rand(2, max(f - 1, 0), dtype=torch.float64)
+    D = torch.eye(f, dtype=torch.float64).diff(dim=0)
+    torch.testing.assert_close(dense(nearness(w)), torch.diag_embed(w))
+    torch.testing.assert_close(dense(steps(v)), D.mT @ (v[..., None] * D))
+    second = torch.eye(f, dtype=torch.float64).diff(n=2, dim=0)
+    torch.testing.assert_close(dense(bends(f)), second.mT @ second)
+
+
+@pytest.mark.parametrize("heavy", [1.0, 1e8])
+def test_the_solution_is_that_of_the_dense_system(heavy):
+    draw = torch.Generator().manual_seed(0)
+    w = torch.rand(4, 3, 150, generator=draw, dtype=torch.float64) + 1e-6
+    w[..., 20:30] = heavy
+    bands = nearness(w) + steps(w[..., 1:]) + 100 * bends(150)
+    b = torch.randn(4, 3, 150, 2, generator=draw, dtype=torch.float64)
+    torch.testing.assert_close(
+        solve_banded(bands, b), torch.linalg.solve(dense(bands), b), rtol=1e-7, atol=1e-9
+    )
+
+
+def test_what_is_not_finite_stays_in_its_own_system():
+    bands = nearness(torch.ones(2, 5)).double()
+    bands[0, 0, 2] = torch.nan
+    x = solve_banded(bands, torch.ones(2, 5, 1))
+    assert x[0].isnan().all() and (x[1] == 1).all() and x.dtype == torch.float32
+    with pytest.raises(np.linalg.LinAlgError):
+        solve_banded(nearness(-torch.ones(1, 5)), torch.ones(1, 5, 1))
+
+
+def test_a_number_of_threads_set_by_hand_does_no_harm():
+    """A batch of dense systems, as there was before, waited for ever after `set_num_threads`."""
+    code = (
+        "import torch; from dancediff import hub; torch.set_num_threads(2)\n"
+        "model, song = hub.load('tcdiffpp'), hub.packaged_song().slice(0, 3)\n"
+        "model.generate(song, dancers=2, seconds=2, steps=8, start=[(-1, 0), (1, 0)])"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=110)
