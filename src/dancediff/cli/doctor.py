@@ -96,7 +96,7 @@ def models() -> str:
 
 
 def dancing() -> str:
-    """Two seconds of two dancers, to noise: no song is analysed."""
+    """Two seconds of two dancers, to noise."""
     import numpy as np
 
     from dancediff import hub
