@@ -84,3 +84,5 @@ def test_radar_shows_ratios():
         charts.plot_radar({"ours": {"FSR": 0.2, "PFC": 0.5}}, reference)
     with pytest.raises(ValueError, match="needs 3"):
         charts.plot_radar({}, {"FSR": 1.0})
+    with pytest.raises(ValueError, match="ax is rectilinear"):
+        charts.plot_radar({}, reference, ax=plt.subplots()[1])

@@ -115,31 +115,49 @@ def test_lifted_foot_has_a_fainter_shadow():
 
 
 # ----------------------------------------------------------------------------------- filmstrip
-def test_filmstrip_has_moments_floor_and_feet(dance):
-    figure = plots.plot_filmstrip(dance, count=6, title="Hello")
-    assert isinstance(figure, Figure)
-    assert len(figure.axes) == 8
-    assert figure.get_suptitle() == "Hello"
-    names = [ax.get_title("left") for ax in figure.axes]
-    assert names[-2:] == ["Seen from above", "Feet on the floor"]
-    assert all(name.endswith(" s") for name in names[:6])
+def texts(ax) -> list[str]:
+    return [text.get_text() for text in ax.texts]
+
+
+def test_filmstrip_has_moments_in_rows(dance):
+    ax = plots.plot_filmstrip(dance, count=6, title="Hello")
+    assert ax.get_title("left") == "Hello"
+    assert len(ax.images) == 6 == sum(name.endswith(" s") for name in texts(ax))
+    lower_left = {tuple(image.get_extent()[::2]) for image in ax.images}
+    assert len(lower_left) == 6
+    for image in ax.images:
+        left, right, low, high = image.get_extent()
+        assert ax.get_xlim()[0] <= left < right <= ax.get_xlim()[1] + 1e-6
+        assert ax.get_ylim()[0] <= low < high < ax.get_ylim()[1]  # and a line of text above
 
 
 def test_filmstrip_names_the_beats_of_the_song(dance):
-    figure = plots.plot_filmstrip(dance, count=4, song=click_song())
-    assert any("beat" in ax.get_title("left") for ax in figure.axes)
-    assert "clicks" in figure.get_suptitle()
+    assert any("beat" in name for name in texts(plots.plot_filmstrip(dance, song=click_song())))
 
 
+def test_filmstrip_page_has_moments_floor_and_feet(dance):
+    figure = plots.filmstrip_page(dance, count=6, title="Hello")
+    assert isinstance(figure, Figure)
+    assert figure.get_suptitle() == "Hello"
+    strip, floor, feet = figure.axes
+    assert len(strip.images) == 6
+    assert [ax.get_title("left") for ax in (floor, feet)] == [
+        "Seen from above",
+        "Feet on the floor",
+    ]
+    assert "clicks" in plots.filmstrip_page(dance, count=1, song=click_song()).get_suptitle()
+
+
+@pytest.mark.parametrize("draw", [plots.plot_filmstrip, plots.filmstrip_page])
 @pytest.mark.parametrize("count", [0, 25])
-def test_filmstrip_refuses_a_silly_count(dance, count):
+def test_filmstrip_refuses_a_silly_count(dance, draw, count):
     with pytest.raises(ValueError, match=f"count={count}"):
-        plots.plot_filmstrip(dance, count=count)
+        draw(dance, count=count)
 
 
 @pytest.mark.parametrize("frames", [1, 2, 5])
 def test_filmstrip_of_a_dance_shorter_than_the_strip(frames):
-    assert plots.plot_filmstrip(still(2, frames)).axes
+    assert len(plots.plot_filmstrip(still(2, frames)).images) == 8
 
 
 def test_moments_stay_in_order_and_apart():
@@ -201,9 +219,10 @@ def test_features_have_four_groups_and_the_sound():
     song = click_song()
     top = plots.plot_features(song.features(), song=song, title="Clicks")
     assert top.get_title("left") == "Clicks"
-    assert len(top.figure.axes) == 4
-    assert top.figure.axes[2].images[0].get_array().shape == (20, song.num_frames)
-    assert top.figure.axes[3].images[0].get_array().shape == (12, song.num_frames)
+    onset, mfcc, chroma = top.child_axes[1:]
+    assert len(onset.collections) == 1
+    assert mfcc.images[0].get_array().shape == (20, song.num_frames)
+    assert chroma.images[0].get_array().shape == (12, song.num_frames)
 
 
 def test_beats_are_lines_and_truth_is_dots():
@@ -232,12 +251,39 @@ def test_schedule_curves_add_up():
 
 
 def test_noise_filmstrip_wants_a_label_each(dance):
-    figure = plots.plot_noise_filmstrip([dance, dance], ["a", "b"])
-    assert [ax.get_title("left") for ax in figure.axes] == ["a", "b"]
+    assert texts(plots.plot_noise_filmstrip([dance, dance], ["a", "b"])) == ["a", "b"]
     with pytest.raises(ValueError, match="labels"):
         plots.plot_noise_filmstrip([dance], ["a", "b"])
 
 
-def test_plots_draw_on_the_axes_they_are_given(dance):
-    ax = plt.subplots()[1]
-    assert plots.plot_floor_paths(dance, ax=ax) is ax
+def test_every_plot_draws_on_the_axes_it_is_given(dance):
+    M = click_song().features()
+    points = body.body_points(dance)
+    rows = {"a": dict.fromkeys("xyz", 1.0)}
+    wanted = {
+        "plot_barcode": [dance.features()[0]],
+        "plot_beat_alignment": [dance, [0.5, 1.0]],
+        "plot_beats": [M],
+        "plot_contact_strip": [dance],
+        "plot_distances": [dance],
+        "plot_energy": [dance],
+        "plot_features": [M],
+        "plot_filmstrip": [dance],
+        "plot_floor_paths": [dance],
+        "plot_losses": [{"total": np.ones(9)}],
+        "plot_moment": [points[:, 0], follow(points[:, :1], (160, 90))[0]],
+        "plot_noise_filmstrip": [[dance], ["a"]],
+        "plot_radar": [rows, rows["a"]],
+        "plot_schedule": [cosine_abar(100)],
+        "plot_skeleton": [],
+    }
+    assert sorted(wanted) == [name for name in plots.__all__ if name.startswith("plot_")]
+    for name, given_values in wanted.items():
+        plt.close("all")
+        polar = {"projection": "polar"} if name == "plot_radar" else {}
+        figure, (ax, other) = plt.subplots(1, 2, subplot_kw=polar)
+        before = len(ax.get_children())
+        assert getattr(plots, name)(*given_values, ax=ax, title="A finding") is ax, name
+        assert ax.get_title("left") == "A finding", name
+        assert len(ax.get_children()) > before, name
+        assert plt.get_fignums() == [figure.number] and not other.has_data(), name

@@ -152,7 +152,8 @@ def plot_radar(
     4 times and a quarter.
 
     -> polar Axes.
-    Raises: ValueError when a metric of a row is not in the reference, or less than 3 are.
+    Raises: ValueError when a metric of a row is not in the reference, less than 3 are, or ``ax`` is
+    not polar.
     """
     import matplotlib.pyplot as plt
 
@@ -166,6 +167,8 @@ def plot_radar(
     if ax is None:
         size = {"figsize": (4.6, 4.2), "layout": "constrained"}
         ax = plt.subplots(subplot_kw={"projection": "polar"}, **size)[1]
+    elif ax.name != "polar":
+        raise ValueError(f'ax is {ax.name}; make it with subplot_kw={{"projection": "polar"}}')
     angle = np.linspace(0, 2 * np.pi, len(names), endpoint=False)
     around = np.append(angle, angle[0])
     for k, (label, values) in enumerate(rows.items()):

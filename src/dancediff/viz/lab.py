@@ -25,7 +25,7 @@ from dancediff.viz.body import body_points
 from dancediff.viz.charts import HARD, SOFT
 from dancediff.viz.palette import INK, MUTED, dancer_color
 from dancediff.viz.panels import new_figure
-from dancediff.viz.plots import plot_energy, plot_filmstrip, plot_floor_paths, plot_moment
+from dancediff.viz.plots import filmstrip_page, plot_energy, plot_floor_paths, plot_moment
 from dancediff.viz.projection import follow
 from dancediff.viz.style import bare, set_title
 
@@ -40,7 +40,7 @@ def dance_panel(
     wish = {"dancers": dancers, "seconds": seconds, "seed": seed, "steps": steps}
     dance = model.generate(song, **wish, progress=report or False)
     title = f"seed {seed}: {dancers} dancers, {steps} denoising steps"
-    return plot_filmstrip(dance, count=4, title=title), dance, song
+    return filmstrip_page(dance, count=4, title=title), dance, song
 
 
 def sampling_panel(

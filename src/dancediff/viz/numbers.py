@@ -14,44 +14,56 @@ _DIVERGING = "RdBu_r"
 _SEQUENTIAL = "cividis"  # made for colour-blind readers, and monotone in greyscale
 
 
-def plot_features(M, *, song=None, title: str | None = None):
+def plot_features(M, *, song=None, ax=None, title: str | None = None):
     """The 35 music features over time, in their four groups, under the waveform if a song is given.
 
-    Shapes: M (f, 35), raw, at 30 frames a second -> the top Axes of a figure of its own.
+    Shapes: M (f, 35), raw, at 30 frames a second -> the Axes; each group has a panel inside it.
     """
-    import matplotlib.pyplot as plt
-
     M = np.asarray(M)
-    stop = len(M) / FPS
     heights = [0.7] * (song is not None) + [0.8, 1.5, 1.2]
-    figure, axes = plt.subplots(
-        len(heights), 1, figsize=(7.6, 1.35 * sum(heights)), sharex=True, layout="constrained",
-        height_ratios=heights,
-    )  # fmt: skip
-    axes = list(axes)
+    ax = new_axes(ax, (7.6, 1.35 * sum(heights)))
+    ax.axis("off")
+    panels = _stacked_panels(ax, heights)
     if song is not None:
-        plot_waveform(song, ax=axes[0], stop=stop)
-    onset, mfcc, chroma = axes[-3:]
-    time = np.arange(len(M)) / FPS
-    onset.fill_between(time, M[:, ONSET.start], color=dancer_color(0), alpha=0.75, lw=0)
-    top = max(float(M[:, ONSET.start].max()), 1e-6)
-    peaks = np.flatnonzero(M[:, PEAKS.start] > 0.5)
-    onset.plot(peaks / FPS, np.full(len(peaks), 1.08 * top), "v", ms=3, color=MUTED)
-    for beat in np.flatnonzero(M[:, BEATS.start] > 0.5) / FPS:
-        onset.axvline(beat, color=BEAT, lw=1, alpha=0.8)
-    onset.set(ylim=(0, 1.2 * top), ylabel="onset [0]\npeaks [33]\nbeats [34]")
+        plot_waveform(song, ax=panels[0], stop=len(M) / FPS)
+    onset, mfcc, chroma = panels[-3:]
+    _draw_onset(onset, M)
     z = (M[:, MFCC] - M[:, MFCC].mean(0)) / np.maximum(M[:, MFCC].std(0), 1e-3)
     look = {"aspect": "auto", "origin": "lower"}
-    mfcc.imshow(z.T, extent=(0, stop, -0.5, 19.5), cmap=_DIVERGING, vmin=-2.5, vmax=2.5, **look)
+    across = (0, len(M) / FPS)
+    mfcc.imshow(z.T, extent=(*across, -0.5, 19.5), cmap=_DIVERGING, vmin=-2.5, vmax=2.5, **look)
     mfcc.set_ylabel("MFCC\n[1:21]")
-    chroma.imshow(M[:, CHROMA].T, extent=(0, stop, -0.5, 11.5), cmap=_SEQUENTIAL, **look)
+    chroma.imshow(M[:, CHROMA].T, extent=(*across, -0.5, 11.5), cmap=_SEQUENTIAL, **look)
     chroma.set_yticks(range(0, 12, 2), _PITCHES[::2])
-    chroma.set(ylabel="chroma\n[21:33]", xlabel="time (s)", xlim=(0, stop))
-    for ax in axes:
-        bare(ax, keep=("bottom",))
-    figure.align_ylabels(axes)
-    set_title(axes[0], title)
-    return axes[0]
+    chroma.set(ylabel="chroma\n[21:33]", xlabel="time (s)")
+    for panel in panels:
+        bare(panel, keep=("bottom",)).set_xlim(*across)
+        panel.tick_params(labelbottom=panel is chroma)
+        panel.yaxis.set_label_coords(-0.05, 0.5)  # one under the other
+    return set_title(ax, title)
+
+
+def _stacked_panels(ax, heights) -> list:
+    """Axes inside an Axes, from the top down, with a little space between them."""
+    gap = 0.04
+    unit = (1 - gap * (len(heights) - 1)) / sum(heights)
+    panels, top = [], 1.0
+    for height in heights:
+        panels.append(ax.inset_axes([0, max(top - height * unit, 0), 1, height * unit]))
+        top -= height * unit + gap
+    return panels
+
+
+def _draw_onset(ax, M: np.ndarray) -> None:
+    """Onset strength as a hill, its peaks as marks above, the beats as lines."""
+    ax.fill_between(np.arange(len(M)) / FPS, M[:, ONSET.start], color=dancer_color(0), alpha=0.75,
+                    lw=0)  # fmt: skip
+    top = max(float(M[:, ONSET.start].max()), 1e-6)
+    peaks = np.flatnonzero(M[:, PEAKS.start] > 0.5)
+    ax.plot(peaks / FPS, np.full(len(peaks), 1.08 * top), "v", ms=3, color=MUTED)
+    for beat in np.flatnonzero(M[:, BEATS.start] > 0.5) / FPS:
+        ax.axvline(beat, color=BEAT, lw=1, alpha=0.8)
+    ax.set(ylim=(0, 1.2 * top), ylabel="onset [0]\npeaks [33]\nbeats [34]")
 
 
 def plot_waveform(song, *, ax=None, start: float = 0.0, stop: float | None = None, title=None):

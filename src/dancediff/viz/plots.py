@@ -1,8 +1,8 @@
 """Still pictures: a dance as a filmstrip, its floor paths, its foot contacts, its numbers.
 
-Every ``plot_*`` takes ``ax=None`` (or makes a figure of its own) and ``title=``, and returns the
-Axes it drew on; `plot_filmstrip`, which is a page, returns the Figure. Nothing is shown or saved,
-except by `save_filmstrip`. A dancer has the same colour and number in all of them.
+Every ``plot_*`` takes ``ax=None`` and ``title=`` and returns the Axes it drew on. `filmstrip_page`
+puts several of them on a page and returns its Figure. Nothing is shown or saved, except by
+`save_filmstrip`. A dancer has the same colour and number in all of them.
 """
 
 from pathlib import Path
@@ -39,6 +39,7 @@ from dancediff.viz.projection import Camera, follow
 from dancediff.viz.style import bare, new_axes, set_title
 
 __all__ = [
+    "filmstrip_page",
     "moments",
     "plot_barcode",
     "plot_beat_alignment",
@@ -58,34 +59,49 @@ __all__ = [
     "save_filmstrip",
 ]
 _PAGE = 9.6  # inches
+_LINE = 0.2  # inches that a line of text above a picture takes
 FEET = ("left ankle", "right ankle", "left toe", "right toe")
 
 
-def plot_moment(points: np.ndarray, camera: Camera, *, ax=None, colors=None, numbers: bool = True):
+def plot_moment(
+    points: np.ndarray, camera: Camera, *, ax=None, colors=None, numbers: bool = True, title=None
+):
     """All dancers at one moment, seen by a camera.
 
     Shapes: points (n, 30, 3) metres, from `body.body_points` -> Axes.
     """
-    from matplotlib.collections import PathCollection
-
-    ax = new_axes(ax, (4.0, 4.0 * camera.size[1] / camera.size[0]))
     width, height = camera.size
+    ax = new_axes(ax, (4.0, 4.0 * height / width))
+    _draw_moment(ax, points, camera, colors=colors, numbers=numbers)
+    ax.set(xlim=(0, width), ylim=(0, height), aspect="equal")
+    ax.axis("off")
+    return set_title(ax, title)
+
+
+def _draw_moment(ax, points, camera: Camera, *, at=(0.0, 0.0), colors=None, numbers=True) -> None:
+    """A moment as a picture as large as the camera's, its lower left corner ``at`` a place."""
+    from matplotlib.collections import PathCollection
+    from matplotlib.patches import Rectangle
+    from matplotlib.transforms import Affine2D
+
+    (x, y), (width, height) = at, camera.size
     rows = np.linspace(0, 1, 64)[:, None, None]
     floor, wall = np.array(rgb(FLOOR)), np.array(rgb(WALL))
     ax.imshow(
-        floor + (wall - floor) / (1 + np.exp(-(rows - 0.55) * 14)), extent=(0, width, 0, height),
-        origin="lower", interpolation="bilinear",
+        floor + (wall - floor) / (1 + np.exp(-(rows - 0.55) * 14)),
+        extent=(x, x + width, y, y + height), origin="lower", interpolation="bilinear",
     )  # fmt: skip
     shapes = grid_shapes(camera, width=0.016) + shadow_shapes(points, camera)
     paths, faces = to_paths(shapes + dancer_shapes(points, camera, colors=colors, halo=0.016))
-    ax.add_collection(PathCollection(paths, facecolors=faces, linewidths=0))
+    bodies = PathCollection(paths, facecolors=faces, linewidths=0)
+    bodies.set_transform(Affine2D().translate(x, y) + ax.transData)
+    ax.add_collection(bodies, autolim=False)
+    bodies.set_clip_path(Rectangle((x, y), width, height, transform=ax.transData))
     if numbers:
         for k, spot in enumerate(camera.project(label_spots(points))[0]):
             tone = mix(dancer_color(k), INK, 0.3)
-            ax.text(*spot, str(k + 1), ha="center", va="center", fontsize=7, color=tone)
-    ax.set(xlim=(0, width), ylim=(0, height), aspect="equal")
-    ax.axis("off")
-    return ax
+            ax.text(x + spot[0], y + spot[1], str(k + 1), ha="center", va="center", fontsize=7,
+                    color=tone, clip_on=True)  # fmt: skip
 
 
 def moments(num_frames: int, count: int, beat_frames=()) -> list[int]:
@@ -105,43 +121,86 @@ def moments(num_frames: int, count: int, beat_frames=()) -> list[int]:
     return [b if abs(b - w) < gap / 2 else w for b, w in zip(near, wanted, strict=True)]
 
 
-def plot_filmstrip(motion: Motion, *, count: int = 8, song=None, title: str | None = None):
-    """A dance on a page: moments, and below them the floor paths and the foot contacts.
+def plot_filmstrip(motion: Motion, *, ax=None, count: int = 8, song=None, title: str | None = None):
+    """A dance as moments side by side, in one or several rows.
 
-    Moments are evenly spaced; with a song they fall on its beats. Returns a matplotlib Figure.
+    Moments are evenly spaced; with a song they fall on its beats. Returns the Axes.
     Raises: ValueError when count is not 1..24.
 
     >>> import torch
     >>> still = Motion(torch.eye(3).expand(1, 9, 24, 3, 3), torch.zeros(1, 9, 3))
-    >>> figure = plot_filmstrip(still, count=2)
-    >>> len(figure.axes)                                  # two moments, floor, contacts
-    4
+    >>> ax = plot_filmstrip(still, count=2)
+    >>> [text.get_text() for text in ax.texts if text.get_text().endswith("s")]
+    ['0.1 s', '0.2 s']
+    """
+    if not 1 <= count <= 24:
+        raise ValueError(f"count={count} is not in 1..24")
+    points = body_points(motion)
+    cameras = _cameras(points, motion.fps)
+    shape = cameras[0].size[0] / cameras[0].size[1]
+    rows = _rows(count, shape)
+    ax = new_axes(ax, _strip_size(rows, -(-count // rows), shape))
+    beats = _beat_frames(motion, song)
+    shown = moments(motion.num_frames, count, beats)
+    names = [_name_moment(frame, beats, motion.fps) for frame in shown]
+    _draw_strip(ax, [(points[:, f], cameras[f]) for f in shown], names, rows)
+    return set_title(ax, title)
+
+
+def filmstrip_page(motion: Motion, *, count: int = 8, song=None, title: str | None = None):
+    """A dance on a page: `plot_filmstrip`, and below it the floor paths and the foot contacts.
+
+    Returns a matplotlib Figure. Raises: ValueError when count is not 1..24.
+
+    >>> import torch
+    >>> still = Motion(torch.eye(3).expand(1, 9, 24, 3, 3), torch.zeros(1, 9, 3))
+    >>> len(filmstrip_page(still, count=2).axes)          # moments, floor, contacts
+    3
     """
     from matplotlib.figure import Figure
 
     if not 1 <= count <= 24:
         raise ValueError(f"count={count} is not in 1..24")
-    beats = np.zeros(0, int) if song is None else np.round(song.beats() * motion.fps).astype(int)
-    points = body_points(motion)
-    cameras = _cameras(points, motion.fps)
-    shape = cameras[0].size[0] / cameras[0].size[1]
-    rows = _rows(count, shape)
-    columns = -(-count // rows)
-    height = rows * (_PAGE / columns / shape + 0.2)
+    size = _cameras(body_points(motion), motion.fps)[0].size
+    rows = _rows(count, size[0] / size[1])
+    height = _strip_size(rows, -(-count // rows), size[0] / size[1])[1]
     figure = Figure(figsize=(_PAGE, height + 3.3), dpi=110, layout="constrained")
     top, bottom = figure.subfigures(2, 1, height_ratios=[height, 3.0])
-    grid = top.subplots(rows, columns, squeeze=False, gridspec_kw={"wspace": 0.02, "hspace": 0.02})
-    shown = moments(motion.num_frames, count, beats)
-    names = [_name_moment(frame, beats, motion.fps) for frame in shown]
-    _draw_moments(points, cameras, grid, dict(zip(shown, names, strict=True)))
+    plot_filmstrip(motion, ax=top.subplots(), count=count, song=song)
     floor, feet = bottom.subplots(1, 2, width_ratios=[1, 1.5])
+    beats = _beat_frames(motion, song) / motion.fps
     plot_floor_paths(motion, ax=floor, title="Seen from above")
-    plot_contact_strip(motion, ax=feet, beats=beats / motion.fps, title="Feet on the floor")
+    plot_contact_strip(motion, ax=feet, beats=beats, title="Feet on the floor")
     name = "" if song is None else f" to “{song.name}”"
     people = "1 dancer" if motion.num_dancers == 1 else f"{motion.num_dancers} dancers"
     title = title or f"{people}, {motion.duration:.1f} s{name}"
     figure.suptitle(title, x=0.01, ha="left", fontsize=12, color=INK, fontweight="bold")
     return figure
+
+
+def _beat_frames(motion: Motion, song) -> np.ndarray:
+    return np.zeros(0, int) if song is None else np.round(song.beats() * motion.fps).astype(int)
+
+
+def _strip_size(rows: int, columns: int, shape: float) -> tuple[float, float]:
+    """Inches of a strip as wide as a page, with a line of text above each row."""
+    return _PAGE, rows * (_PAGE / columns / shape + _LINE)
+
+
+def _draw_strip(ax, pictures, names, rows: int, *, numbers: bool = True) -> None:
+    """Pictures ``(points, camera)`` in rows, each with its name above it, in one Axes."""
+    width, height = pictures[0][1].size
+    columns = -(-len(pictures) // rows)
+    step_x = 1.02 * width
+    inches = ax.get_window_extent().width / ax.get_figure(root=True).dpi
+    step_y = height + _LINE * columns * step_x / max(inches, 1.0)
+    for k, ((points, camera), name) in enumerate(zip(pictures, names, strict=True)):
+        x, y = k % columns * step_x, (rows - 1 - k // columns) * step_y
+        _draw_moment(ax, points, camera, at=(x, y), numbers=numbers)
+        ax.annotate(name, (x, y + height), (0, 3), textcoords="offset points", fontsize=9,
+                    color=MUTED)  # fmt: skip
+    ax.set(xlim=(0, columns * step_x - 0.02 * width), ylim=(0, rows * step_y), aspect="equal")
+    ax.axis("off")
 
 
 def _rows(count: int, shape: float) -> int:
@@ -174,19 +233,10 @@ def _name_moment(frame: int, beats: np.ndarray, fps: float) -> str:
     return f"{frame / fps:.1f} s" + (f" · beat {at[0] + 1}" if len(at) else "")
 
 
-def _draw_moments(points, cameras, grid, names: dict[int, str]) -> None:
-    cells = list(grid.flat)
-    for ax, (frame, name) in zip(cells, names.items(), strict=False):
-        plot_moment(points[:, frame], cameras[frame], ax=ax)
-        ax.set_title(name, loc="left", fontsize=9, color=MUTED, pad=3)
-    for ax in cells[len(names) :]:
-        ax.remove()
-
-
 def save_filmstrip(motion: Motion, path, song=None, *, count: int = 8) -> Path:
-    """Write `plot_filmstrip` as a picture; the file appears whole or not at all."""
+    """Write `filmstrip_page` as a picture; the file appears whole or not at all."""
     path = Path(path)
-    figure = plot_filmstrip(motion, count=count, song=song)
+    figure = filmstrip_page(motion, count=count, song=song)
     with atomic_write(path) as part:
         figure.savefig(part, format=path.suffix[1:], dpi=160, metadata={"Software": None})
     return path
@@ -268,29 +318,21 @@ def plot_contact_strip(motion: Motion, *, ax=None, beats=(), title: str | None =
 
 
 def plot_noise_filmstrip(
-    dances, labels, *, frame: int = 0, title: str | None = None, fit_all: bool = False
+    dances, labels, *, frame: int = 0, fit_all: bool = False, ax=None, title: str | None = None
 ):
     """The same moment of several versions of a dance side by side, e.g. noisier and noisier ones.
 
-    ``dances`` are Motions, ``labels`` stand above them. Returns a Figure. All share one camera: it
+    ``dances`` are Motions, ``labels`` stand above them. Returns the Axes. All share one camera: it
     shows the first dance, so that who flies away is gone, or all of them if ``fit_all``.
 
     Raises: ValueError when the numbers of dances and labels differ.
     """
-    from matplotlib.figure import Figure
-
     if len(dances) != len(labels) or not dances:
         raise ValueError(f"{len(dances)} dances need as many labels, at least 1; got {len(labels)}")
     points = [body_points(dance)[:, frame : frame + 1] for dance in dances]
     seen = np.concatenate(points) if fit_all else points[0]
     camera = _cameras(seen, dances[0].fps)[0]
-    shape = camera.size[1] / camera.size[0]
-    size = (_PAGE, _PAGE / len(dances) * shape + 0.7)
-    figure = Figure(figsize=size, dpi=110, layout="constrained")
-    axes = figure.subplots(1, len(dances), squeeze=False)[0]
-    for ax, p, label in zip(axes, points, labels, strict=True):
-        plot_moment(p[:, 0], camera, ax=ax, numbers=False)
-        ax.set_title(label, loc="left", fontsize=9, color=MUTED, pad=3)
-    if title:
-        figure.suptitle(title, x=0.01, ha="left", fontsize=11, color=INK, fontweight="bold")
-    return figure
+    width, height = _strip_size(1, len(dances), camera.size[0] / camera.size[1])
+    ax = new_axes(ax, (width, height + (0.3 if title else 0.0)))
+    _draw_strip(ax, [(p[:, 0], camera) for p in points], labels, 1, numbers=False)
+    return set_title(ax, title)
