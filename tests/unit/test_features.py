@@ -61,6 +61,13 @@ def test_a_fading_song_has_beats_to_its_end_and_none_in_silence():
     assert np.diff(beats) == pytest.approx(0.5, abs=0.1)
 
 
+def test_in_parts_it_is_the_same(song):
+    y = song[0].mono()
+    whole = music_features(y)
+    for at_once in (50, 331):
+        np.testing.assert_allclose(music_features(y, at_once=at_once), whole, atol=2e-3)
+
+
 def test_silence_is_finite():
     assert np.isfinite(music_features(np.zeros(30000, dtype=np.float32))).all()
 

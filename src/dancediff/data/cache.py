@@ -94,5 +94,6 @@ def song_features(song: Music) -> Tensor:
     >>> song_features(Music(np.zeros(22050, dtype=np.float32), 22050)).shape
     torch.Size([31, 35])
     """
-    key = content_key("features", code_digest(("music",)), song.audio, song.rate)
+    sound = song.audio if isinstance(song.audio, np.ndarray) else song.audio.digest()
+    key = content_key("features", code_digest(("music",)), sound, song.rate)
     return torch.from_numpy(cached(key, lambda: song.features().numpy()))

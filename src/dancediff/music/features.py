@@ -26,13 +26,22 @@ BEATS = slice(34, 35)
 BLOCKS = {"onset": ONSET, "mfcc": MFCC, "chroma": CHROMA, "peaks": PEAKS, "beats": BEATS}
 _UNHEARD = 1e6  # a spread so wide that no value is far from the mean
 _SHORTEST = 16 * HOP  # librosa's filters want half a second; shorter sound is padded with silence
+_WINDOW = 2048  # samples of a spectrum
+_RATE = {"sr": SAMPLE_RATE, "hop_length": HOP}
+_BINS = 36  # notes an octave
+_AT_ONCE = 9000  # frames: spectra of five minutes take a quarter of a gigabyte
+_REACH = 150  # frames around a part that its lowest chroma filters and their resampling can see
+_MEMORY = 8.0  # seconds in which a tempo must show itself
 
 
-def music_features(samples: np.ndarray) -> np.ndarray:
+def music_features(samples: np.ndarray, *, at_once: int = _AT_ONCE) -> np.ndarray:
     r"""Onset envelope, 20 MFCC, 12 CENS chroma, onset peaks and beats of a whole song.
 
     Source: the EDGE baseline, FineDance and Lodge (35-d).  Differs: EDGE computes them for each
     5 s slice, which breaks beats at the cuts; the released TCDiff++ uses 438 dimensions at 60 fps.
+
+    Spectra are taken of ``at_once`` frames at a time, so a song of two hours fits into memory; the
+    result is the same but for rounding.
 
     Shapes: samples (n,) at 15,360 Hz -> float32 (1 + n // 512, 35), always finite.
     Raises: ValueError when samples are not a vector of finite numbers.
@@ -49,14 +58,15 @@ def music_features(samples: np.ndarray) -> np.ndarray:
     frames = 1 + len(y) // HOP
     if len(y) < _SHORTEST:
         y = np.pad(y, (0, _SHORTEST - len(y)))
-    rate = {"sr": SAMPLE_RATE, "hop_length": HOP}
     with warnings.catch_warnings():
         # empty mel bands and untunable silence are no news to the caller
         warnings.simplefilter("ignore")
-        onset = librosa.onset.onset_strength(y=y, **rate)
-        mfcc = librosa.feature.mfcc(y=y, n_mfcc=20, **rate)
-        chroma = librosa.feature.chroma_cens(y=y, n_chroma=12, **rate)
-        peaks = librosa.onset.onset_detect(onset_envelope=onset, **rate)
+        mel, tuning = _mel_and_tuning(y, at_once)
+        mel = librosa.power_to_db(mel)
+        onset = librosa.onset.onset_strength(S=mel, **_RATE)
+        mfcc = librosa.feature.mfcc(S=mel, n_mfcc=20, sr=SAMPLE_RATE)
+        chroma = librosa.feature.chroma_cens(C=_constant_q(y, tuning, at_once), **_RATE)
+        peaks = librosa.onset.onset_detect(onset_envelope=onset, **_RATE)
         beats = detect_beats(onset, peaks)
     M = np.zeros((len(onset), NUM_FEATURES), dtype=np.float32)
     M[:, ONSET] = onset[:, None]
@@ -65,6 +75,44 @@ def music_features(samples: np.ndarray) -> np.ndarray:
     M[peaks, PEAKS] = 1
     M[beats, BEATS] = 1
     return np.nan_to_num(M[:frames], copy=False)
+
+
+def _parts(frames: int, at_once: int):
+    """First and last frame (not included) of each part of a song."""
+    return [(k, min(k + at_once, frames)) for k in range(0, frames, at_once)]
+
+
+def _mel_and_tuning(y: np.ndarray, at_once: int) -> tuple[np.ndarray, float]:
+    """Power in 128 mel bands (128, f), and by how much of a semitone's third all notes are off."""
+    import librosa
+
+    around = np.pad(y, _WINDOW // 2)
+    mel, pitches, loud = [], [], []
+    for start, stop in _parts(1 + len(y) // HOP, at_once):
+        part = around[start * HOP : (stop - 1) * HOP + _WINDOW]
+        S = np.abs(librosa.stft(part, n_fft=_WINDOW, hop_length=HOP, center=False))
+        mel.append(librosa.feature.melspectrogram(S=S**2, sr=SAMPLE_RATE))
+        pitch, strength = librosa.piptrack(S=S, sr=SAMPLE_RATE, n_fft=_WINDOW)
+        pitches.append(pitch[pitch > 0])
+        loud.append(strength[pitch > 0])
+    pitch, strength = np.concatenate(pitches), np.concatenate(loud)
+    clear = pitch[strength >= np.median(strength)] if len(pitch) else pitch
+    tuning = librosa.pitch_tuning(clear, bins_per_octave=_BINS) if len(clear) else 0.0
+    return np.concatenate(mel, axis=1), float(tuning)
+
+
+def _constant_q(y: np.ndarray, tuning: float, at_once: int) -> np.ndarray:
+    """Strength of 36 notes an octave over seven octaves, (252, f)."""
+    import librosa
+
+    parts, frames = [], 1 + len(y) // HOP
+    for start, stop in _parts(frames, at_once):
+        first, last = max(start - _REACH, 0), min(stop + _REACH, frames)
+        part = y[first * HOP : last * HOP]
+        C = np.abs(librosa.cqt(part, n_bins=7 * _BINS, bins_per_octave=_BINS, tuning=tuning,
+                               **_RATE))  # fmt: skip
+        parts.append(C[:, start - first : stop - first])
+    return np.concatenate(parts, axis=1)
 
 
 def detect_beats(onset: np.ndarray, peaks: np.ndarray) -> np.ndarray:
@@ -81,12 +129,29 @@ def detect_beats(onset: np.ndarray, peaks: np.ndarray) -> np.ndarray:
 
     if not len(peaks):
         return np.zeros(0, dtype=int)
-    rate = {"sr": SAMPLE_RATE, "hop_length": HOP}
-    tempo = librosa.feature.tempo(onset_envelope=onset, **rate)[0]
+    tempogram = _mean_tempogram(onset)
+    tempo = librosa.feature.tempo(tg=tempogram, **_RATE)[0]
+    tempo = librosa.feature.tempo(tg=tempogram, start_bpm=float(tempo), **_RATE)[0]
     _, beats = librosa.beat.beat_track(
-        onset_envelope=onset, start_bpm=float(tempo), tightness=100, trim=False, **rate
+        onset_envelope=onset, bpm=float(tempo), tightness=100, trim=False, **_RATE
     )
     return beats[(beats >= peaks[0]) & (beats <= peaks[-1])]
+
+
+def _mean_tempogram(onset: np.ndarray, at_once: int = _AT_ONCE) -> np.ndarray:
+    """How much each lag of up to 8 s repeats itself, mean over the song, (lags, 1)."""
+    import librosa
+
+    lags = int(_MEMORY * FPS)
+    around = np.pad(onset, lags // 2, mode="linear_ramp", end_values=0)
+    total = np.zeros((lags, 1))
+    for start, stop in _parts(len(onset), at_once):
+        part = around[start : stop - 1 + lags]
+        local = librosa.feature.tempogram(
+            onset_envelope=part, win_length=lags, center=False, **_RATE
+        )
+        total += local.sum(axis=-1, keepdims=True, dtype=np.float64)
+    return total / len(onset)
 
 
 class MusicNormalizer(nn.Module):

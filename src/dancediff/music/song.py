@@ -13,8 +13,10 @@ from torch import Tensor
 
 from dancediff.atomic import atomic_write
 from dancediff.music.features import BEATS, FPS, HOP, SAMPLE_RATE, music_features
+from dancediff.music.sound_on_disk import SoundOnDisk
 
 SILENT = 1e-4  # peak below which a song counts as silent
+LONG = 1 << 26  # samples (12 minutes in stereo) from which on a song's sound stays in its file
 _LOUDNESS = 0.1  # RMS to which a song is set before its features are taken
 
 
@@ -22,7 +24,9 @@ _LOUDNESS = 0.1  # RMS to which a song is set before its features are taken
 class Music:
     """Sound samples with their rate.
 
-    audio (n, channels) float32, mostly in [-1, 1]; rate in Hz.
+    audio (n, channels) float32, mostly in [-1, 1]; rate in Hz. Of a long file it stays on disk:
+    ``audio`` then is a `SoundOnDisk`, of which parts can be taken as of an array.
+
     Raises: ValueError when the samples are not such an array, or not finite.
 
     >>> song = Music(np.zeros((44100, 2), dtype=np.float32), 44100)
@@ -30,19 +34,21 @@ class Music:
     (1.0, 31, True)
     """
 
-    audio: np.ndarray = field(repr=False)
+    audio: np.ndarray | SoundOnDisk = field(repr=False)
     rate: int
     name: str = "song"
 
     def __post_init__(self):
-        audio = np.asarray(self.audio, dtype=np.float32)
-        audio = audio[:, None] if audio.ndim == 1 else audio
-        if audio.ndim != 2 or audio.shape[1] < 1 or len(audio) == 0:
-            raise ValueError(f"audio has shape {audio.shape}; expected (n, channels), n >= 1")
-        if not np.isfinite(audio).all():
-            raise ValueError(f"audio of {self.name!r} has samples that are no finite numbers")
         if not self.rate > 0:
             raise ValueError(f"rate={self.rate} must be positive (samples a second)")
+        audio, on_disk = self.audio, isinstance(self.audio, SoundOnDisk)
+        if not on_disk:
+            audio = np.asarray(audio, dtype=np.float32)
+            audio = audio[:, None] if audio.ndim == 1 else audio
+        if audio.ndim != 2 or audio.shape[1] < 1 or len(audio) == 0:
+            raise ValueError(f"audio has shape {audio.shape}; expected (n, channels), n >= 1")
+        if not (audio.is_finite if on_disk else np.isfinite(audio).all()):
+            raise ValueError(f"audio of {self.name!r} has samples that are no finite numbers")
         object.__setattr__(self, "audio", audio)
 
     @classmethod
@@ -63,7 +69,11 @@ class Music:
         if path.stat().st_size == 0:
             raise ValueError(f"song {str(path)!r} is an empty file; give one with sound in it")
         try:
-            audio, rate = soundfile.read(path, dtype="float32", always_2d=True)
+            facts = soundfile.info(path)
+            if facts.frames * facts.channels > LONG:
+                audio, rate = SoundOnDisk(path), facts.samplerate
+            else:
+                audio, rate = soundfile.read(path, dtype="float32", always_2d=True)
         except (OSError, RuntimeError, ValueError, TypeError, MemoryError) as err:
             raise ValueError(
                 # libsndfile's own words stay with the cause: they call damaged files missing
@@ -82,8 +92,10 @@ class Music:
         shape = self.rate, self.audio.shape[1]
         # in blocks: libsndfile's vorbis encoder overflows its stack on one long write
         with atomic_write(path) as part, soundfile.SoundFile(part, "w", *shape) as file:
-            for start in range(0, len(self.audio), self.rate):
-                file.write(self.audio[start : start + self.rate])
+            on_disk = isinstance(self.audio, SoundOnDisk)
+            for block in self.audio.blocks() if on_disk else [self.audio]:
+                for start in range(0, len(block), self.rate):
+                    file.write(block[start : start + self.rate])
         return path
 
     @property
@@ -94,7 +106,8 @@ class Music:
     @property
     def peak(self) -> float:
         """Largest absolute sample."""
-        return float(np.abs(self.audio).max())
+        on_disk = isinstance(self.audio, SoundOnDisk)
+        return self.audio.peak if on_disk else float(np.abs(self.audio).max())
 
     @property
     def is_silent(self) -> bool:
@@ -103,6 +116,8 @@ class Music:
 
     def mono(self, rate: int = SAMPLE_RATE) -> np.ndarray:
         """Mean of the channels, resampled, (n,) float32."""
+        if isinstance(self.audio, SoundOnDisk):
+            return self.audio.mono(rate)
         y = self.audio.mean(axis=1)
         if rate == self.rate:
             return y
