@@ -15,6 +15,8 @@ from dancediff.cli.files import (
     check_folder,
     check_formats,
     check_targets,
+    file_of,
+    save_dance,
     song_named,
     tell,
     write_all,
@@ -64,6 +66,7 @@ class Generate:
     def run(self) -> None:
         """Check what is cheap to check, dance, then write all files or none."""
         from dancediff import hub
+        from dancediff.motion.pieces import save_pieces
 
         formats = check_formats(self.formats)
         check_folder(self.out)
@@ -75,20 +78,39 @@ class Generate:
             key: getattr(self, key)
             for key in ("steps", "guidance", "autoguidance", "spacing", "order")
         }
-        dance = model.generate(
-            song,
-            dancers=operator.index(self.dancers),
-            seconds=self.seconds,
-            seed=self.seed,
-            feet=self.feet,
-            progress=not self.json,
+        options = {
+            "dancers": operator.index(self.dancers),
+            "seconds": self.seconds,
+            "seed": self.seed,
+            "feet": self.feet,
+            "progress": not self.json,
             **possible(model, wishes),
-        )
-        files = write_all(self.out, formats, dance, song)
-        facts = {"files": files, "dancers": dance.num_dancers, "frames": dance.num_frames}
+        }
+        if formats == ["npz"] and hasattr(model, "stream"):
+            # nothing else is asked of the dance, so no more than a piece of it is held in memory
+            pieces = Counted(model.stream(song, **options))
+            files = write_all(self.out, lambda to: save_pieces(pieces, to / file_of("npz")))
+        else:
+            pieces = Counted([model.generate(song, **options)])
+            files = write_all(self.out, lambda to: save_dance(to, formats, *pieces, song))
+        dance, frames = pieces.last, pieces.frames
         who = "1 dancer" if dance.num_dancers == 1 else f"{dance.num_dancers} dancers"
-        lines = [f"{who}, {dance.duration:.1f} s, to {song.name!r}:", *(f"  {f}" for f in files)]
+        facts = {"files": files, "dancers": dance.num_dancers, "frames": frames}
+        length = f"{frames / dance.fps:.1f} s"
+        lines = [f"{who}, {length}, to {song.name!r}:", *(f"  {file}" for file in files)]
         tell(self.json, facts | dance.meta, lines)
+
+
+class Counted:
+    """Pieces of a dance, of which the last and the number of frames are remembered."""
+
+    def __init__(self, pieces):
+        self.pieces, self.frames, self.last = pieces, 0, None
+
+    def __iter__(self):
+        for piece in self.pieces:
+            self.last, self.frames = piece, self.frames + piece.num_frames
+            yield piece
 
 
 def possible(model, wishes: dict) -> dict:

@@ -4,6 +4,7 @@ import contextlib
 import importlib.util
 import json
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 
 FORMATS = ("npz", "mp4", "png", "html", "glb", "bvh", "smpl")
@@ -60,8 +61,8 @@ def check_folder(folder: Path, name: str = "--out") -> None:
 def check_targets(out: Path, formats: list[str]) -> None:
     """Refuse to write a file where a folder is."""
     for name in formats:
-        suffix = _file(name).removeprefix("dance")
-        for target in (out / _file(name), *out.glob(f"dance.*{suffix}")):
+        suffix = file_of(name).removeprefix("dance")
+        for target in (out / file_of(name), *out.glob(f"dance.*{suffix}")):
             if target.is_dir():
                 raise ValueError(
                     f"--out {str(out)!r}: {str(target)!r} is a folder; remove it or name another "
@@ -69,20 +70,19 @@ def check_targets(out: Path, formats: list[str]) -> None:
                 )
 
 
-def _file(name: str) -> str:
+def file_of(name: str) -> str:
     """The file of a format; of some, each dancer of a group has her own."""
     return "dance.smpl.npz" if name == "smpl" else f"dance.{name}"
 
 
-def write_all(out: Path, formats: list[str], dance, song) -> list[Path]:
-    """Write every file in a hidden folder first, then move all of them into place."""
+def write_all(out: Path, write: Callable[[Path], None]) -> list[Path]:
+    """Let ``write`` fill a hidden folder, then move all its files into place."""
     new = [part for part in (out, *out.parents) if not part.exists()]  # deepest first
     try:
         out.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=".dancediff-", dir=out) as folder:
             work = Path(folder)
-            for name in formats:
-                dance.save(work / _file(name), song=song)
+            write(work)
             files = sorted(work.iterdir())  # a BVH of a group is a file for each dancer
             return [file.replace(out / file.name) for file in files]
     except BaseException:
@@ -90,3 +90,9 @@ def write_all(out: Path, formats: list[str], dance, song) -> list[Path]:
             with contextlib.suppress(OSError):  # not there yet, or somebody else wrote into it
                 part.rmdir()
         raise
+
+
+def save_dance(folder: Path, formats: list[str], dance, song) -> None:
+    """A file of a dance for each format."""
+    for name in formats:
+        dance.save(folder / file_of(name), song=song)

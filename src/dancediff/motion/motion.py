@@ -158,7 +158,8 @@ class Motion:
         if kind in PER_DANCER:
             return self._save_dancers(path, kind)
         if kind == ".npz":
-            _write_npz(path, self)
+            with atomic_write(path) as part, part.open("wb") as file:
+                np.savez(file, **npz_arrays(self))
         elif kind in (".mp4", ".gif"):
             from dancediff.viz.video import save_video
 
@@ -252,7 +253,8 @@ def _plain(x: Tensor) -> Tensor:
     return torch.as_tensor(x).detach().to("cpu", torch.float32)
 
 
-def _write_npz(path: Path, motion: Motion) -> None:
+def npz_arrays(motion: Motion) -> dict[str, np.ndarray]:
+    """What an .npz of a motion holds, in this order."""
     arrays = {
         "rot6d": matrix_to_rot6d(motion.pose).numpy(),
         "root": motion.root.numpy(),
@@ -271,8 +273,7 @@ def _write_npz(path: Path, motion: Motion) -> None:
     }
     if motion.contact is not None:
         arrays["contact"] = motion.contact.numpy()
-    with atomic_write(path) as part, part.open("wb") as file:
-        np.savez(file, **arrays)
+    return arrays
 
 
 def _read_npz(path: Path) -> Motion:
