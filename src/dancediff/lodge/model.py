@@ -150,7 +150,7 @@ class Lodge(nn.Module):
         guidance: float = 2.0,
         autoguidance: float | None = None,
         eta: float = 0.0,
-        at_once: int | None = 64,
+        at_once: int | None = 16,
         formation: str = "line",
         relation: str = "unison",
         progress=False,
@@ -175,7 +175,7 @@ class Lodge(nn.Module):
         - ``autoguidance``: above 1 pushes guesses away from the mean of all dances
           (`dancediff.diffusion.guidance.autoguided`); a model without preconditioning cannot;
           default 1, off.
-        - ``at_once``: segments in memory together (64 are nine minutes), None: all; the dance is
+        - ``at_once``: segments in memory together (16 are two minutes), None: all; the dance is
           the same.
         - ``progress``: True for a bar, or a function (done, total).
         - ``device``: move the model there first.  ``dtype``: torch.bfloat16 computes with half the

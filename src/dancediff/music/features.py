@@ -86,10 +86,12 @@ def _mel_and_tuning(y: np.ndarray, at_once: int) -> tuple[np.ndarray, float]:
     """Power in 128 mel bands (128, f), and by how much of a semitone's third all notes are off."""
     import librosa
 
-    around = np.pad(y, _WINDOW // 2)
+    reach = _WINDOW // 2
     mel, pitches, loud = [], [], []
     for start, stop in _parts(1 + len(y) // HOP, at_once):
-        part = around[start * HOP : (stop - 1) * HOP + _WINDOW]
+        first, last = start * HOP - reach, (stop - 1) * HOP + reach
+        part = y[max(first, 0) : last]
+        part = np.pad(part, (max(-first, 0), max(last - len(y), 0)))
         S = np.abs(librosa.stft(part, n_fft=_WINDOW, hop_length=HOP, center=False))
         mel.append(librosa.feature.melspectrogram(S=S**2, sr=SAMPLE_RATE))
         pitch, strength = librosa.piptrack(S=S, sr=SAMPLE_RATE, n_fft=_WINDOW)

@@ -17,6 +17,7 @@ from dancediff.music.sound_on_disk import SoundOnDisk
 
 SILENT = 1e-4  # peak below which a song counts as silent
 LONG = 1 << 26  # samples (12 minutes in stereo) from which on a song's sound stays in its file
+_PART = 1 << 24  # samples that are squared at a time
 _LOUDNESS = 0.1  # RMS to which a song is set before its features are taken
 
 
@@ -141,9 +142,11 @@ class Music:
     def _features(self) -> Tensor:
         y = self.mono()
         # loudness says nothing about the dance; the same song recorded softer gives the same dance
-        rms = float(np.sqrt(np.mean(np.square(y, dtype=np.float64))))
+        parts = (y[k : k + _PART] for k in range(0, len(y), _PART))
+        power = sum(np.square(part, dtype=np.float64).sum() for part in parts)
+        rms = float(np.sqrt(power / len(y)))
         if rms > SILENT * 0.1:
-            y = y * (_LOUDNESS / rms)
+            y *= _LOUDNESS / rms
         return torch.from_numpy(music_features(y))
 
     @property

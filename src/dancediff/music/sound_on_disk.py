@@ -4,6 +4,7 @@ Two hours in stereo are 2.5 GB as numbers; their file is a tenth of that, or les
 """
 
 import hashlib
+import itertools
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -91,9 +92,12 @@ class SoundOnDisk:
         """Mean of the channels, resampled, (n,) float32."""
         import soxr
 
+        y = np.zeros(int(np.ceil(len(self) * rate / self.rate)), np.float32)
         resampler = soxr.ResampleStream(self.rate, rate, 1, dtype="float32", quality="HQ")
-        parts = [resampler.resample_chunk(block.mean(axis=1)) for block in self.blocks()]
-        parts.append(resampler.resample_chunk(np.zeros(0, np.float32), last=True))
-        y = np.concatenate(parts)
-        wanted = int(np.ceil(len(self) * rate / self.rate))
-        return np.pad(y, (0, max(wanted - len(y), 0)))[:wanted]
+        filled = 0
+        for block in itertools.chain(self.blocks(), [np.zeros((0, 1), np.float32)]):
+            part = resampler.resample_chunk(block.mean(axis=1), last=not len(block))
+            part = part[: len(y) - filled]
+            y[filled : filled + len(part)] = part
+            filled += len(part)
+        return y
