@@ -7,6 +7,7 @@ import torch
 
 import dancediff as dd
 from dancediff.diffusion.precondition import dct_matrix
+from dancediff.nn.decoder import MusicEncoder
 from dancediff.tcdiffpp.generate import (
     AUTOGUIDANCE,
     LASTING,
@@ -75,6 +76,26 @@ def test_same_seed_same_bits_whatever_ran_before(model):
     again = dance(model, seconds=8, seed=5)
     assert torch.equal(first.root, again.root) and torch.equal(first.pose, again.pose)
     assert not torch.equal(first.root, dance(model, seconds=8, seed=6).root)
+
+
+@pytest.mark.parametrize("guidance", [1.0, 2.0])
+def test_music_is_encoded_once_a_segment_and_that_changes_nothing(model, guidance, monkeypatch):
+    encode, seen = MusicEncoder._encode, []
+
+    def counted(self, M):
+        seen.append(M)
+        return encode(self, M)
+
+    monkeypatch.setattr(MusicEncoder, "_encode", counted)
+    options = {"seconds": 10, "steps": 4, "guidance": guidance}
+    once = dance(model, **options)
+    assert len(seen) == 3  # segments
+    monkeypatch.setattr("dancediff.nn.decoder._same_place", lambda a, b: False)
+    each_time = dance(model, **options)
+    assert len(seen) == 3 + 3 * 4
+    assert once.root.equal(each_time.root) and once.pose.equal(each_time.pose)
+    encoder, M = model.decoder.music, torch.randn(1, 9, 35)
+    assert encoder(M) is not encoder(M)  # nothing is remembered afterwards
 
 
 def test_leaves_the_model_as_it_was(model):

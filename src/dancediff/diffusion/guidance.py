@@ -43,10 +43,13 @@ def guided(
     [3.0]
     """
     weight = guidance if callable(guidance) else lambda t: guidance
+    repeated = {}  # the conditions, as many times as they are asked for: always the same tensors
 
     def run(x_t, t, heard):  # `heard`: for each copy of the batch, does it hear the music?
         b, copies = len(x_t), len(heard)
-        x_t, M_, S_, present_ = (_repeat(a, copies) for a in (x_t, M, S, present))
+        if copies not in repeated:
+            repeated[copies] = [_repeat(a, copies) for a in (M, S, present)]
+        x_t, (M_, S_, present_) = _repeat(x_t, copies), repeated[copies]
         steps = torch.full((b * copies,), t, dtype=torch.long, device=x_t.device)
         keep = torch.tensor(heard, device=x_t.device).repeat_interleave(b)
         return denoiser(x_t, steps, M_, S_, keep=keep, present=present_)
@@ -102,7 +105,7 @@ def autoguided(
 
 
 def _repeat(a: Tensor | None, copies: int) -> Tensor | None:
-    return None if a is None else torch.cat([a] * copies)
+    return a if a is None or copies == 1 else torch.cat([a] * copies)
 
 
 def off_at_the_end(guidance: float, num_steps: int = 1000) -> Callable[[int], float]:

@@ -18,6 +18,7 @@ from torch import Tensor
 from dancediff.diffusion.guidance import autoguided, guided, off_at_the_end
 from dancediff.motion.motion import Motion
 from dancediff.motion.representation import TCDIFFPP, cut_to_range
+from dancediff.nn.decoder import music_heard_once
 from dancediff.tcdiffpp import control
 from dancediff.tcdiffpp.long_group_sampling import iter_long_group_sample
 from dancediff.tcdiffpp.wish import FPS, Wish, one_of
@@ -55,7 +56,7 @@ def generate(
     draw = draw or partial(draw_long_group, watch=watch)
     was_training = model.training
     try:
-        with torch.inference_mode(), _Progress(progress) as report:
+        with torch.inference_mode(), music_heard_once(model), _Progress(progress) as report:
             x = draw(model.eval(), song, wish, report=report, dtype=dtype)
     finally:
         model.train(was_training)
@@ -79,7 +80,7 @@ def _pieces(model, song, wish: Wish, *, progress, dtype) -> Iterator[Motion]:
     was_training, left = model.training, wish.frames
     model.eval()
     try:
-        with _Progress(progress) as report:
+        with music_heard_once(model), _Progress(progress) as report:
             for x in segments(model, song, wish, report=report, dtype=dtype):
                 if left > 0:
                     piece = x[:, :left].clone()
@@ -130,8 +131,13 @@ def denoise_segments(model, guidance, dtype=None, autoguidance: float = 1.0) -> 
         with torch.autocast(device.type, torch.bfloat16, enabled=dtype == torch.bfloat16):
             return model(x_t, t, M, S, keep=keep, present=present)[1]
 
+    last = None  # the conditions of the segment in hand, and the denoiser that is bound to them
+
     def denoise_segment(x_t, t, M, S):
-        return guided(denoiser, M=M, S=S, guidance=guidance)(x_t, t)
+        nonlocal last
+        if last is None or last[0] is not M or last[1] is not S:
+            last = M, S, guided(denoiser, M=M, S=S, guidance=guidance)
+        return last[2](x_t, t)
 
     def linear(x_t, t, M, S):
         steps = torch.full((len(x_t),), t, dtype=torch.long, device=device)
