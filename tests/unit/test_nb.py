@@ -297,6 +297,43 @@ def test_lesson_has_its_parts(path):
         assert (BOOKS / link).exists(), link
 
 
+EQUATIONS = {"TCDiff++": range(1, 20), "Lodge": range(1, 11)}
+NUMBERS = r"\d+(?:(?: to | and |, |-)\d+)*"
+
+
+def numbers(text: str) -> set[int]:
+    """Of "9 and 10", "5-7" or "2, 4 to 6"."""
+    found = set()
+    for first, last in re.findall(r"(\d+)(?:(?: to |-)(\d+))?", text):
+        found |= set(range(int(first), int(last or first) + 1))
+    return found
+
+
+def equations(path) -> dict[str, set[int]]:
+    """What a lesson says it teaches, on its first lines, if its text has these equations."""
+    book = json.loads(path.read_text(encoding="utf-8"))
+    first, *prose = [source(c) for c in book["cells"] if c["cell_type"] == "markdown"]
+    papers = r"TCDiff\+\+|Lodge|DDPM|DDIM|DPM-Solver|Nichol|Karras|Salimans|Zhou|EDGE|Mamba"
+    claimed, paper = {name: set() for name in EQUATIONS}, None
+    for name, found in re.findall(rf"({papers})|eq\. ({NUMBERS})", first):
+        if name:
+            paper = name
+        elif paper in claimed:
+            claimed[paper] |= numbers(found)
+    text = "\n".join(prose)
+    told = re.findall(rf"eq\. ({NUMBERS})|\\q?quad \((\d+)\)", text, re.IGNORECASE)
+    there = set().union(*(numbers(a or b) for a, b in told), set())
+    missing = {name: wanted - there for name, wanted in claimed.items() if wanted - there}
+    assert not missing, f"{path.stem} promises more than it has: {missing}"
+    return claimed
+
+
+def test_every_equation_of_both_papers_is_in_a_lesson():
+    lessons = [equations(path) for path in LESSONS]
+    for paper, wanted in EQUATIONS.items():
+        assert set(wanted) == set().union(*(lesson[paper] for lesson in lessons)), paper
+
+
 @pytest.mark.parametrize("path", LESSONS, ids=lambda p: p.stem)
 def test_one_may_begin_in_the_middle(path):
     """Whatever a "start here" cell and those behind it use, they make themselves."""
