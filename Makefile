@@ -7,7 +7,7 @@ BIN    := $(VENV)/bin
 READY  := $(VENV)/.ready
 export MPLBACKEND ?= Agg
 
-.PHONY: setup dance test trust lint lab docs player clean
+.PHONY: setup dance test trust bench lint lab docs player clean
 setup: $(READY)
 
 # The stamp is written last, so an interrupted set-up is done again.
@@ -59,6 +59,10 @@ docs: $(VENV)/.docs
 	$(BIN)/python docs/site/gather.py out/docs-source
 	$(BIN)/python -m sphinx -q -W --keep-going -j auto -c docs out/docs-source out/docs
 	@echo "Open out/docs/index.html in a browser."
+
+# How fast it is, in one table and out/speed.json; about ten minutes on idle cores.
+bench: $(READY)
+	$(BIN)/python benchmarks/speed.py --json out/speed.json
 
 # The bundle is committed; this rebuilds it (needs node and npm).
 player:
