@@ -13,6 +13,7 @@ from torch import Tensor
 
 from dancediff.diffusion.schedule import q_sample
 from dancediff.metrics import corruption
+from dancediff.metrics.collision import tif
 from dancediff.metrics.physical import fsr, pfc
 from dancediff.metrics.rhythm import beat_alignment
 from dancediff.motion.motion import Motion
@@ -27,6 +28,7 @@ from dancediff.viz.plots import plot_moment
 from dancediff.viz.projection import Camera
 from dancediff.viz.style import bare, set_title
 
+NOTICED = 0.25  # of the larger value: by so much must a metric change to be named in a title
 DAMAGES = ("drag_feet", "jitter", "freeze", "shuffle_time", "overlap_dancers", "mean_pose")
 _FRONT = Camera(eye=(0, 1.15, 7.0), target=(0, 0.95, 0), size=(320, 320), focal=900)
 
@@ -61,7 +63,7 @@ def pose_panel(joint: str = "lshoulder", x: float = 0, y: float = 0, z: float = 
     for k, value in enumerate(d6.tolist()):
         numbers.text(0.03 if value <= 0 else -0.03, k, f"{value:+.2f}", va="center", fontsize=9,
                      ha="left" if value <= 0 else "right", color=INK)  # fmt: skip
-    set_title(bare(numbers), f"{joint}: six numbers")
+    set_title(bare(numbers), f"{joint}: the first two rows of its matrix")
     return figure
 
 
@@ -163,7 +165,7 @@ def loss_panel(
 def metric_panel(
     dance: Motion, beats, damage: str = "drag_feet", amount: float = 0.5, seed: int = 0
 ):
-    """Four metrics of a dance that is damaged by a known amount, 0 .. 1 -> Figure.
+    """Metrics of a dance that is damaged by a known amount, 0 .. 1; TIF of groups only -> Figure.
 
     ``damage``: a function of `dancediff.metrics.corruption`, one of `DAMAGES`; ``beats`` seconds.
     """
@@ -176,16 +178,23 @@ def metric_panel(
         "BAS, beats met": partial(beat_alignment, beats=beats, direction="music"),
         "MMC, on the beat": partial(beat_alignment, beats=beats, direction="motion"),
     }
+    if dance.num_dancers > 1:
+        metrics["TIF, bodies collide"] = tif
     figure = new_figure(7.6, 2.2)
-    for ax, (name, metric) in zip(figure.subplots(1, 4), metrics.items(), strict=True):
+    axes, changes = figure.subplots(1, len(metrics)), {}
+    for ax, (name, metric) in zip(axes, metrics.items(), strict=True):
         values = [metric(motion.joints()) for motion in (dance, broken)]
+        changes[name.split(",")[0]] = abs(values[1] - values[0]) / max(*values, 0.05)
         ax.bar(range(2), values, color=["0.7", dancer_color(1)])
         ax.set_xticks(range(2), ["before", "after"])
         for k, value in enumerate(values):
             ax.text(k, value, f"{value:.2f}", ha="center", va="bottom", fontsize=9, color=INK)
         bare(ax).set(ylim=(0, 1.2 * max(*values, 0.05)), yticks=[])
         ax.set_title(name, loc="left", fontsize=9)
-    figure.suptitle(f"{damage.replace('_', ' ')}, {amount:.0%}", x=0.01, ha="left", fontsize=11)
+    seen = [name for name, change in changes.items() if change >= NOTICED]
+    much = ", ".join(seen) or "nothing"
+    title = f"{damage.replace('_', ' ')}, {amount:.0%}; changed by a quarter or more: {much}"
+    figure.suptitle(title, x=0.01, ha="left", fontsize=11, fontweight="bold", color=INK)
     return figure
 
 
