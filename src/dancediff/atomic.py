@@ -27,7 +27,43 @@ def atomic_write(path) -> Iterator[Path]:
     path = Path(path)
     part = path.with_name(f"{UNFINISHED}{os.getpid()}.{path.name}")
     try:
-        yield part
-        part.replace(path)
+        with writing(path):
+            yield part
+            part.replace(path)
     finally:
         part.unlink(missing_ok=True)
+
+
+@contextmanager
+def writing(path) -> Iterator[None]:
+    """Let errors of the disk say what was being written; a failed `write` does not by itself.
+
+    >>> with writing("dance.npz"):
+    ...     raise OSError(28, "No space left on device")
+    Traceback (most recent call last):
+    OSError: [Errno 28] No space left on device: 'dance.npz'
+    """
+    try:
+        yield
+    except OSError as err:
+        if err.errno is not None and err.filename is None:
+            err.filename = str(path)
+        raise
+
+
+def save_tensors(tensors: dict, path, metadata: dict[str, str] | None = None) -> None:
+    """A safetensors file that appears whole or not at all.
+
+    Raises: OSError when it cannot be written (safetensors has an error of its own for that).
+    """
+    from safetensors import SafetensorError
+    from safetensors.torch import save_file
+
+    with atomic_write(path) as part:
+        part.touch()
+        mode = part.stat().st_mode
+        try:
+            save_file(tensors, part, metadata)
+        except SafetensorError as err:
+            raise OSError(f"{path} cannot be written: {err}") from err
+        part.chmod(mode)  # safetensors lets nobody else read it

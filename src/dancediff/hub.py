@@ -12,10 +12,10 @@ from pathlib import Path
 
 import torch
 from safetensors import SafetensorError
-from safetensors.torch import load_file, save_file
+from safetensors.torch import load_file
 
 from dancediff import __version__
-from dancediff.atomic import atomic_write
+from dancediff.atomic import atomic_write, save_tensors
 from dancediff.baselines.edge import EDGE, EDGEConfig
 from dancediff.lodge.model import Lodge, LodgeConfig
 from dancediff.music.song import Music
@@ -55,8 +55,7 @@ def save_model(
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     for name, prefix in _FILES.get(config["class"], _ONE_FILE).items():
-        with atomic_write(folder / f"{name}.safetensors") as part:
-            save_file(_under(tensors, prefix), part)
+        save_tensors(_under(tensors, prefix), folder / f"{name}.safetensors")
     for name, text in (("config.json", json.dumps(config, indent=2) + "\n"), ("card.md", card)):
         with atomic_write(folder / name) as part:
             part.write_text(text, encoding="utf-8")

@@ -61,8 +61,8 @@ def test_a_failure_leaves_nothing(tmp_path, monkeypatch):
         raise OSError("no space")
 
     monkeypatch.setattr(np, "save", full)
-    with use_cache(tmp_path), pytest.raises(OSError, match="no space"):
-        cached("key", lambda: np.zeros(3))
+    with use_cache(tmp_path):  # the array itself is fine
+        assert cached("key", lambda: np.ones(3)).tolist() == [1, 1, 1]
     assert not list(tmp_path.iterdir())
 
 

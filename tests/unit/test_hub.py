@@ -103,11 +103,11 @@ def test_a_failed_save_leaves_the_old_model(model, tmp_path, monkeypatch):
     hub.save_model(model, tmp_path, card="old")
     before = {p.name: p.read_bytes() for p in tmp_path.iterdir()}
 
-    def fail(tensors, path):
+    def fail(tensors, path, metadata):
         path.write_bytes(b"half")
         raise OSError("disk full")
 
-    monkeypatch.setattr(hub, "save_file", fail)
+    monkeypatch.setattr("safetensors.torch.save_file", fail)
     with pytest.raises(OSError, match="disk full"):
         hub.save_model(model, tmp_path, card="new")
     assert {p.name: p.read_bytes() for p in tmp_path.iterdir()} == before

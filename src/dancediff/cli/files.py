@@ -7,6 +7,8 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
+from dancediff.atomic import writing
+
 FORMATS = ("npz", "mp4", "png", "html", "glb", "bvh", "smpl")
 USUAL = ("npz", "mp4", "png")
 EXTRAS = {"av": "video", "pygltflib": "gltf", "pythreejs": "notebooks", "ipywidgets": "notebooks"}
@@ -82,7 +84,8 @@ def write_all(out: Path, write: Callable[[Path], None]) -> list[Path]:
         out.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=".dancediff-", dir=out) as folder:
             work = Path(folder)
-            write(work)
+            with writing(out):
+                write(work)
             files = sorted(work.iterdir())  # a BVH of a group is a file for each dancer
             return [file.replace(out / file.name) for file in files]
     except BaseException:

@@ -80,9 +80,10 @@ def cached(key: str, make: Callable[[], np.ndarray]) -> np.ndarray:
     except (OSError, ValueError, EOFError, SyntaxError, MemoryError):
         pass  # not there, or cut short
     array = make()
-    folder.mkdir(parents=True, exist_ok=True)
-    with atomic_write(path) as part, part.open("wb") as file:
-        np.save(file, array, allow_pickle=False)
+    with contextlib.suppress(OSError):  # a full disk is not this array's fault
+        folder.mkdir(parents=True, exist_ok=True)
+        with atomic_write(path) as part, part.open("wb") as file:
+            np.save(file, array, allow_pickle=False)
     return array
 
 

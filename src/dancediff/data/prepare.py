@@ -7,6 +7,7 @@ number of workers, nor on how often the run was stopped.
 """
 
 import contextlib
+import errno
 import json
 import operator
 import shutil
@@ -27,6 +28,7 @@ from dancediff.data.take_file import SCRATCH, describe, read_row, write_take
 
 BACKENDS = {"loky": None, "dask": "dask[distributed]", "ray": "ray"}
 MADE, KEPT = "made", "kept"
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)  # nobody's take is to blame
 _MODULES = {"dask": "distributed", "ray": "ray"}
 
 
@@ -168,7 +170,6 @@ def run_job(job: Job, out: Path) -> tuple[str, str]:
         with contextlib.suppress(ValueError):
             if read_row(path)["made_by"] == made_by:
                 return job.name, KEPT
-        path.unlink()
     try:
         with use_cache(out / "cache" / "features"):
             take = job.make()
@@ -177,12 +178,17 @@ def run_job(job: Job, out: Path) -> tuple[str, str]:
         if take.motion.fps != FPS:
             raise ValueError(f"it has {take.motion.fps} frames a second, not {FPS}")
         describe(take)
-    except ValueError as err:
-        return job.name, f"skipped: {_one_line(err)}"
     except Exception as err:  # one odd file must not end a run over thousands
-        return job.name, f"skipped: {type(err).__name__}: {_one_line(err)}"
+        if isinstance(err, OSError) and err.errno in FULL:
+            raise
+        if path is not None:
+            path.unlink()  # the take has become bad: no old version shall pass for it
+        kind = "" if isinstance(err, ValueError) else f"{type(err).__name__}: "
+        return job.name, f"skipped: {kind}{_one_line(err)}"
     folder = FOLDERS[take.kind == "composed"]
-    write_take(out / folder / f"{job.name}.npz", take, made_by)
+    new = write_take(out / folder / f"{job.name}.npz", take, made_by)
+    if path not in (None, new):  # the old one was of the other kind
+        path.unlink()
     return job.name, MADE
 
 

@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
+from dancediff.atomic import writing
 from dancediff.data.take import DanceTake
 from dancediff.motion.motion import Motion, read_arrays
 from dancediff.music.features import NUM_FEATURES
@@ -51,7 +52,8 @@ def write_take(path, take: DanceTake, made_by: str = "") -> Path:
         more["M_other"] = take.M_other.numpy().astype(np.float32)
     if take.beats is not None:
         more["beats"] = np.asarray(take.beats, dtype=np.float64)
-    with tempfile.TemporaryDirectory(prefix=SCRATCH, dir=path.parent.parent) as folder:
+    scratch = tempfile.TemporaryDirectory(prefix=SCRATCH, dir=path.parent.parent)
+    with writing(path), scratch as folder:
         part = take.motion.save(Path(folder) / path.name)
         with zipfile.ZipFile(part, "a") as archive:
             for name, array in more.items():

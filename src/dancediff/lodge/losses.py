@@ -24,7 +24,7 @@ from dancediff.lodge.foot_refine import joints_of
 from dancediff.motion.representation import Normalizer
 from dancediff.motion.skeleton import FOOT_JOINTS
 from dancediff.tcdiffpp.losses import l_contact as l_foot
-from dancediff.tcdiffpp.losses import l_vel
+from dancediff.tcdiffpp.losses import l_vel, mean_over
 
 FPS = 30
 PLANTED_HEIGHT = (0.08, 0.08, 0.05, 0.05)  # metres: ankles, toes; Lodge's code for eq. 7
@@ -130,7 +130,7 @@ def l_jvel(joints_hat: Tensor, joints_0: Tensor) -> Tensor:
     >>> round(l_jvel(moving, joints).item(), 5)
     1.0
     """
-    return (FPS * (joints_hat - joints_0).diff(dim=-3)).square().mean()
+    return mean_over((FPS * (joints_hat - joints_0).diff(dim=-3)).square(), None)
 
 
 def l_jacc(joints_hat: Tensor, joints_0: Tensor) -> Tensor:
@@ -145,7 +145,7 @@ def l_jacc(joints_hat: Tensor, joints_0: Tensor) -> Tensor:
     >>> l_jacc(joints + torch.arange(4.0)[:, None, None], joints).item()       # no acceleration
     0.0
     """
-    return (FPS**2 * (joints_hat - joints_0).diff(n=2, dim=-3)).square().mean()
+    return mean_over((FPS**2 * (joints_hat - joints_0).diff(n=2, dim=-3)).square(), None)
 
 
 def l_contact(joints_hat: Tensor, contact: Tensor, *, by: str = "label") -> Tensor:
@@ -177,7 +177,7 @@ def l_contact(joints_hat: Tensor, contact: Tensor, *, by: str = "label") -> Tens
         b = (feet[..., 1] <= feet.new_tensor(PLANTED_HEIGHT)).to(feet)
     else:
         b = contact if by == "soft" else (contact > 0.5).to(feet)
-    return (velocity * b[..., :-1, :, None]).square().mean()
+    return mean_over((velocity * b[..., :-1, :, None]).square(), None)
 
 
 def lodge_losses(

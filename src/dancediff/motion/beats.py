@@ -19,7 +19,7 @@ def mean_speed(joints: Tensor) -> np.ndarray:
     >>> mean_speed(torch.zeros(4, 24, 3)).tolist()
     [0.0, 0.0, 0.0, 0.0]
     """
-    x = joints.numpy().astype(np.float64)
+    x = joints.detach().double().cpu().numpy()
     if len(x) < 2:
         return np.zeros(len(x))
     return np.linalg.norm(np.gradient(x, axis=0), axis=-1).mean(-1)

@@ -85,7 +85,8 @@ def pack(contact: Tensor, root: Tensor, pose: Tensor) -> Tensor:
 def unpack(x: Tensor, spec: MotionSpec = TCDIFFPP) -> tuple[Tensor, Tensor, Tensor]:
     """Split a vector (..., d) into contact (..., 4), root (..., 3) and pose (..., j, 3, 3).
 
-    Any six numbers become a valid rotation, so a network's raw output may be unpacked.
+    Any six numbers whose two rows are not parallel become a rotation, so a network's raw output may
+    be unpacked.
 
     >>> contact, root, pose = unpack(torch.randn(2, 9, 151))
     >>> pose.shape

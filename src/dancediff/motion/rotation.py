@@ -8,8 +8,11 @@ Symbols
     v     axis-angle vector, radians    (..., 3)
 """
 
+from functools import partial
+
 import roma
 import torch
+import torch.nn.functional as F
 from torch import Tensor
 
 
@@ -29,12 +32,15 @@ def matrix_to_rot6d(R: Tensor) -> Tensor:
 
 
 def rot6d_to_matrix(d6: Tensor) -> Tensor:
-    r"""Turn any six numbers into a rotation matrix by Gram-Schmidt on two rows.
+    r"""Turn six numbers into a rotation matrix by Gram-Schmidt on two rows.
 
     $$b_1 = \hat a_1,\quad b_2 = \widehat{a_2 - (b_1 \cdot a_2)\, b_1},\quad b_3 = b_1 \times b_2$$
 
     Source: Zhou et al. 2019, eq. 15.  Differs: rows instead of columns, as stored by EDGE,
     TCDiff++ and Lodge; reading their files as columns gives the inverse rotations.
+
+    Any six numbers will do, unless their rows are zero or parallel: what comes out then is finite,
+    but no rotation. Rows within a hundredth of parallel lose digits.
 
     Shapes: d6 (..., 6) -> (..., 3, 3).  The gradient stays finite for every non-zero input.
 
@@ -43,8 +49,9 @@ def rot6d_to_matrix(d6: Tensor) -> Tensor:
     True
     """
     a1, a2 = d6[..., :3], d6[..., 3:]
-    b1 = torch.nn.functional.normalize(a1, dim=-1)
-    b2 = torch.nn.functional.normalize(a2 - (b1 * a2).sum(-1, keepdim=True) * b1, dim=-1)
+    unit = partial(F.normalize, dim=-1, eps=max(1e-12, torch.finfo(d6.dtype).tiny))
+    b1 = unit(a1)
+    b2 = unit(a2 - (b1 * a2).sum(-1, keepdim=True) * b1)
     return torch.stack([b1, b2, torch.linalg.cross(b1, b2)], dim=-2)
 
 

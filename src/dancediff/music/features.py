@@ -181,7 +181,7 @@ class MusicNormalizer(nn.Module):
     def fit(cls, songs: list[Tensor]) -> "MusicNormalizer":
         """Mean and standard deviation of each column over all frames of all songs."""
         M = torch.cat(songs)
-        mean, std = M.mean(0), M.std(0).clamp_min(1e-3)
+        mean, std = M.mean(0), M.std(0, correction=int(len(M) > 1)).clamp_min(1e-3)
         mean[PEAKS.start :], std[PEAKS.start :] = 0, 1
         return cls(mean, std)
 

@@ -46,11 +46,14 @@ class LossWeights:
 
 
 def mean_over(error: Tensor, present: Tensor | None) -> Tensor:
-    """Mean of (b, n, ...) over everything, absent dancers left out.
+    """Mean of (b, n, ...) over everything, absent dancers left out; 0 of nothing, as of the changes
+    from frame to frame where there is one frame.
 
     >>> mean_over(torch.tensor([[1.0, 9.0]]), torch.tensor([[True, False]])).item()
     1.0
     """
+    if error.numel() == 0:
+        return error.sum()
     if present is None:
         return error.mean()
     error = error.flatten(2).mean(-1) if error.ndim > 2 else error

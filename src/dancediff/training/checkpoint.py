@@ -5,10 +5,9 @@ from pathlib import Path
 
 import torch
 from safetensors import SafetensorError, safe_open
-from safetensors.torch import save_file
 from torch import nn
 
-from dancediff.atomic import atomic_write
+from dancediff.atomic import save_tensors
 from dancediff.training.ema import EMA
 
 
@@ -35,8 +34,7 @@ def save_checkpoint(
     tensors |= {f"extra.{k}": v for k, v in (extra or {}).items()}
     facts = {"step": step, "ema_updates": ema.updates, "config": config}
     meta = {"facts": json.dumps(facts)}  # one entry: safetensors writes several in any order
-    with atomic_write(path) as part:
-        save_file({k: v.detach().contiguous().clone() for k, v in tensors.items()}, part, meta)
+    save_tensors({k: v.detach().contiguous().clone() for k, v in tensors.items()}, path, meta)
 
 
 def load_checkpoint(path, *, model: nn.Module, ema: EMA, optimizer) -> int:

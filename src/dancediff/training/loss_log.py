@@ -4,7 +4,7 @@ import csv
 import time
 from pathlib import Path
 
-from dancediff.atomic import atomic_write
+from dancediff.atomic import atomic_write, writing
 
 
 class LossLog:
@@ -16,13 +16,19 @@ class LossLog:
     def __init__(self, path: Path | None, first: int = 0):
         """``path`` None: write nothing, only keep the time."""
         self.file = self.board = None
+        self.path = path
         rows = []
         if path is None:
             self.started = time.monotonic()
             return
         if first and path.exists():
-            rows = list(csv.reader(path.read_text(encoding="utf-8").splitlines()))
-            rows = rows[:1] + [r for r in rows[1:] if r and r[0].isdigit() and int(r[0]) < first]
+            lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
+            rows = list(csv.reader(line for line in lines if line.endswith("\n")))  # whole ones
+            rows = rows[:1] + [
+                r
+                for r in rows[1:]
+                if len(r) == len(rows[0]) and r[0].isdigit() and int(r[0]) < first
+            ]
         before = float(rows[-1][1]) if len(rows) > 1 else 0.0
         self.started = time.monotonic() - before
         with atomic_write(path) as part, part.open("w", newline="", encoding="utf-8") as file:
@@ -49,11 +55,12 @@ class LossLog:
             for name, value in losses.items():
                 self.board.add_scalar(f"loss/{name}", value, step)
         writer = csv.writer(self.file)
-        if not self.has_header:
-            writer.writerow(["step", "seconds", *losses])
-            self.has_header = True
         values = (f"{value:.6g}" for value in losses.values())
-        writer.writerow([step, f"{self.seconds:.1f}", *values])
+        with writing(self.path):
+            if not self.has_header:
+                writer.writerow(["step", "seconds", *losses])
+                self.has_header = True
+            writer.writerow([step, f"{self.seconds:.1f}", *values])
 
     def __enter__(self):
         return self

@@ -1,0 +1,21 @@
+"""The log of a training that was cut off goes on from whole lines."""
+
+import pytest
+
+from dancediff.training.loss_log import LossLog
+
+
+@pytest.mark.parametrize("cut", ["1", "12,", "12,0.1,0.", "5,0.0,", "12,0.0,0.5"])
+def test_half_a_line_is_forgotten(tmp_path, cut):
+    path = tmp_path / "losses.csv"
+    with LossLog(path) as log:
+        for step in range(12):
+            log.write(step, {"total": 0.5})
+    with path.open("a") as file:
+        file.write(cut)
+    with LossLog(path, 12) as log:
+        log.write(12, {"total": 0.25})
+    header, *rows = path.read_text().splitlines()
+    assert header == "step,seconds,total"
+    assert [row.split(",")[0] for row in rows] == [str(k) for k in range(13)]
+    assert all(row.count(",") == 2 for row in rows)
