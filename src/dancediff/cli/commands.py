@@ -94,10 +94,9 @@ class Generate:
             pieces = Counted([model.generate(song, **options)])
             files = write_all(self.out, lambda to: save_dance(to, formats, *pieces, song))
         dance, frames = pieces.last, pieces.frames
-        who = "1 dancer" if dance.num_dancers == 1 else f"{dance.num_dancers} dancers"
         facts = {"files": files, "dancers": dance.num_dancers, "frames": frames}
         length = f"{frames / dance.fps:.1f} s"
-        lines = [f"{who}, {length}, to {song.name!r}:", *(f"  {file}" for file in files)]
+        lines = [f"{dance.people}, {length}, to {song.name!r}:", *(f"  {file}" for file in files)]
         tell(self.json, facts | dance.meta, lines)
 
 

@@ -79,6 +79,11 @@ class Motion:
         return self.root.shape[0]
 
     @property
+    def people(self) -> str:
+        """How many dance, in words: "1 dancer", "3 dancers"."""
+        return "1 dancer" if self.num_dancers == 1 else f"{self.num_dancers} dancers"
+
+    @property
     def num_frames(self) -> int:
         """Length in frames."""
         return self.root.shape[1]

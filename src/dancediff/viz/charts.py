@@ -40,7 +40,7 @@ def plot_energy(
         ax.axvline(seam / fps, color=MUTED, lw=1, ls="--")
     ax.vlines([b for b in beats if b <= motion.duration], 0, 0.06 * v.max(), color=BEAT, lw=1)
     if len(hard) or len(soft):
-        ax.legend(frameon=False, fontsize=8, ncols=2, loc="upper right")
+        ax.legend(frameon=False, fontsize=8, ncols=2, loc="lower right", bbox_to_anchor=(1, 1))
     bare(ax).set(xlim=(0, motion.duration), xlabel="time (s)", ylabel="speed (m/s)")
     return set_title(ax, title)
 

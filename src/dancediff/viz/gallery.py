@@ -20,7 +20,7 @@ from dancediff.atomic import atomic_write
 from dancediff.metrics.report import evaluate_dances
 from dancediff.motion.motion import Motion
 from dancediff.viz.player import PAGE, SHOWN, save_player
-from dancediff.viz.plots import plot_filmstrip
+from dancediff.viz.plots import filmstrip_page
 
 SUFFIXES = (".npz", ".glb", ".bvh")
 
@@ -72,7 +72,7 @@ def _row(name: str, motion: Motion, out: Path, song) -> str:
     label = html.escape(name)
     return (
         f'<tr><td><a href="{html.escape(page)}">{label}</a><br>'
-        f"{motion.num_dancers} dancers, {motion.duration:.1f} s</td>"
+        f"{motion.people}, {motion.duration:.1f} s</td>"
         f'<td><a href="{html.escape(page)}"><img alt="{label}" src="{_strip(motion)}"></a></td>'
         f"{cells}</tr>"
     )
@@ -95,7 +95,7 @@ def _number(value) -> str:
 def _strip(motion: Motion) -> str:
     """A filmstrip as a data address."""
     file = io.BytesIO()
-    plot_filmstrip(motion, count=4).savefig(file, format="png", dpi=60)
+    filmstrip_page(motion, count=4).savefig(file, format="png", dpi=60)
     return f"data:image/png;base64,{base64.b64encode(file.getvalue()).decode()}"
 
 

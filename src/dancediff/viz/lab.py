@@ -39,7 +39,7 @@ def dance_panel(
     """A dance as a filmstrip of four moments -> Figure, Motion, song."""
     wish = {"dancers": dancers, "seconds": seconds, "seed": seed, "steps": steps}
     dance = model.generate(song, **wish, progress=report or False)
-    title = f"seed {seed}: {dancers} dancers, {steps} denoising steps"
+    title = f"seed {seed}: {dance.people}, {steps} denoising steps"
     return filmstrip_page(dance, count=4, title=title), dance, song
 
 

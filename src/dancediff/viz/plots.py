@@ -172,8 +172,7 @@ def filmstrip_page(motion: Motion, *, count: int = 8, song=None, title: str | No
     plot_floor_paths(motion, ax=floor, title="Seen from above")
     plot_contact_strip(motion, ax=feet, beats=beats, title="Feet on the floor")
     name = "" if song is None else f" to “{song.name}”"
-    people = "1 dancer" if motion.num_dancers == 1 else f"{motion.num_dancers} dancers"
-    title = title or f"{people}, {motion.duration:.1f} s{name}"
+    title = title or f"{motion.people}, {motion.duration:.1f} s{name}"
     figure.suptitle(title, x=0.01, ha="left", fontsize=12, color=INK, fontweight="bold")
     return figure
 

@@ -121,5 +121,5 @@ def _rows(widgets, controls: dict) -> list:
 def _caption(widgets, dances: list[Motion]) -> list:
     if len(dances) == 1:
         return []
-    a, b = (f"{d.num_dancers} dancers, {d.duration:.1f} s" for d in dances)
+    a, b = (f"{d.people}, {d.duration:.1f} s" for d in dances)
     return [widgets.HTML(f"<b>A</b> on the left: {a} · <b>B</b> on the right: {b}")]
