@@ -297,6 +297,24 @@ def test_lesson_has_its_parts(path):
         assert (BOOKS / link).exists(), link
 
 
+@pytest.mark.parametrize("path", LESSONS, ids=lambda p: p.stem)
+def test_a_picture_comes_soon_and_in_every_section(path):
+    book = json.loads(path.read_text(encoding="utf-8"))
+    section, pictures, code, first = None, {}, 0, None
+    for cell in book["cells"]:
+        if cell["cell_type"] == "markdown":
+            for section in re.findall(r"^## (.+)$", source(cell), re.MULTILINE):
+                pictures[section] = 0
+            continue
+        code += 1
+        shown = {kind for output in cell["outputs"] for kind in output.get("data", {})}
+        if "image/png" in shown or "widget" in cell["metadata"].get("tags", []):
+            first = first or code
+            pictures[section] += 1
+    assert first <= 3
+    assert [name for name, count in pictures.items() if not count] == ["Recap"]
+
+
 EQUATIONS = {"TCDiff++": range(1, 20), "Lodge": range(1, 11)}
 NUMBERS = r"\d+(?:(?: to | and |, |-)\d+)*"
 
