@@ -5,7 +5,6 @@ import torch
 from safetensors import safe_open
 from torch import nn
 
-from dancediff.training import checkpoint as module
 from dancediff.training.checkpoint import load_checkpoint, save_checkpoint
 from dancediff.training.ema import EMA
 
@@ -63,7 +62,7 @@ def test_a_failed_write_leaves_the_old_file(saved, monkeypatch):
         file.write_bytes(b"half")
         raise OSError("no space left")
 
-    monkeypatch.setattr(module, "save_file", half)
+    monkeypatch.setattr("safetensors.torch.save_file", half)
     with pytest.raises(OSError, match="no space"):
         save_checkpoint(path, **old, step=4, config={})
     assert path.read_bytes() == before
