@@ -11,30 +11,13 @@ from functools import partial
 from pathlib import Path
 
 import pytest
+from tiny_training import tiny_config
 
 from dancediff import cli
 from dancediff.motion.motion import read_arrays
 
 resource = pytest.importorskip("resource", reason="limits on files are of Unix")
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
-CONFIG = """
-[data]
-songs = 1
-seconds = 6.0
-dancers_per_batch = 2
-[model]
-d_model = 8
-num_heads = 1
-num_layers = 1
-ff_dim = 8
-fusion_hidden = 8
-footwork_hidden = 8
-head_dim = 8
-[train]
-steps = STEPS
-save_every = 3
-warmup = 5
-"""
 FORMATS = "npz,png,html,glb,bvh,smpl"
 DANCE = f"generate packaged --seconds 2 --steps 1 --formats {FORMATS} --out OUT"
 EARLIER = {  # made the folder as it is, and would write more into it or over it
@@ -55,7 +38,7 @@ def words(text: str, out: Path, configs: Path) -> list[str]:
 def configs(tmp_path_factory):
     folder = tmp_path_factory.mktemp("configs")
     for steps in (6, 12):
-        (folder / f"{steps}.toml").write_text(CONFIG.replace("STEPS", str(steps)))
+        (folder / f"{steps}.toml").write_text(tiny_config(steps, 3))
     return folder
 
 

@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 from PIL import Image
 from safetensors import safe_open
+from tiny_training import tiny_config
 
 from dancediff.motion.motion import read_arrays
 
@@ -22,24 +23,6 @@ pytestmark = [
     pytest.mark.skipif(os.name == "nt", reason="SIGKILL is of Unix"),
 ]
 LONG = os.environ.get("DANCEDIFF_TRUST") == "long"
-CONFIG = """
-[data]
-songs = 1
-seconds = 6.0
-dancers_per_batch = 2
-[model]
-d_model = 8
-num_heads = 1
-num_layers = 1
-ff_dim = 8
-fusion_hidden = 8
-footwork_hidden = 8
-head_dim = 8
-[train]
-steps = 60
-save_every = 7
-warmup = 5
-"""
 FORMATS = "npz,png,html,glb,bvh,mp4"
 COMMANDS = {
     "train": "train CONFIG --resume --out OUT",
@@ -91,7 +74,7 @@ def check_whole(path: Path) -> None:
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_nothing_is_lost(name, tmp_path, record_property):
-    (tmp_path / "a.toml").write_text(CONFIG)
+    (tmp_path / "a.toml").write_text(tiny_config(60, 7))
     out, rng = tmp_path / "out", random.Random(name)
     fill = {"OUT": str(out), "CONFIG": str(tmp_path / "a.toml")}
     command = [
