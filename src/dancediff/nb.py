@@ -117,6 +117,14 @@ def check(exercise: str, answer=None) -> None:
     verdict = judge(exercise, answer)
     _status[exercise] = verdict.mark
     _say(f"{verdict.mark} {exercise} {verdict.text}")
+    task = EXERCISES.get(exercise)
+    if verdict.mark == WRONG and _has_numbers(task, answer) and not task.accepts:
+        name = getattr(answer, "__name__", "your answer")
+        _say(f'   nb.show("{exercise}", {name}) draws your numbers beside the expected ones')
+
+
+def _has_numbers(task, answer) -> bool:
+    return task is not None and callable(task.spec) and callable(answer)
 
 
 def show(exercise: str, answer=None):
@@ -125,7 +133,7 @@ def show(exercise: str, answer=None):
     An answer that is judged by what it achieves has no such numbers: this says what the check says.
     """
     task, verdict = EXERCISES.get(exercise), judge(exercise, answer)
-    if verdict.mark == OPEN or task is None or not callable(task.spec) or not callable(answer):
+    if verdict.mark == OPEN or not _has_numbers(task, answer):
         _say(f"{verdict.mark} {exercise} has nothing to draw")
         return None
     if task.accepts:

@@ -84,6 +84,7 @@ def test_a_wrong_answer_sees_both_numbers(capsys):
     nb.check("01.3", six_changes_nothing)
     out = capsys.readouterr().out
     assert out.startswith(f"{nb.WRONG} 01.3 yours [1, 0, 0") and "expected [0." in out
+    assert 'nb.show("01.3", six_changes_nothing)' in out
     nb.check("01.3", lambda d6: d6)
     assert "shape (2, 6), expected (2, 3, 3)" in capsys.readouterr().out
 

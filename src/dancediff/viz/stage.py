@@ -23,7 +23,7 @@ def stage(
     trails: bool = True,
     contacts: bool = True,
     body: str = "mannequin",
-    size=(760, 430),
+    size=(700, 396),
 ):
     """A dance to turn and to play, as a widget; ``dancediff.play`` is this function.
 

@@ -97,12 +97,12 @@ def make_clip(p3, dances: list[Motion]):
 
 
 def _letters(p3, dances: list[Motion]) -> list:
-    """A and B, on the floor before the two dances."""
+    """A and B, on the floor at the outer sides of the two dances, where every view sees them."""
     letters = []
-    for text, dance in zip("AB", dances, strict=True):
+    for text, dance, side in zip("AB", dances, (-1, 1), strict=True):
         low, high = dance.root.numpy().min((0, 1)), dance.root.numpy().max((0, 1))
-        place = (float(low[0] + high[0]) / 2, 0.2, float(high[2]) + 1.0)
-        letters.append(make_label(p3, text, place, 0.5))
+        outer = low[0] if side < 0 else high[0]
+        letters.append(make_label(p3, text, (float(outer) + 0.35 * side, 0.2, float(high[2])), 0.4))
     return letters
 
 
