@@ -243,12 +243,11 @@ class Genre(Common):
         )
         judge.fit(np.stack([row for row, _ in rows]), [genre for _, genre in rows])
         held = [(w.genre, w.motion.features("lodge")[0]) for w in held_out(self.held, 1024, 200)]
-        for split in ("val", "test"):
-            held += [
-                (solo.genre, solo.x)
-                for solo in prepared_solos(self.train, genres, split)
-                if solo.captured and len(solo.x) >= LOCAL
-            ]
+        held += [
+            (solo.genre, solo.x)
+            for solo in prepared_solos(self.train, genres, "val")
+            if solo.captured and len(solo.x) >= LOCAL
+        ]
         self._print("held-out takes", [(genre, verdict(judge, x)) for genre, x in held])
         music = held_out(self.held, 1024, 10 * self.each)
         how = self.how

@@ -85,8 +85,7 @@ def test_options_matter(model):
 
 
 def test_chunks_are_the_same_dance(model):
-    # free: rules decide yes or no, and multiply the last digit of an untrained model
-    whole, parts = (make(model, at_once=k, feet="free") for k in (None, 1))
+    whole, parts = (make(model, at_once=k) for k in (None, 1))
     assert (whole.pose - parts.pose).abs().max() < 1e-4
 
 

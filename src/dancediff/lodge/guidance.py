@@ -21,9 +21,11 @@ from torch import Tensor
 
 from dancediff.diffusion.constraint import Constraint
 from dancediff.diffusion.schedule import abar_at, gaussian, q_sample
+from dancediff.lodge.run_in import run_in
 from dancediff.motion.representation import LODGE
 
 BORDER = 4  # frames: half a hard primitive
+MORE_SIGNAL = 0.5  # abar from which a guess says more than "on average"
 FLOOR = [LODGE.root.start, LODGE.root.start + 2]  # features: where on the floor, x and z
 
 
@@ -128,6 +130,9 @@ class CueGuidance:
     frame. Windows begin in the middle of the floor; segments that end there too do not add up to a
     walk off the stage. It is never pasted: the network sees it coming and steps there.
 
+    With a spread, guesses that are more signal than noise also run into the hard cues without a jerk
+    (`dancediff.lodge.run_in`).
+
     Source: Lodge section 3.2 and its pseudocode.  Differs: the released code pastes soft cues
     without noise under DDIM, has hard cues only from the second input on, and cannot do a single
     segment; bending is ours.
@@ -198,7 +203,10 @@ class CueGuidance:
         if self.spread is None:
             return x0_hat
         cues = self._both if self.bend_soft and abar in self._levels else self._hard_only
-        return cues.bend(x0_hat[None], abar, self.spread)[0]
+        x0_hat = cues.bend(x0_hat[None], abar, self.spread)[0]
+        if abar < MORE_SIGNAL:
+            return x0_hat
+        return run_in(self._pasted(self.hard, self.value, x0_hat), self.hard_frames)
 
     @cached_property
     def _hard_only(self) -> Constraint:

@@ -29,7 +29,12 @@ from dancediff.lodge.choreography import Cues, make_cues
 from dancediff.lodge.global_diffusion import GlobalDenoiser
 from dancediff.lodge.guidance import CueGuidance
 from dancediff.lodge.local_diffusion import LocalDenoiser
-from dancediff.lodge.primitives import DISCRETE, Layout, primitive_frames
+from dancediff.lodge.primitives import (
+    DISCRETE,
+    Layout,
+    primitive_frames,
+    smooth_primitives,
+)
 from dancediff.lodge.song_structure import find_sections
 from dancediff.lodge.stitch import Plan, plan, stitch
 from dancediff.motion.beats import motion_beats
@@ -177,7 +182,7 @@ def sample_primitives(
     x = sample_rows(model, M, style, how, GLOBALS, callback=callback)
     x = model.normalizer.unnormalize(x).cpu()
     if model.config.variant == "continuous":
-        return model.clips(x)
+        return smooth_primitives(model.clips(x))
     return torch.stack([thinned_primitives(part, layout_of(model)) for part in x])
 
 

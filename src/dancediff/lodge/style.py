@@ -14,6 +14,7 @@ import torch
 from torch import Tensor, nn
 
 from dancediff.data.choreographer.genres import GENRES as CHOREOGRAPHED
+from dancediff.nn.batch_invariant import BatchInvariantLinear
 
 GENRES = (*CHOREOGRAPHED, "indian")  # those of the choreographer, and of the captured solos
 STYLES = ("mapping", "embedding")
@@ -80,10 +81,15 @@ class MappingNetwork(nn.Module):
         super().__init__()
         hidden = d_out if hidden is None else hidden
         self.shared = nn.Sequential(
-            nn.Linear(d_in, hidden), nn.GELU(), nn.Linear(hidden, hidden), nn.GELU()
+            BatchInvariantLinear(d_in, hidden),
+            nn.GELU(),
+            BatchInvariantLinear(hidden, hidden),
+            nn.GELU(),
         )
         self.heads = nn.ModuleList(
-            nn.Sequential(nn.Linear(hidden, hidden), nn.GELU(), nn.Linear(hidden, d_out))
+            nn.Sequential(
+                BatchInvariantLinear(hidden, hidden), nn.GELU(), BatchInvariantLinear(hidden, d_out)
+            )
             for _ in range(num_genres)
         )
 

@@ -16,6 +16,7 @@ import torch
 from einops import rearrange
 from torch import Tensor, nn
 
+from dancediff.nn.batch_invariant import BatchInvariantLinear
 from dancediff.nn.decoder import DecoderLayer, MusicEncoder
 from dancediff.nn.timestep import TimestepEncoder
 
@@ -109,7 +110,7 @@ class Trunk(nn.Module):
             music_dim * pool, d, num_heads=num_heads, ff_dim=ff_dim, dropout=dropout
         )
         self.pooled_music = nn.Sequential(
-            nn.LayerNorm(d), nn.Linear(d, d), nn.SiLU(), nn.Linear(d, d)
+            nn.LayerNorm(d), BatchInvariantLinear(d, d), nn.SiLU(), BatchInvariantLinear(d, d)
         )
         self.null_music = nn.Parameter(torch.randn(1, music_frames // pool, d))
         self.null_pooled = nn.Parameter(torch.randn(1, d))

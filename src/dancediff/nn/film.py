@@ -9,6 +9,8 @@ Symbols (axes: b batch · d channels)
 
 from torch import Tensor, nn
 
+from dancediff.nn.batch_invariant import BatchInvariantLinear
+
 
 class FiLM(nn.Module):
     r"""Scale and shift every channel by amounts read off the condition.
@@ -28,7 +30,7 @@ class FiLM(nn.Module):
     def __init__(self, d_model: int):
         """One learned map from the condition to 2 d numbers."""
         super().__init__()
-        self.knobs = nn.Sequential(nn.Mish(), nn.Linear(d_model, 2 * d_model))
+        self.knobs = nn.Sequential(nn.Mish(), BatchInvariantLinear(d_model, 2 * d_model))
 
     def forward(self, h: Tensor, cond: Tensor) -> Tensor:
         """Broadcast over every axis between batch and channels."""

@@ -11,6 +11,8 @@ import math
 import torch
 from torch import Tensor, nn
 
+from dancediff.nn.batch_invariant import BatchInvariantLinear
+
 
 def sinusoid(t: Tensor, channels: int) -> Tensor:
     r"""Sines and cosines of t at geometrically spaced frequencies from 1 to 1/10000.
@@ -43,9 +45,9 @@ class TimestepEncoder(nn.Module):
     def __init__(self, d_model: int):
         """A hidden layer four times as wide, then two heads."""
         super().__init__()
-        self.hidden = nn.Sequential(nn.Linear(d_model, 4 * d_model), nn.Mish())
-        self.to_vector = nn.Linear(4 * d_model, d_model)
-        self.to_tokens = nn.Linear(4 * d_model, 2 * d_model)
+        self.hidden = nn.Sequential(BatchInvariantLinear(d_model, 4 * d_model), nn.Mish())
+        self.to_vector = BatchInvariantLinear(4 * d_model, d_model)
+        self.to_tokens = BatchInvariantLinear(4 * d_model, 2 * d_model)
 
     def forward(self, t: Tensor) -> tuple[Tensor, Tensor]:
         """Both forms of the step."""

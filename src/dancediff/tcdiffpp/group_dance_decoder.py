@@ -21,6 +21,7 @@ from torch import Tensor, nn
 from dancediff.diffusion.precondition import GroupModes, Preconditioning
 from dancediff.diffusion.schedule import cosine_abar
 from dancediff.music.beat_phase import NUM_WAVES, beat_waves
+from dancediff.nn.batch_invariant import BatchInvariantLinear
 from dancediff.nn.decoder import MusicEncoder
 from dancediff.nn.non_local_filter import NonLocalFilter, left_over
 from dancediff.nn.timestep import TimestepEncoder
@@ -68,7 +69,7 @@ class GroupDanceDecoder(nn.Module):
             c.music_dim, d, num_heads=c.num_heads, ff_dim=c.ff_dim, dropout=c.dropout
         )
         self.pooled_music = nn.Sequential(
-            nn.LayerNorm(d), nn.Linear(d, d), nn.SiLU(), nn.Linear(d, d)
+            nn.LayerNorm(d), BatchInvariantLinear(d, d), nn.SiLU(), BatchInvariantLinear(d, d)
         )
         self.null_music = nn.Parameter(torch.randn(1, c.num_frames, d))
         self.null_pooled = nn.Parameter(torch.randn(1, d))

@@ -14,6 +14,8 @@ import operator
 import torch
 from torch import Tensor, nn
 
+from dancediff.nn.batch_invariant import BatchInvariantLinear
+
 
 def left_to_right(root_x: Tensor) -> Tensor:
     """The dancers from left (smallest x) to right; equals keep their order.
@@ -94,7 +96,7 @@ class SwapModeEmbedding(nn.Module):
         """Learned: the table E (place, dancer, d_model) and one map."""
         super().__init__()
         self.table = nn.Parameter(torch.randn(max_dancers, max_dancers, d_model) * 0.5)
-        self.mlp = nn.Sequential(nn.GELU(), nn.Linear(d_model, d_model))
+        self.mlp = nn.Sequential(nn.GELU(), BatchInvariantLinear(d_model, d_model))
 
     def forward(self, S: Tensor, present: Tensor | None = None) -> Tensor:
         """Places of absent dancers do not count."""

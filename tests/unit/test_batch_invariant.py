@@ -1,0 +1,41 @@
+"""Rows that do not depend on their neighbours: `dancediff.nn.batch_invariant`."""
+
+import pytest
+import torch
+from torch.nn.functional import linear
+
+from dancediff.lodge.local_diffusion import LocalConfig, LocalDenoiser
+from dancediff.nn.batch_invariant import BatchInvariantLinear
+
+
+@pytest.mark.parametrize("b", [1, 2, 3, 7, 15])
+def test_a_row_is_the_same_in_every_batch(b):
+    torch.manual_seed(0)
+    layer, x = BatchInvariantLinear(128, 256), torch.randn(16, 128)
+    with torch.no_grad():
+        assert torch.equal(layer(x)[:b], layer(x[:b]))
+        torch.testing.assert_close(layer(x), linear(x, layer.weight, layer.bias))
+
+
+def test_it_learns_as_any_linear_layer():
+    torch.manual_seed(0)
+    layer, x = BatchInvariantLinear(8, 4), torch.randn(5, 8)
+    layer(x).square().sum().backward()
+    y = linear(x, layer.weight, layer.bias)
+    torch.testing.assert_close(layer.weight.grad, 2 * y.mT.detach() @ x)
+
+
+def test_a_segment_is_guessed_the_same_in_every_batch():
+    """Of layers that see all frames, too: the whole local network, to the last bit."""
+    torch.manual_seed(0)
+    model = LocalDenoiser(LocalConfig(d_model=64, num_layers=2, beat_waves=True)).eval()
+    x, M = torch.randn(16, 256, 139), torch.randn(16, 256, 35)
+    style, t = torch.randn(16, 64), torch.full((16,), 500)
+
+    def guess(b):
+        with torch.no_grad():
+            return model(x[:b], t[:b], M[:b], style[:b], keep=torch.ones(b, dtype=torch.bool))[1]
+
+    whole = guess(16)
+    for b in (1, 2, 7):
+        assert torch.equal(guess(b), whole[:b]), b
