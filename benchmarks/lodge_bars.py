@@ -26,6 +26,7 @@ from bars import Sampling, Window, windows
 from sklearn.linear_model import LogisticRegression
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
+from torch.nn.functional import conv1d
 from tqdm.auto import tqdm
 
 from dancediff import hub
@@ -37,6 +38,8 @@ from dancediff.metrics.report import evaluate_dances
 from dancediff.metrics.rhythm import beat_alignment
 from dancediff.motion.beats import motion_beats
 from dancediff.motion.motion import Motion
+from dancediff.motion.representation import LODGE
+from dancediff.motion.rotation import matrix_to_rot6d, rot6d_to_matrix
 from dancediff.training.lodge_data import prepared_solos
 
 FPS, LOCAL = 30, 256
@@ -233,11 +236,10 @@ class Genre(Common):
     def run(self) -> None:
         """Print how often the classifier is right about takes it never saw, and about dances."""
         genres = hub.load(self.model).config.genres
-        rows = [
-            (described(solo.x[start : start + LOCAL]), solo.genre)
-            for solo in tqdm(prepared_solos(self.train, genres), desc="training takes")
-            for start in range(0, len(solo.x) - LOCAL + 1, LOCAL)
-        ]
+        draw, rows = torch.Generator().manual_seed(0), []
+        for solo in tqdm(prepared_solos(self.train, genres), desc="training takes"):
+            for x in in_windows(solo.x):
+                rows += [(described(x), solo.genre), (described(shaken(x, draw)), solo.genre)]
         judge = make_pipeline(
             StandardScaler(), LogisticRegression(C=0.02, max_iter=2000, class_weight="balanced")
         )
@@ -249,6 +251,7 @@ class Genre(Common):
             if solo.captured and len(solo.x) >= LOCAL
         ]
         self._print("held-out takes", [(genre, verdict(judge, x)) for genre, x in held])
+        self._print("the same, shaken", [(g, verdict(judge, shaken(x, draw))) for g, x in held])
         music = held_out(self.held, 1024, 10 * self.each)
         how = self.how
         jobs = [
@@ -269,6 +272,27 @@ class Genre(Common):
             print(f"|  {genre} | {hits} of {len(found)} | taken for {', '.join(wrong) or '-'} |")
 
 
+def in_windows(x: torch.Tensor) -> list[torch.Tensor]:
+    """A take (f, 139) in pieces as long as a local segment."""
+    return [x[start : start + LOCAL] for start in range(0, len(x) - LOCAL + 1, LOCAL)]
+
+
+def shaken(x: torch.Tensor, draw: torch.Generator) -> torch.Tensor:
+    """A take whose joints sway by up to a few degrees, as no choreographer's but a network's do.
+
+    A judge that never met such unrest takes it for a sign of capture: it called every dance of a
+    network salsa or Indian, whatever was asked for, and every shaken take as well.
+    """
+    fade = torch.hann_window(9, periodic=False)
+    noise = torch.randn(132, 1, len(x) + 8, generator=draw)
+    sway = conv1d(noise, (fade / fade.norm())[None, None])[:, 0].T
+    y = x.clone()
+    y[:, LODGE.rot6d] += 0.1 * torch.rand(1, generator=draw) * sway
+    R = rot6d_to_matrix(y[:, LODGE.rot6d].unflatten(-1, (-1, 6)))
+    y[:, LODGE.rot6d] = matrix_to_rot6d(R).flatten(-2)
+    return y
+
+
 def described(x: torch.Tensor) -> np.ndarray:
     """What the classifier sees of a window (f, 139): where joints turn, how much, how fast."""
     motion = Motion.from_features(with_hands(x)[None], fps=FPS)
@@ -284,8 +308,7 @@ def described(x: torch.Tensor) -> np.ndarray:
 
 def verdict(judge, x: torch.Tensor) -> str:
     """The likeliest genre of a take, its windows taken together."""
-    starts = range(0, len(x) - LOCAL + 1, LOCAL)
-    rows = np.stack([described(x[start : start + LOCAL]) for start in starts])
+    rows = np.stack([described(part) for part in in_windows(x)])
     return str(judge.classes_[judge.predict_log_proba(rows).sum(0).argmax()])
 
 

@@ -25,13 +25,32 @@ def atomic_write(path) -> Iterator[Path]:
     ['words.txt']
     """
     path = Path(path)
-    part = path.with_name(f"{UNFINISHED}{os.getpid()}.{path.name}")
+    part = hidden(path)
     try:
         with writing(path):
             yield part
             part.replace(path)
     finally:
         part.unlink(missing_ok=True)
+
+
+def hidden(path: Path) -> Path:
+    """Where this process writes what will be ``path``."""
+    return path.with_name(f"{UNFINISHED}{os.getpid()}.{path.name}")
+
+
+def sweep(folder) -> None:
+    """Remove what killed programs left behind in a folder that nobody else writes to.
+
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     hidden(Path(folder, "words.txt")).touch()
+    ...     sweep(folder)
+    ...     list(Path(folder).iterdir())
+    []
+    """
+    for left in Path(folder).rglob(f"{UNFINISHED}*"):
+        left.unlink(missing_ok=True)
 
 
 @contextmanager

@@ -19,3 +19,15 @@ def test_half_a_line_is_forgotten(tmp_path, cut):
     assert header == "step,seconds,total"
     assert [row.split(",")[0] for row in rows] == [str(k) for k in range(13)]
     assert all(row.count(",") == 2 for row in rows)
+
+
+def test_a_new_training_leaves_the_old_log_until_its_first_checkpoint(tmp_path):
+    path = tmp_path / "losses.csv"
+    path.write_text("step,seconds,total\n0,0.1,9\n")
+    with LossLog(path) as log:
+        log.write(0, {"total": 0.5})
+        assert path.read_text().endswith("0,0.1,9\n")  # a kill now would lose nothing
+        log.flush()
+        log.write(1, {"total": 0.4})
+    assert [row.split(",")[-1] for row in path.read_text().splitlines()] == ["total", "0.5", "0.4"]
+    assert [file.name for file in tmp_path.iterdir()] == ["losses.csv"]

@@ -19,7 +19,7 @@ from pathlib import Path
 
 from tqdm.auto import tqdm
 
-from dancediff.atomic import UNFINISHED, atomic_write
+from dancediff.atomic import atomic_write, sweep
 from dancediff.data.cache import code_digest, use_cache
 from dancediff.data.prepared import FOLDERS, FORMAT, FPS, NAME, read_index
 from dancediff.data.summary import Summary
@@ -52,8 +52,7 @@ def prepare(
         (out / folder).mkdir(parents=True, exist_ok=True)
     for left in out.glob(f"{SCRATCH}*"):  # of a run that was killed
         shutil.rmtree(left)
-    for left in (out / "cache").rglob(f"{UNFINISHED}*"):
-        left.unlink()
+    sweep(out / "cache")
     summary = Summary(out)
     bar = partial(tqdm, total=len(jobs), desc="preparing", unit="take", disable=not progress)
     for name, outcome in bar(_outcomes(jobs, out, workers, backend)):

@@ -130,8 +130,8 @@ class CueGuidance:
     frame. Windows begin in the middle of the floor; segments that end there too do not add up to a
     walk off the stage. It is never pasted: the network sees it coming and steps there.
 
-    With a spread, guesses that are more signal than noise also run into the hard cues without a jerk
-    (`dancediff.lodge.run_in`).
+    With a spread, guesses that are more signal than noise also run into the hard cues without a
+    jerk (`dancediff.lodge.run_in`).
 
     Source: Lodge section 3.2 and its pseudocode.  Differs: the released code pastes soft cues
     without noise under DDIM, has hard cues only from the second input on, and cannot do a single

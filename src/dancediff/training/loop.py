@@ -20,6 +20,7 @@ import torch
 from torch import Tensor, nn
 from tqdm.auto import tqdm
 
+from dancediff.atomic import sweep
 from dancediff.diffusion.precondition import Preconditioning
 from dancediff.tcdiffpp.fusion import FusionProjection
 from dancediff.tcdiffpp.losses import LossWeights, tcdiffpp_losses
@@ -165,7 +166,7 @@ def train(
             f"max_minutes={config.max_minutes:g} is for one process: each of {world.size} has its "
             "own clock, and one would wait for the others; leave it out, stop and use resume"
         )
-    out.mkdir(parents=True, exist_ok=True)
+    _make_folder(out, world)
     checkpoint = out / "checkpoint.safetensors"
     optimizer = make_optimizer(model, config)
     ema = EMA(model, config.ema)
@@ -230,6 +231,12 @@ def train(
             save(step)
     world.wait()
     return ema.model
+
+
+def _make_folder(out: Path, world: World) -> None:
+    out.mkdir(parents=True, exist_ok=True)
+    if world.first:
+        sweep(out)
 
 
 def make_optimizer(model: nn.Module, config: TrainConfig) -> torch.optim.Optimizer:

@@ -4,18 +4,21 @@ import csv
 import time
 from pathlib import Path
 
-from dancediff.atomic import atomic_write, writing
+from dancediff.atomic import atomic_write, hidden, writing
 
 
 class LossLog:
     """The CSV of every loss of every step; on resuming, steps that will be run again are cut off.
+
+    Beside an old CSV a new training begins in a hidden file, which takes its place at the first
+    `flush`: the old one goes with the old checkpoint, and not before.
 
     ``seconds`` is the training time so far, that of earlier runs included.
     """
 
     def __init__(self, path: Path | None, first: int = 0):
         """``path`` None: write nothing, only keep the time."""
-        self.file = self.board = None
+        self.file = self.board = self.hidden = None
         self.path = path
         rows = []
         if path is None:
@@ -31,10 +34,12 @@ class LossLog:
             ]
         before = float(rows[-1][1]) if len(rows) > 1 else 0.0
         self.started = time.monotonic() - before
-        with atomic_write(path) as part, part.open("w", newline="", encoding="utf-8") as file:
-            csv.writer(file).writerows(rows)
+        if first:
+            with atomic_write(path) as part, part.open("w", newline="", encoding="utf-8") as file:
+                csv.writer(file).writerows(rows)
         self.has_header = bool(rows)
-        self.file = path.open("a", buffering=1, newline="", encoding="utf-8")  # whole lines
+        self.hidden = None if first or not path.exists() else hidden(path)
+        self.file = _open(self.hidden or path, "a" if first else "w")
         self.board = tensorboard(path.parent / "tensorboard", first)
 
     @property
@@ -46,6 +51,10 @@ class LossLog:
         """Bring what was written to the disk."""
         if self.file:
             self.file.flush()
+        if self.hidden:
+            self.file.close()
+            self.hidden.replace(self.path)
+            self.file, self.hidden = _open(self.path, "a"), None
 
     def write(self, step: int, losses: dict[str, float]) -> None:
         """One line: step, seconds, losses."""
@@ -69,6 +78,12 @@ class LossLog:
         for file in (self.file, self.board):
             if file:
                 file.close()
+        if self.hidden:
+            self.hidden.unlink(missing_ok=True)
+
+
+def _open(path: Path, mode: str):
+    return path.open(mode, buffering=1, newline="", encoding="utf-8")  # whole lines
 
 
 def tensorboard(folder: Path, first: int):
