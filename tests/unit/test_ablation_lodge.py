@@ -116,7 +116,7 @@ def test_config_has_every_switch_of_tables_3_to_7():
         )
         for name, v in variants.items()
     }
-    assert len({v.training for v in variants.values()}) == 7
+    assert len({v.training for v in variants.values()}) == 8
     assert sorted({v.sample.soft for v in variants.values()}) == [0.0, 0.25, 0.5, 0.75, 1.0]
     assert not variants["no-M"].sample.mirror and not variants["no-B"].sample.beat_align
     assert not sizes["no-FR"].local_stage.foot_refine
