@@ -15,6 +15,7 @@ import tyro
 
 from dancediff import hub
 from dancediff.data.choreographer import choreograph
+from dancediff.metrics.rhythm import beat_alignment
 from dancediff.motion.beats import motion_beats
 from dancediff.motion.contact import feet_low, foot_speed
 from dancediff.motion.motion import Motion
@@ -31,7 +32,7 @@ COLUMNS = [
         "contact %",
         "low feet still %",
     ],
-    *["speed m/s", "beats hit %", "off beats hit %"],
+    *["speed m/s", "beats hit %", "off beats hit %", "BAS"],
 ]
 
 
@@ -46,6 +47,8 @@ class Args:
     steps: int = 20
     guidance: float | None = None
     dancers: tuple[int, ...] = (1, 2, 3, 5)
+    genre: str | None = None
+    """Of Lodge."""
 
 
 def hits(dance: Motion, beats: np.ndarray) -> float:
@@ -74,6 +77,7 @@ def measure(dance: Motion, beats: np.ndarray, seconds: float) -> list[float]:
         30 * joints.diff(dim=1).norm(dim=-1).mean().item(),
         hits(dance, beats),
         hits(dance, beats[:-1] + half),
+        beat_alignment(joints, beats / 30),
     ]
 
 
@@ -92,7 +96,8 @@ def main(args: Args) -> None:
     show("choreographer (synthetic), mean of 10", list(np.mean(rows, axis=0)))
     song, model = Music.load(args.song), hub.load(args.model)
     song.features()
-    options = {} if args.guidance is None else {"guidance": args.guidance}
+    options = {"guidance": args.guidance, "genre": args.genre}
+    options = {name: value for name, value in options.items() if value is not None}
     for n in args.dancers:
         start = time.monotonic()
         dance = model.generate(

@@ -1,6 +1,6 @@
 """Measure Lodge: what the tables of docs/results.md about it were made with.
 
-    dancediff prepare choreograph 120 held --seconds 45 --seed 800000
+    dancediff prepare choreograph 240 held --seconds 45 --seed 800000    # 24 takes a genre
     python benchmarks/lodge_bars.py equal lodge
     python benchmarks/lodge_bars.py seams lodge held
     python benchmarks/lodge_bars.py soft lodge held
