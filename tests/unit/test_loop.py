@@ -92,6 +92,12 @@ def test_a_new_run_replaces_an_old_log(tmp_path):
     assert len(rows(tmp_path)) == 3
 
 
+def test_what_a_killed_run_left_is_removed(tmp_path):
+    (tmp_path / ".part.99.checkpoint.safetensors").write_bytes(b"half a file")
+    train(Toy(), Data(), TrainConfig(steps=1), tmp_path)
+    assert not list(tmp_path.glob(".*"))
+
+
 def test_log_survives_a_half_written_line(tmp_path):
     (tmp_path / "losses.csv").write_text("step,seconds,total\n0,1.5,9\n1,2.5,8\n2,3.5,7\n3,")
     with LossLog(tmp_path / "losses.csv", first=2) as log:
