@@ -23,9 +23,9 @@ from dancediff.diffusion.constraint import Constraint
 from dancediff.diffusion.schedule import abar_at, gaussian, q_sample
 from dancediff.lodge.run_in import run_in
 from dancediff.motion.representation import LODGE
+from dancediff.tcdiffpp.planting import MORE_SIGNAL
 
 BORDER = 4  # frames: half a hard primitive
-MORE_SIGNAL = 0.5  # abar from which a guess says more than "on average"
 FLOOR = [LODGE.root.start, LODGE.root.start + 2]  # features: where on the floor, x and z
 
 
