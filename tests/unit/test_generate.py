@@ -141,6 +141,13 @@ def test_bfloat16_dance_is_close(model):
     assert not torch.equal(plain.root, fast.root)
 
 
+@pytest.mark.parametrize("faster", [torch.float32, torch.bfloat16])
+def test_fastest_is_what_the_probe_finds(model, monkeypatch, faster):
+    monkeypatch.setattr("dancediff.nn.precision.fastest_dtype", lambda kind: faster)
+    named, probed = (dance(model, seconds=2, dtype=dtype) for dtype in (faster, "fastest"))
+    assert torch.equal(named.root, probed.root)
+
+
 def test_progress_counts_to_the_end(model):
     calls = []
     dance(model, seconds=8, progress=lambda done, total: calls.append((done, total)))

@@ -56,6 +56,8 @@ class Generate:
     """Of a Lodge model: what to dance; default: by the song's tempo."""
     soft: float | None = None
     """Of a Lodge model: how long, 0 to 1, the dance is held at its key motions; default 1."""
+    dtype: Literal["float32", "bfloat16", "fastest"] = "float32"
+    """Compute with all digits, with half of them, or with what is faster on this machine."""
     out: Path = Path("out")
     """Folder for the results."""
     formats: str = ",".join(USUAL)
@@ -65,6 +67,8 @@ class Generate:
 
     def run(self) -> None:
         """Check what is cheap to check, dance, then write all files or none."""
+        import torch
+
         from dancediff import hub
         from dancediff.motion.pieces import save_pieces
 
@@ -83,6 +87,7 @@ class Generate:
             "seconds": self.seconds,
             "seed": self.seed,
             "feet": self.feet,
+            "dtype": self.dtype if self.dtype == "fastest" else getattr(torch, self.dtype),
             "progress": not self.json,
             **possible(model, wishes),
         }

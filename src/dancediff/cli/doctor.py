@@ -69,6 +69,14 @@ def machine() -> str:
     )
 
 
+def digits() -> str:
+    """Which precision is faster on this processor?"""
+    from dancediff.nn.precision import fastest_dtype
+
+    fastest = str(fastest_dtype("cpu")).removeprefix("torch.")
+    return f"{fastest} is fastest here (--dtype fastest)"
+
+
 def sound() -> str:
     """Write and read a second of every kind of sound file."""
     import numpy as np
@@ -140,6 +148,7 @@ CHECKS: dict[str, tuple[Callable[[], str], str]] = {  # what to try, and what to
     "sound": (sound, SETUP),
     "models": (models, SETUP),
     "dancing": (dancing, SETUP),
+    "precision": (digits, SETUP),
     "video": (video, 'pip install "dancediff[video]", or save .gif'),
     "3-D files": (models_in_3d, 'pip install "dancediff[gltf]"'),
     "lessons": (lessons, 'pip install "dancediff[notebooks]"'),

@@ -178,8 +178,9 @@ class Lodge(nn.Module):
         - ``at_once``: segments in memory together (16 are two minutes), None: all; the dance is
           the same.
         - ``progress``: True for a bar, or a function (done, total).
-        - ``device``: move the model there first.  ``dtype``: torch.bfloat16 computes with half the
-          digits.
+        - ``device``: move the model there first.
+        - ``dtype``: torch.bfloat16 computes with half the digits, which some processors do much
+          faster; "fastest" tries that out (`dancediff.nn.precision`); default: all digits.
 
         Raises: ValueError naming the argument, its value and what is allowed; also for a silent
         song or one under a second.

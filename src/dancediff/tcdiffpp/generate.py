@@ -19,9 +19,10 @@ from dancediff.diffusion.guidance import autoguided, guided, off_at_the_end
 from dancediff.motion.motion import Motion
 from dancediff.motion.representation import TCDIFFPP, cut_to_range
 from dancediff.nn.decoder import music_heard_once
+from dancediff.nn.precision import chosen_dtype
 from dancediff.tcdiffpp import control
 from dancediff.tcdiffpp.long_group_sampling import iter_long_group_sample
-from dancediff.tcdiffpp.wish import FPS, Wish, one_of
+from dancediff.tcdiffpp.wish import FPS, Wish
 
 AUTOGUIDANCE = 2.2  # of preconditioned models; docs/training_log.md, "Strange music"
 ROOT_SHARE = 0.7  # of it where dancers go; pushed as far as joints they run
@@ -52,7 +53,7 @@ def generate(
     ``draw(model, song, wish, report=, dtype=)`` replaces Long Group Diffusion Sampling; it returns
     features (n, F, d) in metres. ``watch`` is for the latter only.
     """
-    wish = _prepared(model, song, device, dtype, options)
+    wish, dtype = _prepared(model, song, device, dtype, options)
     draw = draw or partial(draw_long_group, watch=watch)
     was_training = model.training
     try:
@@ -72,7 +73,7 @@ def stream(model, song, *, progress=False, device=None, dtype=None, **options) -
 
     Raises: ValueError as `generate`.
     """
-    wish = _prepared(model, song, device, dtype, options)
+    wish, dtype = _prepared(model, song, device, dtype, options)
     return _pieces(model, song, wish, progress=progress, dtype=dtype)
 
 
@@ -90,8 +91,8 @@ def _pieces(model, song, wish: Wish, *, progress, dtype) -> Iterator[Motion]:
         model.train(was_training)
 
 
-def _prepared(model, song, device, dtype, options: dict) -> Wish:
-    """Check the arguments, and move the model to where it shall compute."""
+def _prepared(model, song, device, dtype, options: dict) -> tuple[Wish, torch.dtype | None]:
+    """Check the arguments, move the model to where it shall compute, decide with what digits."""
     c = model.config
     wish = Wish(
         max_dancers=c.max_dancers,
@@ -113,10 +114,10 @@ def _prepared(model, song, device, dtype, options: dict) -> Wish:
         )
     if song.is_silent:
         raise ValueError(f"song {song.name!r} is silent (peak {song.peak:.1e}); there is no beat")
-    one_of("dtype", dtype, (None, torch.float32, torch.bfloat16))
-    if device is not None:
-        model.to(usable_device(device))
-    return wish
+    device = model.abar.device if device is None else usable_device(device)
+    dtype = chosen_dtype(dtype, device)
+    model.to(device)
+    return wish, dtype
 
 
 def denoise_segments(model, guidance, dtype=None, autoguidance: float = 1.0) -> Callable:

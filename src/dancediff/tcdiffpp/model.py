@@ -217,8 +217,9 @@ class TCDiffPP(nn.Module):
         - ``watch``: a function (done, total, guess) that gets to see what the model takes the
           segment for after every step, a `Motion` (dancers as the network numbers them); an
           exception it raises stops the dance.
-        - ``device``: move the model there first.  ``dtype``: torch.bfloat16 is about twice as fast
-          on processors that have it.
+        - ``device``: move the model there first.
+        - ``dtype``: torch.bfloat16 computes with half the digits, which some processors do much
+          faster; "fastest" tries that out (`dancediff.nn.precision`); default: all digits.
 
         Raises: ValueError naming the argument, its value and what is allowed; also for a silent
         song or one under a second.

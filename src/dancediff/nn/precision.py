@@ -1,0 +1,67 @@
+r"""Which numbers a network computes with: all digits, half of them, or whatever is faster here.
+
+Read first: docs/performance.md.
+
+bfloat16 keeps the range of float32 and three of its seven digits. Some processors multiply it
+several times as fast (AMX, AVX512-BF16, GPUs since Ampere), others slower than float32, since they
+have to convert it first; no list of processors says which as surely as trying.
+"""
+
+import time
+from functools import lru_cache
+
+import torch
+from torch import Tensor
+from torch.nn import functional as F
+
+FASTEST = "fastest"
+CHOICES = (None, torch.float32, torch.bfloat16, FASTEST)
+ROWS, WIDTH = 450, 256  # three dancers for 150 frames; between the packaged and the paper's width
+TRIES = 15
+WORTH_IT = 1.2  # times as fast, or the digits are kept
+
+
+def chosen_dtype(dtype, device) -> torch.dtype | None:
+    """What a ``dtype=`` argument means on a device: "fastest" is tried out, the rest is taken.
+
+    With "fastest" the same seed gives the same dance as long as the answer is the same; ask for one
+    of the two by name where that matters.
+
+    Raises: ValueError for anything but None, torch.float32, torch.bfloat16 and "fastest".
+
+    >>> chosen_dtype(torch.bfloat16, "cpu")
+    torch.bfloat16
+    """
+    if dtype not in CHOICES:
+        raise ValueError(f"dtype={dtype!r} is not one of {', '.join(map(repr, CHOICES))}")
+    return fastest_dtype(torch.device(device).type) if dtype == FASTEST else dtype
+
+
+@lru_cache
+def fastest_dtype(kind: str) -> torch.dtype:
+    """bfloat16 where it is at least `WORTH_IT` times as fast; tried once a process, in some ms.
+
+    >>> fastest_dtype("cpu") in (torch.float32, torch.bfloat16)
+    True
+    """
+    took = {dtype: _seconds(kind, dtype) for dtype in (torch.float32, torch.bfloat16)}
+    faster = took[torch.float32] > WORTH_IT * took[torch.bfloat16]
+    return torch.bfloat16 if faster else torch.float32
+
+
+def _seconds(kind: str, dtype: torch.dtype) -> float:
+    """The shortest time of one layer as a network under autocast runs it, conversion included."""
+    x = torch.ones(ROWS, WIDTH, device=kind)
+    weight = torch.ones(4 * WIDTH, WIDTH, device=kind)
+
+    def layer() -> Tensor:
+        return F.linear(F.linear(x, weight), weight.T)
+
+    best = float("inf")
+    autocast = torch.autocast(kind, torch.bfloat16, enabled=dtype == torch.bfloat16)
+    with torch.inference_mode(), autocast:
+        for _ in range(TRIES):
+            begun = time.perf_counter()
+            layer().sum().item()  # asks for a number, so that a GPU is waited for
+            best = min(best, time.perf_counter() - begun)
+    return best
