@@ -25,11 +25,17 @@ import torch
 import tyro
 
 from dancediff import hub
+from dancediff.data.corpus import choreographed_corpus
+from dancediff.data.windows import GroupDanceWindows
 from dancediff.diffusion.guidance import guided
 from dancediff.nn import ssm
 from dancediff.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
+from dancediff.training import run
+from dancediff.training.loop import TrainConfig, level_weights, make_optimizer, train_step
 
-PARTS = ("start", "features", "group", "paper", "lodge", "scan", "video")
+PARTS = ("start", "features", "group", "paper", "lodge", "training", "scan", "video")
+RECIPE = Path(__file__).parent.parent / "configs" / "tcdiffpp_small.toml"
+WARM_UP, STEPS = 5, 40
 LENGTHS = (128, 256, 512, 1024, 2048, 4096, 8192, 16384)
 
 
@@ -40,7 +46,7 @@ class Args:
     song: Path | None = None
     """At least 60 s; default: the packaged song, twice."""
     only: list[str] = field(default_factory=lambda: list(PARTS))
-    """Some of: start, features, group, paper, lodge, scan, video."""
+    """Some of: start, features, group, paper, lodge, training, scan, video."""
     threads: int = 2
     mambapy: str | None = None
     """Name of a module with ``pscan``, to compare scans with."""
@@ -113,8 +119,8 @@ def start_up(args: Args) -> list[dict]:
         "import dancediff": ["-c", "import dancediff"],
         "python -c pass": ["-c", "pass"],
     }.items():
-        run = [sys.executable, *words]
-        took = seconds(lambda run=run: subprocess.run(run, check=True, capture_output=True), 3)
+        command = [sys.executable, *words]
+        took = seconds(lambda run=command: subprocess.run(run, check=True, capture_output=True), 3)
         rows.append({"what": name, "seconds": took})
     return rows
 
@@ -182,6 +188,51 @@ def lodge(args: Args) -> list[dict]:
     long = hub.Music(np.tile(song.slice(0, 60).audio, (5, 1)), song.rate)
     took = seconds(lambda: model.generate(long))
     return [{"what": "lodge, 300 s", "seconds": took, "times real": 300 / took}]
+
+
+def training(args: Args) -> list[dict]:
+    """Steps of the packaged recipe: clips a second, and the share of it that waits for data."""
+    config = run.check_tables(run.read_toml(RECIPE), str(RECIPE))
+    takes = choreographed_corpus(range(4), seconds=30, workers=args.threads)
+    rows = []
+    for precision in ("fp32", "bf16"):
+        torch.manual_seed(0)
+        model = TCDiffPP(TCDiffPPConfig(**config["model"]))
+        run.fit_statistics(model, takes)
+        data = Timed(GroupDanceWindows(takes, swaps=0.3, mirror=0.5))
+        settings = TrainConfig(**config["train"] | {"steps": 1000, "precision": precision})
+        optimizer = make_optimizer(model, settings)
+        levels = level_weights(model.decoder.precondition.error(model.abar), settings.level_power)
+        for step in range(WARM_UP + STEPS):
+            if step == WARM_UP:
+                data.seconds, data.clips, begun = 0.0, 0, time.perf_counter()
+            train_step(model, model, optimizer, data, step, settings, levels=levels)
+        took = time.perf_counter() - begun
+        rows.append(
+            {
+                "what": f"training tcdiffpp, {precision}",
+                "clips a second": data.clips / took,
+                "steps a second": STEPS / took,
+                "% waiting for data": 100 * data.seconds / took,
+            }
+        )
+    rows[1]["times fp32"] = rows[1]["clips a second"] / rows[0]["clips a second"]
+    return rows
+
+
+class Timed:
+    """A data set that knows how long its batches took, and how many dancers were in them."""
+
+    def __init__(self, data):
+        self.data, self.seconds, self.clips = data, 0.0, 0
+
+    def batch(self, number: int) -> tuple:
+        """The data set's own."""
+        begun = time.perf_counter()
+        batch = self.data.batch(number)
+        self.seconds += time.perf_counter() - begun
+        self.clips += batch[0].shape[0] * batch[0].shape[1]
+        return batch
 
 
 def scan(args: Args) -> list[dict]:
@@ -257,7 +308,7 @@ def main(args: Args) -> None:
     """Measure, print, write."""
     torch.set_num_threads(args.threads)
     work = {"start": start_up, "features": features, "group": group, "paper": paper,
-            "lodge": lodge, "scan": scan, "video": video}  # fmt: skip
+            "lodge": lodge, "training": training, "scan": scan, "video": video}  # fmt: skip
     rows = []
     for name in args.only:
         for row in work[name](args):
