@@ -1,6 +1,7 @@
 """The command line as a user meets it: exit status, last line, files."""
 
 import json
+import os
 import subprocess
 import sys
 import time
@@ -10,6 +11,7 @@ import pytest
 import soundfile
 
 from dancediff.cli import main
+from dancediff.cli.files import write_all
 
 
 @pytest.fixture
@@ -187,3 +189,27 @@ def test_options_of_one_model_are_refused_for_another():
     assert possible(Model(), {"genre": "salsa", "soft": None}) == {"genre": "salsa"}
     with pytest.raises(ValueError, match=r"--soft 0\.5 is not for the model 'solo'"):
         possible(Model(), {"soft": 0.5})
+
+
+def test_what_killed_programs_left_is_removed_after_a_day(tmp_path):
+    ages = {".dancediff-old": 2, ".dancediff-new": 0, "dances": 2}
+    for name, days in ages.items():
+        file = tmp_path / name / "dance.npz"
+        file.parent.mkdir()
+        file.touch()
+        for path in (file, file.parent):
+            os.utime(path, (time.time() - days * 86400,) * 2)
+    write_all(tmp_path, lambda to: (to / "a.txt").write_text("a"))
+    assert sorted(path.name for path in tmp_path.iterdir()) == [".dancediff-new", "a.txt", "dances"]
+
+
+def test_the_bar_is_closed_before_an_error_is_told(songs, capsys, monkeypatch):
+    def full(pieces, path):
+        next(iter(pieces))
+        raise OSError(28, "No space left on device", str(path))
+
+    monkeypatch.setattr("dancediff.motion.pieces.save_pieces", full)
+    options = ["--seconds", "2", "--steps", "1", "--formats", "npz", "--out", str(songs / "full")]
+    assert main(["generate", str(songs / "noise.wav"), *options]) == 2
+    last = capsys.readouterr().err.splitlines()[-1]
+    assert "No space left" in last and "dancing" not in last

@@ -1,5 +1,6 @@
 """The commands, each with its options; torch is imported when one runs."""
 
+import contextlib
 import inspect
 import operator
 from dataclasses import dataclass
@@ -93,8 +94,9 @@ class Generate:
         }
         if formats == ["npz"] and hasattr(model, "stream"):
             # nothing else is asked of the dance, so no more than a piece of it is held in memory
-            pieces = Counted(model.stream(song, **options))
-            files = write_all(self.out, lambda to: save_pieces(pieces, to / file_of("npz")))
+            with contextlib.closing(model.stream(song, **options)) as dancing:  # and its bar
+                pieces = Counted(dancing)
+                files = write_all(self.out, lambda to: save_pieces(pieces, to / file_of("npz")))
         else:
             pieces = Counted([model.generate(song, **options)])
             files = write_all(self.out, lambda to: save_dance(to, formats, *pieces, song))

@@ -3,7 +3,9 @@
 import contextlib
 import importlib.util
 import json
+import shutil
 import tempfile
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -12,6 +14,8 @@ from dancediff.atomic import writing
 FORMATS = ("npz", "mp4", "png", "html", "glb", "bvh", "smpl")
 USUAL = ("npz", "mp4", "png")
 EXTRAS = {"av": "video", "pygltflib": "gltf", "pythreejs": "notebooks", "ipywidgets": "notebooks"}
+HIDDEN = ".dancediff-"  # how folders begin that are being written
+A_DAY = 24 * 3600.0
 _NEEDS = {"mp4": "av", "glb": "pygltflib"}
 
 
@@ -82,7 +86,8 @@ def write_all(out: Path, write: Callable[[Path], None]) -> list[Path]:
     new = [part for part in (out, *out.parents) if not part.exists()]  # deepest first
     try:
         out.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix=".dancediff-", dir=out) as folder:
+        _remove_left_over(out)
+        with tempfile.TemporaryDirectory(prefix=HIDDEN, dir=out) as folder:
             work = Path(folder)
             with writing(out):
                 write(work)
@@ -93,6 +98,15 @@ def write_all(out: Path, write: Callable[[Path], None]) -> list[Path]:
             with contextlib.suppress(OSError):  # not there yet, or somebody else wrote into it
                 part.rmdir()
         raise
+
+
+def _remove_left_over(out: Path) -> None:
+    """What killed programs were writing: hidden folders in which nothing happened for a day."""
+    for folder in out.glob(f"{HIDDEN}*"):
+        with contextlib.suppress(OSError):  # its owner has just finished
+            last = max(path.stat().st_mtime for path in (folder, *folder.iterdir()))
+            if time.time() - last > A_DAY:
+                shutil.rmtree(folder, ignore_errors=True)
 
 
 def save_dance(folder: Path, formats: list[str], dance, song) -> None:

@@ -199,15 +199,11 @@ def train(
             extra=None if extra is None else extra(),
         )
 
-    with LossLog(out / "losses.csv" if world.first else None, first) as log:
+    with (
+        LossLog(out / "losses.csv" if world.first else None, first) as log,
+        _steps(first, config, world) as bar,
+    ):
         step = saved = first
-        bar = tqdm(
-            range(first, config.steps),
-            initial=first,
-            total=config.steps,
-            desc="training",
-            disable=not world.first,
-        )
         for step in bar:
             at = schedule_step(step, log.seconds, config)
             if at >= config.steps:
@@ -237,6 +233,13 @@ def _make_folder(out: Path, world: World) -> None:
     out.mkdir(parents=True, exist_ok=True)
     if world.first:
         sweep(out)
+
+
+def _steps(first: int, config: TrainConfig, world: World) -> tqdm:
+    """The numbers of the steps that are left, with a bar; closed before an error is told."""
+    left = range(first, config.steps)
+    options = {"initial": first, "total": config.steps, "disable": not world.first}
+    return tqdm(left, desc="training", **options)
 
 
 def make_optimizer(model: nn.Module, config: TrainConfig) -> torch.optim.Optimizer:
