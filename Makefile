@@ -5,18 +5,25 @@ PYTHON ?= $(shell for p in python3.11 python3.12 python3.13 python3; do \
 VENV   := .venv
 BIN    := $(VENV)/bin
 READY  := $(VENV)/.ready
+CPU    ?= https://download.pytorch.org/whl/cpu
+TORCH  := $(shell sed -n 's/^\(torch==[0-9.]*\).*/\1/p' requirements.txt)
 export MPLBACKEND ?= Agg
 
 .PHONY: setup dance test trust bench lint lab docs player clean
 setup: $(READY)
 
-# The stamp is written last, so an interrupted set-up is done again.
+# The stamp is written last, so an interrupted set-up is done again. PyPI's PyTorch for Linux brings
+# CUDA, several GB: without an NVIDIA GPU the small build is taken from PyTorch's own index first.
 $(READY): pyproject.toml requirements.txt
 	@"$(PYTHON)" $(NEW) 2>/dev/null || \
 	  { echo "Python 3.11 or newer is needed: make PYTHON=/path/to/python3.11"; exit 1; }
 	@echo "Setting up $(VENV) with $(PYTHON): a few minutes, this once"
 	@$(BIN)/python -m pip --version >/dev/null 2>&1 || $(PYTHON) -m venv --clear $(VENV) || \
 	  { rm -rf $(VENV); echo "no virtual environment; on Debian: apt-get install python3-venv"; exit 1; }
+	@[ "$$(uname -s)" != Linux ] || command -v nvidia-smi >/dev/null 2>&1 || \
+	  $(BIN)/python -m pip install --disable-pip-version-check -q --no-deps --retries 1 --timeout 15 \
+	    --index-url $(CPU) $(TORCH) 2>/dev/null || \
+	  echo "$(CPU) did not answer: PyTorch comes from PyPI, with CUDA"
 	$(BIN)/python -m pip install --disable-pip-version-check -q -r requirements.txt
 	$(BIN)/dancediff warm
 	@touch $@

@@ -18,13 +18,26 @@ def test_conda_route_installs_the_same_resolve():
     lowest = PROJECT["requires-python"].removeprefix(">=").split(".")
     assert python.removeprefix("python=").split(".") >= lowest
     pip = next(d["pip"] for d in env["dependencies"] if isinstance(d, dict))
-    assert pip == ["-r requirements.txt"]  # everything else would drift from pyproject.toml
+    index, requirements = pip  # everything else would drift from pyproject.toml
+    assert requirements == "-r requirements.txt"
+    assert index.split()[0] == "--extra-index-url" and index.split()[1].endswith("/whl/cpu")
 
 
 def test_requirements_pin_torch_in_the_same_resolve():
     lines = (ROOT / "requirements.txt").read_text(encoding="utf-8").splitlines()
     lines = [line for line in lines if line and not line.startswith("#")]
     assert lines[0].startswith("torch==2.13.0 ;") and lines[1] == "-e .[dev]"
+
+
+@pytest.mark.skipif(not shutil.which("make"), reason="make is not installed")
+def test_set_up_asks_for_the_pinned_torch_without_cuda_first(tmp_path):
+    for name in ("Makefile", "pyproject.toml", "requirements.txt"):
+        shutil.copy(ROOT / name, tmp_path)
+    done = subprocess.run(
+        ["make", "-n", "setup"], cwd=tmp_path, capture_output=True, text=True, check=True
+    )
+    small = done.stdout.index("/whl/cpu torch==2.13.0 ")
+    assert done.stdout.index("nvidia-smi") < small < done.stdout.index("-r requirements.txt")
 
 
 def test_card_packages_are_all_there():
