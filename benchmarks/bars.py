@@ -120,7 +120,7 @@ class Sampling:
     """How to dance, the same for all models of a table."""
 
     sampler: str = "dpm"
-    steps: int = 20
+    steps: int = 12
     eta: float = 0.0
     guidance: float = 1.0
     autoguidance: float | None = None

@@ -33,7 +33,7 @@ class Args:
     model: str = "tcdiffpp"
     seconds: float = 5.0
     seeds: int = 4
-    steps: int = 20
+    steps: int = 12
     dancers: int = 3
 
 

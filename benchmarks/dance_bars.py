@@ -44,7 +44,8 @@ class Args:
     model: str = "tcdiffpp"
     seconds: float = 20.0
     seed: int = 1
-    steps: int = 20
+    steps: int | None = None
+    """Default: the model's own."""
     guidance: float | None = None
     dancers: tuple[int, ...] = (1, 2, 3, 5)
     genre: str | None = None
@@ -96,13 +97,11 @@ def main(args: Args) -> None:
     show("choreographer (synthetic), mean of 10", list(np.mean(rows, axis=0)))
     song, model = Music.load(args.song), hub.load(args.model)
     song.features()
-    options = {"guidance": args.guidance, "genre": args.genre}
+    options = {"steps": args.steps, "guidance": args.guidance, "genre": args.genre}
     options = {name: value for name, value in options.items() if value is not None}
     for n in args.dancers:
         start = time.monotonic()
-        dance = model.generate(
-            song, dancers=n, seconds=args.seconds, seed=args.seed, steps=args.steps, **options
-        )
+        dance = model.generate(song, dancers=n, seconds=args.seconds, seed=args.seed, **options)
         spent = time.monotonic() - start
         show(f"{args.model}, {n} dancers", measure(dance, np.round(song.beats() * 30), spent))
 

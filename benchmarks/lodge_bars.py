@@ -88,7 +88,7 @@ class Common:
     """What every part is told."""
 
     model: tyro.conf.Positional[str]
-    sampling: Sampling = field(default_factory=lambda: Sampling(guidance=2.0))
+    sampling: Sampling = field(default_factory=lambda: Sampling(steps=20, guidance=2.0))
     workers: int = 2
 
     @property

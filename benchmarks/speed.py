@@ -163,7 +163,7 @@ def paper(args: Args) -> list[dict]:
     model = TCDiffPP(TCDiffPPConfig.paper()).eval()
     song = loaded(args).slice(0, 5)
     song.features()
-    usual = {"sampler": "dpm", "steps": 20, "guidance": 1.0}
+    usual = {"sampler": "dpm", "steps": 12, "guidance": 1.0}
     ways = {
         "float32": usual,
         "bfloat16": usual | {"dtype": torch.bfloat16},

@@ -165,7 +165,7 @@ class TCDiffPP(nn.Module):
         dancers: int = 3,
         seconds: float | None = None,
         seed: int = 0,
-        steps: int = 20,
+        steps: int = 12,
         sampler: str = "dpm",
         guidance: float = 1.0,
         autoguidance: float | None = None,

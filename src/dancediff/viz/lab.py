@@ -47,7 +47,7 @@ def sampling_panel(
     model,
     song,
     *,
-    steps: int = 20,
+    steps: int = 12,
     sampler: str = "dpm",
     eta: float = 0.0,
     guidance: float = 1.0,
@@ -100,7 +100,7 @@ def swap_panel(
     start=None,
     seed: int = 0,
     seconds: float = 5.0,
-    steps=20,
+    steps=12,
     report=None,
 ):
     """Ask for a new order from left to right, such as "201", and see who goes where.
