@@ -13,8 +13,8 @@ from dancediff.data.choreographer.footsteps import STILL
 from dancediff.data.choreographer.formations import formation_names, min_distance, slots
 from dancediff.data.choreographer.poses import ARM_POSES
 from dancediff.motion.beats import motion_beats
-from dancediff.motion.contact import CONTACT_HEIGHT, FOOT_JOINTS, feet_low, foot_contact
-from dancediff.motion.skeleton import world_rotations
+from dancediff.motion.contact import CONTACT_HEIGHT, feet_low, foot_contact
+from dancediff.motion.skeleton import FOOT_JOINTS, world_rotations
 
 SEEDS, BEATS = 100, 10
 SIZES = (1, 3, 1, 2, 5, 1, 3, 2, 1, 1)  # dancers, by seed

@@ -1,6 +1,7 @@
 import torch
 
-from dancediff.motion.contact import FOOT_JOINTS, feet_low, foot_contact, foot_speed
+from dancediff.motion.contact import feet_low, foot_contact, foot_speed
+from dancediff.motion.skeleton import FOOT_JOINTS
 
 
 def feet_at(height, step=0.0, frames=6):

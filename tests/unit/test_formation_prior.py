@@ -8,6 +8,7 @@ from dancediff.tcdiffpp.formation_prior import ON_FLOOR, FormationPrior
 from dancediff.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 
 FRAMES, DIM = 20, 9
+PLACES = list(range(DIM))[ON_FLOOR]
 SMALL = {"d_model": 16, "num_layers": 1, "ff_dim": 32, "fusion_hidden": 32, "num_frames": FRAMES}
 
 
@@ -74,14 +75,14 @@ def test_the_guess_is_the_conditional_mean_of_the_gaussian(prior):
     mean = prior.mean(S)[0, :, :, k].flatten().double()
     x_t = torch.randn(1, n, FRAMES, DIM, generator=torch.Generator().manual_seed(1))
     a = abar.double()
-    noisy = x_t[0, :, :, ON_FLOOR[k]].flatten().double() - a.sqrt() * mean
+    noisy = x_t[0, :, :, PLACES[k]].flatten().double() - a.sqrt() * mean
     seen = a * cov + (1 - a) * torch.eye(n * FRAMES, dtype=torch.float64)
     expected = mean + a.sqrt() * cov @ torch.linalg.solve(seen, noisy)
 
     guess = Preconditioning(FRAMES, DIM).linear_guess(x_t, abar, prior(S))
-    found = guess[0, :, :, ON_FLOOR[k]].flatten().double()
+    found = guess[0, :, :, PLACES[k]].flatten().double()
     torch.testing.assert_close(found, expected, atol=1e-4, rtol=0)
-    others = [c for c in range(DIM) if c not in ON_FLOOR]
+    others = [c for c in range(DIM) if c not in PLACES]
     alone = Preconditioning(FRAMES, DIM).linear_guess(x_t, abar)
     assert torch.equal(guess[..., others], alone[..., others])
 
@@ -132,7 +133,7 @@ def decoder_guess(prior, swap_mode: bool, S):
     x_t = torch.randn(1, 3, FRAMES, 151, generator=torch.Generator().manual_seed(3))
     with torch.no_grad():
         guess = model(x_t, torch.tensor([999]), torch.zeros(1, FRAMES, 35), S)[0]
-    return guess[0, :, -1, ON_FLOOR[0]]
+    return guess[0, :, -1, PLACES[0]]
 
 
 def test_a_model_that_knows_nothing_swaps_as_asked(prior):

@@ -148,7 +148,7 @@ def draw_naively(model, song, wish: Wish, *, report=None, dtype=None, ramp: bool
         clamp=largest_guess(model),
         generator=torch.Generator().manual_seed(wish.seed),
         pin=Consistency(wish.overlap),
-        bend=Planting(model.normalizer) if wish.feet == "planted" else None,
+        bend=Planting(model.normalizer.on_cpu()) if wish.feet == "planted" else None,
         callback=report and (lambda i, total, _: report(i + 1, total)),
         device=device,
     )

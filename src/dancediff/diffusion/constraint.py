@@ -19,6 +19,7 @@ import torch
 from torch import Tensor
 
 from dancediff.diffusion.precondition import dct_matrix, linear_coefficients
+from dancediff.motion.table import table
 
 JITTER = 1e-9  # of the largest variance; keeps the equations solvable where frames are redundant
 
@@ -164,7 +165,7 @@ def covariance(abar: float, spread: Tensor, f: int, frames: Tensor) -> Tensor:
     """
     rows = (torch.arange(f, device=spread.device) * len(spread)) // f
     _, scale = linear_coefficients(torch.as_tensor(abar).to(spread), spread[rows])
-    C = dct_matrix(f).to(spread)
+    C = table(dct_matrix, f, like=spread)
     return C.T @ (scale.T[:, :, None] ** 2 * C[:, frames])
 
 

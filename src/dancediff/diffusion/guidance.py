@@ -51,7 +51,7 @@ def guided(
             repeated[copies] = [_repeat(a, copies) for a in (M, S, present)]
         x_t, (M_, S_, present_) = _repeat(x_t, copies), repeated[copies]
         steps = torch.full((b * copies,), t, dtype=torch.long, device=x_t.device)
-        keep = torch.tensor(heard, device=x_t.device).repeat_interleave(b)
+        keep = torch.cat([torch.full((b,), h, device=x_t.device) for h in heard])
         return denoiser(x_t, steps, M_, S_, keep=keep, present=present_)
 
     def denoise(x_t: Tensor, t: int) -> Tensor:

@@ -25,6 +25,8 @@ from itertools import repeat
 import torch
 from torch import Tensor, nn
 
+from dancediff.motion.table import table
+
 LARGEST = 0.5  # of `scale`: the slow parts of F stay in the units of the motion
 MOST = 4.0  # spreads that a guess may lie from the mean; real dances rarely do
 SMALLEST = 2e-4  # of `spread`: a feature that never moved can still be corrected
@@ -75,11 +77,11 @@ class GroupModes:
     $$\tilde c_{m} = \sum_n U_{nm}\, c_n$$
 
     with the symbols of `dancediff.tcdiffpp.formation_prior`, which makes them:
-    ``features`` (c,), ``mean`` (b, n, f, c), ``basis`` U (b, k, c, n, n) orthonormal, and
+    ``features`` c of them, ``mean`` (b, n, f, c), ``basis`` U (b, k, c, n, n) orthonormal, and
     ``spread`` of the modes (b, n, k, c).
     """
 
-    features: list[int]
+    features: slice
     mean: Tensor
     basis: Tensor
     spread: Tensor
@@ -145,7 +147,7 @@ class Preconditioning(nn.Module):
         """
         mean, power, count = 0.0, 0.0, 0.0
         for x, weight in zip(windows, weights or repeat(1.0), strict=weights is not None):
-            C = dct_matrix(x.shape[1]).to(x)
+            C = table(dct_matrix, x.shape[1], like=x)
             mean = mean + weight * x.double().mean(1).sum(0)
             power = power + weight * (C @ x).double().square().sum(0)
             count += weight * len(x)
@@ -157,7 +159,7 @@ class Preconditioning(nn.Module):
     def linear_guess(self, x_t: Tensor, abar: Tensor, group: GroupModes | None = None) -> Tensor:
         """What can be said without a network (b, n, f, d); with a group, how it varies together."""
         skip, _ = self._coefficients(abar, x_t.shape[2], group)
-        C = dct_matrix(x_t.shape[2]).to(x_t)
+        C = table(dct_matrix, x_t.shape[2], like=x_t)
         mean = self.mean if group is None else group.placed(self.mean)
         noisy = x_t - abar.sqrt()[:, None, None, None] * mean
         with torch.autocast(x_t.device.type, enabled=False):  # millimetres need float32
@@ -181,7 +183,7 @@ class Preconditioning(nn.Module):
     ) -> Tensor:
         """Add the network's part F to the linear guess."""
         _, scale = self._coefficients(abar, F.shape[2], group)
-        C = dct_matrix(F.shape[2]).to(F)
+        C = table(dct_matrix, F.shape[2], like=F)
         with torch.autocast(F.device.type, enabled=False):
             return guess + C.T @ _scaled(scale.clamp_max(LARGEST), C @ F, group)
 
@@ -200,7 +202,7 @@ class Preconditioning(nn.Module):
         0.7071
         """
         rows = (torch.arange(x.shape[-2], device=x.device) * len(self.spread)) // x.shape[-2]
-        C, bound = dct_matrix(x.shape[-2]).to(x), most * self.spread[rows]
+        C, bound = table(dct_matrix, x.shape[-2], like=x), most * self.spread[rows]
         coefficients = C @ (x - self.mean)
         return self.mean + C.T @ torch.minimum(torch.maximum(coefficients, -bound), bound)
 

@@ -20,7 +20,7 @@ import torch
 from torch import Tensor
 
 from dancediff.diffusion.pinning import Pinning
-from dancediff.diffusion.schedule import Generators, abar_at, cosine_abar, gaussian
+from dancediff.diffusion.schedule import Generators, abar_at, cosine_abar, gaussian, send
 
 SAMPLERS = ("dpm", "ddim", "ddpm")
 LOUDEST = -4.5  # half log of signal over noise, where "dpm" begins: 0.01 % of the power is signal
@@ -286,7 +286,8 @@ def sample(
     - ``clamp``: guesses are cut at +- this, or by this function; None leaves them.
     - ``pin``: holds the first frames at known motion (`dancediff.diffusion.pinning.Pinning`).
     - ``bend(x0_hat, abar) -> x0_hat``: brings every guess in line with what is known
-      (`dancediff.diffusion.constraint.Constraint.bend`).
+      (`dancediff.diffusion.constraint.Constraint.bend`). It gets and gives tensors of the CPU:
+      it is small and asks much, and for every answer of a GPU one would have to wait.
     - ``generator``: one for all noise, or a list of one for each row of the batch, so that rows are
       the same whatever others are sampled with them.
     - ``resample``: take each step this often, adding its noise back in between, so that pinned and
@@ -315,7 +316,7 @@ def sample(
                 x = _forward(x, t_next, t, abar, generator)
             x0_hat = _cut(denoise(x, t), clamp)
             if bend is not None:
-                x0_hat = bend(x0_hat, abar_at(abar, t))
+                x0_hat = send(bend(x0_hat.cpu(), abar_at(abar, t)), x.device)
             if sampler == "ddpm":
                 x = ddpm_step(x, x0_hat, t, abar, generator=generator)
             elif sampler == "dpm":

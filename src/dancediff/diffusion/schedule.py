@@ -111,4 +111,15 @@ def gaussian(
         return torch.stack(rows)
     if generator is not None and generator.device.type != "cpu":
         raise ValueError(f"generator is on {generator.device}; use torch.Generator() (CPU)")
-    return torch.randn(tuple(shape), generator=generator).to(device=device, dtype=dtype)
+    return send(torch.randn(tuple(shape), generator=generator).to(dtype), device)
+
+
+def send(x: Tensor, device: torch.device | str) -> Tensor:
+    """Bring a tensor of the CPU to a device, without waiting for what that is busy with.
+
+    >>> send(torch.ones(2), "cpu").tolist()
+    [1.0, 1.0]
+    """
+    if torch.device(device).type == "cuda":
+        return x.pin_memory().to(device, non_blocking=True)
+    return x.to(device)

@@ -18,7 +18,8 @@ from torch import Tensor, nn
 from dancediff.lodge.trunk import SoloLayer
 from dancediff.motion.contact import feet_low
 from dancediff.motion.representation import LODGE, unpack
-from dancediff.motion.skeleton import FOOT_JOINTS, SMPL24, forward_kinematics
+from dancediff.motion.skeleton import SMPL24, feet_of, forward_kinematics
+from dancediff.motion.table import table
 
 FPS = 30
 FEATURES = 48  # 4 joints x 4 quantities x 3 numbers
@@ -39,7 +40,7 @@ def joints_of(x: Tensor) -> tuple[Tensor, Tensor, Tensor]:
     """
     contact, root, pose = unpack(x, LODGE)
     missing = SMPL24.num_joints - LODGE.num_joints
-    straight = torch.eye(3).to(pose).expand(*pose.shape[:-3], missing, 3, 3)
+    straight = table(torch.eye, 3, like=pose).expand(*pose.shape[:-3], missing, 3, 3)
     return contact, root, forward_kinematics(torch.cat([pose, straight], dim=-3), root)
 
 
@@ -66,7 +67,7 @@ def contact_score(height: Tensor, speed: Tensor) -> Tensor:
     >>> contact_score(height, speed).round(decimals=2)     # planted, on the verge, sliding, lifted
     tensor([0.9900, 0.5000, 0.0000, 0.0000])
     """
-    low = height.new_tensor(SCORE_HEIGHT)
+    low = table(torch.tensor, SCORE_HEIGHT, like=height)
     near = torch.sigmoid(STEEPNESS * (low - height) / low)
     return near * torch.sigmoid(STEEPNESS * (SCORE_SPEED - speed) / SCORE_SPEED)
 
@@ -85,11 +86,11 @@ def foot_features(joints: Tensor, *, floor: float = 0.0) -> Tensor:
     >>> foot_features(torch.zeros(5, 24, 3)).shape
     torch.Size([5, 48])
     """
-    joints = joints - joints.new_tensor([0.0, floor, 0.0])
-    feet = joints[..., FOOT_JOINTS, :]
+    joints = joints - table(torch.tensor, (0.0, floor, 0.0), like=joints)
+    feet = feet_of(joints)
     step = step_of(feet)
     label = feet_low(joints).to(feet)
-    score = contact_score(feet[..., 1], step[..., (0, 2)].norm(dim=-1))
+    score = contact_score(feet[..., 1], step[..., ::2].norm(dim=-1))
     thrice = [a[..., None].expand(feet.shape) for a in (label, score)]
     velocity = (FPS * step).clamp(-FASTEST, FASTEST)
     return torch.cat([*thrice, feet, velocity], dim=-2).flatten(-2)

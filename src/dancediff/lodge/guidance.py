@@ -168,6 +168,7 @@ class CueGuidance:
             have = tuple(getattr(self, name).shape)
             if have != shape:
                 raise ValueError(f"{name} has shape {have}; expected {shape} to match value")
+        self.abar = self.abar.cpu()  # its entries are read as numbers
         steps = guided_steps(self.times, self.soft)
         self._reached = set(self.times[1 : steps + 1])  # t after each guided step
         self._levels = {abar_at(self.abar, t) for t in self.times[:steps]}  # abar before it
@@ -199,14 +200,20 @@ class CueGuidance:
         return self._pasted(self.hard, self.value, x_next)
 
     def bend(self, x0_hat: Tensor, abar: float) -> Tensor:
-        """Bend a guess (l, f, d) made at noise level ``abar``; without a spread it stays."""
+        """Bend a guess (l, f, d) of the CPU, made at noise level ``abar``, if there is a spread."""
         if self.spread is None:
             return x0_hat
         cues = self._both if self.bend_soft and abar in self._levels else self._hard_only
         x0_hat = cues.bend(x0_hat[None], abar, self.spread)[0]
         if abar < MORE_SIGNAL:
             return x0_hat
-        return run_in(self._pasted(self.hard, self.value, x0_hat), self.hard_frames)
+        hard, value, frames = self._on_cpu
+        return run_in(self._pasted(hard, value, x0_hat), frames)
+
+    @cached_property
+    def _on_cpu(self) -> tuple[Tensor, Tensor, Tensor]:
+        """The hard cues where `bend` works: entries, values, frames."""
+        return self.hard.cpu(), self.value.cpu(), self.hard_frames.cpu()
 
     @cached_property
     def _hard_only(self) -> Constraint:
@@ -220,7 +227,7 @@ class CueGuidance:
         mask, value = mask.cpu().clone(), self.value.cpu().clone()
         if self.home is not None:
             for end in (0, -1):
-                mask[:, end, FLOOR], value[:, end, FLOOR] = True, self.home[FLOOR].to(value)
+                mask[:, end, FLOOR], value[:, end, FLOOR] = True, self.home.cpu()[FLOOR].to(value)
         return Constraint(mask, value)
 
     def rows(self, start: int, stop: int) -> "CueGuidance":

@@ -22,7 +22,8 @@ from torch import Tensor
 
 from dancediff.lodge.foot_refine import joints_of
 from dancediff.motion.representation import Normalizer
-from dancediff.motion.skeleton import FOOT_JOINTS
+from dancediff.motion.skeleton import feet_of
+from dancediff.motion.table import table
 from dancediff.tcdiffpp.losses import l_contact as l_foot
 from dancediff.tcdiffpp.losses import l_vel, mean_over
 
@@ -170,11 +171,11 @@ def l_contact(joints_hat: Tensor, contact: Tensor, *, by: str = "label") -> Tens
     """
     if by not in CONTACTS:
         raise ValueError(f"by={by!r} is not one of {', '.join(map(repr, CONTACTS))}")
-    feet = joints_hat[..., FOOT_JOINTS, :]
+    feet = feet_of(joints_hat)
     lateral, up, depth = (FPS * feet.diff(dim=-3)).unbind(-1)
     velocity = torch.stack([lateral, up.clamp(max=0), depth], dim=-1)
     if by == "height":
-        b = (feet[..., 1] <= feet.new_tensor(PLANTED_HEIGHT)).to(feet)
+        b = (feet[..., 1] <= table(torch.tensor, PLANTED_HEIGHT, like=feet)).to(feet)
     else:
         b = contact if by == "soft" else (contact > 0.5).to(feet)
     return mean_over((velocity * b[..., :-1, :, None]).square(), None)

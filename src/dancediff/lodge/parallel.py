@@ -228,13 +228,13 @@ def sample_locals(
         how.times(model.config.num_steps),
         soft=soft,
         channels=cues.channels,
-        spread=model.spread,
+        spread=None if model.spread is None else model.spread.cpu(),
         home=model.normalizer.normalize(cues.value.new_zeros(LODGE.dim)) if home else None,
         generators=how.generators(SOFT_CUES, len(M)),
     )
     M = model.music_normalizer.normalize(M.to(model.abar.device))
-    known = dict.fromkeys(("legs", "height", "turns", "places"), cues.hard)
-    plant = Planting(model.normalizer, **known, spec=LODGE) if feet == "planted" else None
+    known = dict.fromkeys(("legs", "height", "turns", "places"), cues.hard.cpu())
+    plant = Planting(model.normalizer.on_cpu(), **known, spec=LODGE) if feet == "planted" else None
     x = sample_rows(model, M, style, how, LOCALS, pin=pin, plant=plant, callback=callback)
     return model.normalizer.unnormalize(x).cpu()
 
@@ -248,7 +248,7 @@ def style_tokens(stage, genre: int, rows: int, how: Sampling) -> Tensor | None:
         return None
     device = stage.abar.device
     z = torch.randn(1, stage.style.noise, generator=how.generators(STYLE, 1)[0]).to(device)
-    return stage.style(torch.tensor([genre], device=device), z).expand(rows, -1)
+    return stage.style(torch.full((1,), genre, device=device), z).expand(rows, -1)
 
 
 def dance(

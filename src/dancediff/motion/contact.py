@@ -8,7 +8,8 @@ Symbols (axes: f frames · j joints)
 import torch
 from torch import Tensor
 
-from dancediff.motion.skeleton import FOOT_JOINTS
+from dancediff.motion.skeleton import feet_of
+from dancediff.motion.table import table
 
 CONTACT_HEIGHT = (0.12, 0.12, 0.05, 0.05)  # metres above the floor: ankles, toes
 CONTACT_SPEED = 0.01  # metres a frame at 30 fps, in the floor plane
@@ -22,8 +23,8 @@ def feet_low(joints: Tensor) -> Tensor:
     >>> feet_low(torch.zeros(2, 24, 3)).all().item()
     True
     """
-    height = joints[..., FOOT_JOINTS, 1]
-    return height < height.new_tensor(CONTACT_HEIGHT)
+    height = feet_of(joints)[..., 1]
+    return height < table(torch.tensor, CONTACT_HEIGHT, like=height)
 
 
 def foot_speed(joints: Tensor) -> Tensor:
@@ -35,7 +36,7 @@ def foot_speed(joints: Tensor) -> Tensor:
     >>> foot_speed(torch.zeros(5, 24, 3)).shape
     torch.Size([5, 4])
     """
-    feet = joints[..., FOOT_JOINTS, :][..., (0, 2)]
+    feet = feet_of(joints)[..., ::2]  # x and z
     if feet.shape[-3] == 1:
         return torch.zeros_like(feet[..., 0])
     speed = feet.diff(dim=-3).norm(dim=-1)

@@ -161,6 +161,10 @@ class Normalizer(nn.Module):
         wider = ((min_span - (high - low)) / 2).clamp_min(0) * (high - low > 1e-6)
         return cls(low - wider, high + wider)
 
+    def on_cpu(self) -> "Normalizer":
+        """The same for tensors of the CPU, whatever device this one is on."""
+        return Normalizer(self.low.cpu(), self.high.cpu())
+
     @property
     def scale(self) -> Tensor:
         """Half the range of each channel (1 where it is constant): units per normalised unit."""

@@ -14,6 +14,8 @@ from dataclasses import dataclass, field
 import torch
 from torch import Tensor
 
+from dancediff.motion.table import table
+
 # fmt: off
 _SMPL24 = [  # name, parent, rest offset from the parent in metres (SMPL axes)
     ("root", -1, (0, 0, 0)),
@@ -85,6 +87,15 @@ FOOT_JOINTS = (7, 8, 10, 11)  # left ankle, right ankle, left toe, right toe
 LOWER_BODY = (1, 2, 4, 5, 7, 8, 10, 11)  # TCDiff++ footwork: hips, knees, ankles, toes
 
 
+def feet_of(joints: Tensor) -> Tensor:
+    """The joints `FOOT_JOINTS` of all: (..., 24, 3) -> (..., 4, 3).
+
+    >>> torch.equal(feet_of(torch.arange(24)[:, None])[:, 0], torch.tensor(FOOT_JOINTS))
+    True
+    """
+    return torch.stack([joints[..., j, :] for j in FOOT_JOINTS], dim=-2)
+
+
 def world_rotations(pose: Tensor, skeleton: Skeleton = SMPL24) -> Tensor:
     r"""Rotation of every joint in the world: $Q_0 = R_0,\; Q_j = Q_{p(j)} R_j$.
 
@@ -114,7 +125,7 @@ def forward_kinematics(pose: Tensor, root: Tensor, skeleton: Skeleton = SMPL24) 
     >>> round(joints[15, 1].item(), 3)                       # the head of the T-pose
     0.619
     """
-    offsets = skeleton.offsets.to(root)
+    offsets = table(_rest, skeleton, like=root).unbind(0)
     rotations = pose.unbind(-3)  # one autograd node; indexing joint by joint would make 24
     Q: list = []
     joints: list = []
@@ -126,3 +137,7 @@ def forward_kinematics(pose: Tensor, root: Tensor, skeleton: Skeleton = SMPL24) 
             joints.append(joints[p] + Q[p] @ offsets[j])
             Q.append(Q[p] @ rotations[j])
     return torch.stack(joints, dim=-2)
+
+
+def _rest(skeleton: Skeleton) -> Tensor:
+    return skeleton.offsets

@@ -15,6 +15,8 @@ import torch.nn.functional as F
 from einops import rearrange
 from torch import Tensor, nn
 
+from dancediff.motion.table import table
+
 ROPE_BASE = 10_000.0  # EDGE and the RoPE paper
 ALIGNMENT = 8.0  # logit by which a token prefers its own frame at the start; ours
 
@@ -35,7 +37,8 @@ def rope_angles(frames: Tensor, channels: int) -> Tensor:
     tensor([[0.0000, 0.0000],
             [3.0000, 0.0300]])
     """
-    return frames[:, None].float() * rope_frequencies(channels).to(frames.device)
+    frames = frames[:, None].float()
+    return frames * table(rope_frequencies, channels, like=frames)
 
 
 def rotate(x: Tensor, angles: Tensor) -> Tensor:

@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from dancediff.motion.representation import Normalizer, unpack
-from dancediff.motion.skeleton import FOOT_JOINTS, forward_kinematics
+from dancediff.motion.skeleton import feet_of, forward_kinematics
 
 FPS = 30
 HEIGHTS = 5.0  # a foot on the floor against one at 20 cm
@@ -40,7 +40,7 @@ def foot_cues(x: Tensor, normalizer: Normalizer) -> Tensor:
     """
     with torch.autocast(x.device.type, enabled=False):
         _, root, pose = unpack(normalizer.unnormalize(x.float()))
-        feet = forward_kinematics(pose, root)[..., FOOT_JOINTS, :]
+        feet = feet_of(forward_kinematics(pose, root))
     seen = (feet - root[..., None, :]).flatten(-2)
     v = torch.zeros_like(feet)
     v[:, :, :-1] = FPS * feet.diff(dim=2)

@@ -18,8 +18,9 @@ from torch import Tensor, nn
 
 from dancediff.diffusion.precondition import SMALLEST, GroupModes, dct_matrix
 from dancediff.motion.representation import TCDIFFPP
+from dancediff.motion.table import table
 
-ON_FLOOR = [TCDIFFPP.root.start, TCDIFFPP.root.start + 2]
+ON_FLOOR = slice(TCDIFFPP.root.start, TCDIFFPP.root.stop, 2)  # x and z: a list would wait for a GPU
 
 
 class FormationPrior(nn.Module):
@@ -68,7 +69,7 @@ class FormationPrior(nn.Module):
         self._fit_progress(joined)
         for n, (paths, S) in joined.items():
             rest = paths - self.mean(S)
-            C = dct_matrix(rest.shape[2]).to(rest)
+            C = table(dct_matrix, rest.shape[2], like=rest)
             rest = torch.cat([rest, _mirrored(rest)])
             waves = torch.einsum("kf,wnfc->kcwn", C, rest).double()
             size, basis = torch.linalg.eigh(waves.mT @ waves / waves.shape[2])

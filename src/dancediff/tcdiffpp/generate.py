@@ -180,7 +180,8 @@ def segments(model, song, wish: Wish, *, report=None, watch=None, dtype=None) ->
     if wish.sampler == "ddpm":
         weight = off_at_the_end(weight, wish.num_steps)
 
-    known = wish.known and control.normalized(wish.known, model.normalizer)
+    bends_with = model.normalizer.on_cpu()
+    known = wish.known and control.normalized(wish.known, bends_with)
     pieces = iter_long_group_sample(
         denoise_segments(model, weight, dtype, autoguidance_of(model, wish)),
         music,
@@ -191,11 +192,11 @@ def segments(model, song, wish: Wish, *, report=None, watch=None, dtype=None) ->
         target_orders=wish.target_orders(),
         overlap=wish.overlap,
         pinning=wish.pinning,
-        spread=model.spread,
+        spread=None if model.spread is None else model.spread.cpu(),
         constraint=known,
-        plant_with=model.normalizer if wish.feet == "planted" else None,
-        part_with=model.normalizer if wish.spacing == "kept" else None,
-        order_with=model.normalizer if wish.order == "kept" else None,
+        plant_with=bends_with if wish.feet == "planted" else None,
+        part_with=bends_with if wish.spacing == "kept" else None,
+        order_with=bends_with if wish.order == "kept" else None,
         numbers=wish.numbers,
         redo=_redo(wish),
         seam=wish.seam,

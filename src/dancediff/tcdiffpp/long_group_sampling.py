@@ -16,6 +16,7 @@ handed over in that order and put back afterwards; nobody is ever renamed.
 """
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 
 import torch
 from torch import Tensor
@@ -23,7 +24,7 @@ from torch import Tensor
 from dancediff.diffusion.constraint import Bending, Constraint
 from dancediff.diffusion.pinning import MODES, Pinning
 from dancediff.diffusion.samplers import sample
-from dancediff.diffusion.schedule import gaussian
+from dancediff.diffusion.schedule import gaussian, send
 from dancediff.motion.representation import Normalizer
 from dancediff.tcdiffpp.order import Order
 from dancediff.tcdiffpp.planting import Planting, held, one_after_the_other
@@ -93,6 +94,7 @@ def iter_long_group_sample(
       the order asked for last or, if none was, the order they stand in now.
     - ``pinning``, ``t_star``: see `Pinning`. With "init" the shared frames also get the noise they
       were made from; it carries furthest with eta = 0.
+    - ``spread`` to ``order_with``, what guesses are bent with, are on the CPU (see `sample`).
     - ``spread`` (k, d), of each frequency in the training set: with it "renoise" also bends every
       guess so that it sets out from the known frames (`Constraint`); None is RePaint as published.
     - ``constraint``: what is known of the dance beforehand, frame by frame (n, F, d); needs spread.
@@ -115,13 +117,13 @@ def iter_long_group_sample(
     segments, f, _ = segments_music.shape
     _check_options(segments, f, overlap=overlap, pinning=pinning, seam=seam, targets=target_orders)
     _check_constraint(constraint, spread, overlap, redo)
-    stride = f - overlap
+    stride, abar = f - overlap, abar.cpu()
     asked = known = z = None
     for i, M in enumerate(segments_music.to(device=device, dtype=dtype).split(1)):
         if target_orders is not None and target_orders[i] is not None:
             asked = check_order(target_orders[i], dancers, name=f"target_orders[{i}]")
         order, now = _orders(known, root_x, dancers, numbers)
-        S = relative_order(now if asked is None else asked, order)[None].to(device)
+        S = relative_order(now if asked is None else asked, order)
 
         noise, pin = gaussian((dancers, f, motion_dim), generator=generator), None
         if known is not None:
@@ -138,11 +140,11 @@ def iter_long_group_sample(
         sets_out = known if pinning == "renoise" and seam == "copy" and spread is not None else None
         told = _told(constraint, sets_out, i * stride, f)
         told = told and told.dancers(order)
-        rules = () if order_with is None or asked is None else (Order(order_with, S[0]),)
+        rules = () if order_with is None or asked is None else (Order(order_with, S),)
         rules += () if part_with is None else (Spacing(part_with),)
         bends = spread is not None and (told is not None or rules)
         x = sample(
-            lambda x_t, t, M=M, S=S: denoise_segment(x_t, t, M, S),
+            partial(_denoise, denoise_segment, M, send(S[None], device)),
             (1, dancers, f, motion_dim),
             abar=abar,
             sampler=sampler,
@@ -175,6 +177,10 @@ def iter_long_group_sample(
     yield rest
 
 
+def _denoise(denoise_segment: Callable, M: Tensor, S: Tensor, x_t: Tensor, t: int) -> Tensor:
+    return denoise_segment(x_t, t, M, S)
+
+
 def _callback(progress, watch, i: int, segments: int) -> Callable | None:
     """What `sample` calls after every step of segment i."""
     if progress is None and watch is None:
@@ -197,7 +203,8 @@ def _told(
     told = None if constraint is None else constraint.frames(start, start + f)
     if known is None:
         return told
-    mask = torch.zeros(len(known), f, known.shape[2], dtype=torch.bool, device=known.device)
+    known = known.cpu()  # as all that bends
+    mask = torch.zeros(len(known), f, known.shape[2], dtype=torch.bool)
     value = mask.to(known.dtype)
     k = known.shape[1]
     mask[:, max(0, k - SETS_OUT) : k] = True

@@ -17,7 +17,7 @@ from einops import rearrange
 from torch import Tensor
 
 from dancediff.motion.representation import TCDIFFPP, Normalizer, unpack
-from dancediff.motion.skeleton import FOOT_JOINTS, forward_kinematics
+from dancediff.motion.skeleton import feet_of, forward_kinematics
 
 FPS = 30
 
@@ -116,7 +116,7 @@ def l_contact(
     >>> l_contact(joints, torch.full((1, 1, 3, 4), 0.4)).item()      # nobody claims contact
     0.0
     """
-    step = joints_hat[..., FOOT_JOINTS, :].diff(dim=-3)
+    step = feet_of(joints_hat).diff(dim=-3)
     b = contact_hat[..., :-1, :]
     b = b if threshold is None else (b > threshold).to(b)
     return mean_over((step * b[..., None]).square(), present)
