@@ -8,6 +8,7 @@
     python benchmarks/lodge_bars.py genre lodge TRAINING_FOLDER held
     python benchmarks/lodge_bars.py length lodge
     python benchmarks/lodge_bars.py fidelity lodge edge held other
+    python benchmarks/lodge_bars.py fidelity lodge edge CMU other --kinds real --frames 512
 
 Held-out takes are solos: of a group the first dancer. Every dance is made to the music of a
 held-out take and asked for that take's genre.
@@ -45,10 +46,12 @@ from dancediff.training.lodge_data import prepared_solos
 FPS, LOCAL = 30, 256
 
 
-def held_out(folder: str, frames: int, count: int) -> list[Window]:
+def held_out(
+    folder: str, frames: int, count: int, kinds: tuple[str, ...] = ("synthetic",)
+) -> list[Window]:
     """Solos to their music, spread over the genres."""
     by_genre: dict[str, list[Window]] = {}
-    for window in windows(folder, frames, ("synthetic",)):
+    for window in windows(folder, frames, kinds):
         if len(window.beats) > 1:
             first = Motion(window.motion.pose[:1], window.motion.root[:1], meta=window.motion.meta)
             by_genre.setdefault(window.genre, []).append(replace(window, motion=first))
@@ -351,10 +354,11 @@ class Fidelity(Common):
     other: tyro.conf.Positional[str] = "other"
     frames: int = 1024
     count: int = 60
+    kinds: tuple[str, ...] = ("synthetic",)  # "real": people's, not those of training
 
     def run(self) -> None:
-        """Print every metric of both and of the held-out takes, against other takes."""
-        some = held_out(self.held, self.frames, self.count)
+        """Print every metric of both and of the held-out takes, against choreographed ones."""
+        some = held_out(self.held, self.frames, self.count, self.kinds)
         reference = [w.motion for w in held_out(self.other, self.frames, 10 * self.count)]
         how = self.how
         sets = {"held-out": [w.motion for w in some]}
