@@ -85,8 +85,11 @@ class PackedTakes:
                 self._put(place, data, x, M)
             x.flush()
             M.flush()
-            if not self.folder.is_dir():  # another process may have been faster
+            try:
                 part.replace(self.folder)
+            except OSError:
+                if not self.folder.is_dir():  # or another process was faster
+                    raise
         finally:
             shutil.rmtree(part, ignore_errors=True)
 
