@@ -378,7 +378,9 @@ def _alone(name: str, window: Window, seed: int, how: dict) -> Motion:
 
 
 def _cell(row) -> str:
-    return "" if row.value is None else f"{row.value:.3g} [{row.low:.3g}, {row.high:.3g}]"
+    if row.value is None:
+        return ""
+    return f"{row.value:.3g}" + ("" if row.low is None else f" [{row.low:.3g}, {row.high:.3g}]")
 
 
 if __name__ == "__main__":

@@ -80,6 +80,32 @@ def test_captured_windows_have_their_share(solos):
     assert 0.8 < np.mean([data.choose(rng).captured for _ in range(300)]) < 0.97
 
 
+def test_captured_dances_to_any_song(solos):
+    """The song alone must not tell that somebody danced, or nothing is learned from the genre."""
+
+    def owners(**options):
+        data = windows(solos, captured=0.5, windows_per_batch=200, music=True, **options)
+        x, M, _ = data.batch(0)
+        songs = [{tuple(row.tolist()) for row in solo.songs.flatten(0, 1)} for solo in solos]
+        heard = [[tuple(m[0].tolist()) in song for song in songs].index(True) for m in M]
+        danced = [
+            min(range(3), key=lambda k, w=w: _nearest(solos[k], w)) for w in x[:, :, LODGE.rot6d]
+        ]
+        return np.array(danced), np.array(heard)
+
+    danced, heard = owners()
+    assert np.array_equal(danced, heard), "each to its own song"
+    danced, heard = owners(any_song=0.5)
+    assert np.array_equal(danced[danced != 2], heard[danced != 2]), "the choreographer keeps his"
+    assert 0.3 < np.mean(heard[danced == 2] != 2) < 0.7
+    assert set(heard[danced == 2]) == {0, 1, 2}
+
+
+def _nearest(solo, w):
+    starts = solo.x[: len(solo.x) - len(w) + 1, LODGE.rot6d]
+    return (starts - w[0]).abs().amax(-1).min().item()
+
+
 def test_primitives_are_those_of_the_clip(solos):
     x = torch.zeros(1024, 139)
     x[:, [7, 11]] = 1
@@ -94,12 +120,33 @@ def test_primitives_are_those_of_the_clip(solos):
     assert torch.equal(thin[0], x[::4])
 
 
+def test_the_first_stage_meets_short_solos_too(solos):
+    """A take of 300 frames is no 1024, but its genre must not stay unknown: it is repeated."""
+    data = windows(solos[1:2], num_frames=1024, layout=LAYOUT)
+    primitives, M, genre = data.batch(0)
+    assert primitives.shape == (4, 104, 139) and M.shape == (4, 1024, 35)
+    assert genre.tolist() == [1] * 4
+    assert torch.equal(M[:, 300:], M[:, :-300]), "the music goes on from its beginning"
+    steps = primitives.unflatten(1, (13, 8)).diff(dim=2).abs().amax()
+    once = solos[1].x.diff(dim=0).abs().amax()
+    assert steps <= once + 1e-5, "no primitive lies across the join, where the pose jumps"
+    joined = data.solos[0].x
+    assert (joined[300] - joined[299])[7:].abs().amax() > 2 * once, "where there is a jump"
+    assert torch.allclose(joined[300, [4, 6]], joined[299, [4, 6]]), "the dancer goes on from there"
+
+
+def test_solos_shorter_than_a_local_segment_stay_out(solos):
+    with pytest.raises(ValueError, match="local_frames=512 frames, the longest 300"):
+        windows(solos, num_frames=1024, layout=Layout(1024, 512))
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
         ({"num_frames": 999}, "num_frames=999 frames, the longest 300"),
         ({"mirror": 2}, "mirror=2"),
         ({"captured": -1}, "captured=-1"),
+        ({"any_song": 1.5}, "any_song=1.5"),
         ({"windows_per_batch": 0}, "windows_per_batch=0"),
     ],
 )

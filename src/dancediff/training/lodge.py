@@ -39,7 +39,13 @@ STAGES = {
     "fine_tune": LodgeWeights.fine_tune,
 }
 _CORPUS = {"folder": str, "songs": int, "first_seed": int, "seconds": float, "unheard": list}
-_WINDOWS = {"windows_per_batch": int, "mirror": float, "captured": float, "music": bool}
+_WINDOWS = {
+    "windows_per_batch": int,
+    "mirror": float,
+    "captured": float,
+    "music": bool,
+    "any_song": float,
+}
 
 
 def check_lodge_tables(config: dict, source: str) -> dict:

@@ -8,7 +8,7 @@ Symbols (axes: b batch · f frames · w windows · d = 139 motion, m music featu
 """
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -32,6 +32,7 @@ class Solo:
     songs: Tensor
     genre: str
     kind: str = "synthetic"
+    period: int | None = None  # frames after which a repeated dance begins again
 
     @property
     def captured(self) -> bool:
@@ -78,15 +79,49 @@ def prepared_solos(folder, genres: tuple[str, ...], split: str = "train") -> lis
     return solos
 
 
+def repeated(solo: Solo, num_frames: int) -> Solo:
+    """A solo danced again and again to its music, so that a window of any phase fits.
+
+    The dancer goes on from where the dance ended; the pose jumps there, and so does the music.
+
+    >>> solo = Solo("short", torch.arange(300.0)[:, None] * torch.ones(139), torch.rand(1, 300, 35),
+    ...             "indian", "real")
+    >>> long = repeated(solo, 1024)
+    >>> len(long.x), long.songs.shape[1], long.period, long.x[300, 4:7].tolist()
+    (1500, 1500, 300, [299.0, 0.0, 299.0])
+    """
+    f = len(solo.x)
+    times = -(-num_frames // f) + 1
+    x = solo.x.repeat(times, 1)
+    walked = (solo.x[-1, LODGE.root] - solo.x[0, LODGE.root]) * x.new_tensor([1.0, 0.0, 1.0])
+    x[:, LODGE.root] += torch.arange(times).repeat_interleave(f)[:, None] * walked
+    return replace(solo, x=x, songs=solo.songs.repeat(1, times, 1), period=f)
+
+
+def not_across(frames: Tensor, start: int, period: int) -> Tensor:
+    """Move primitives (p, k) of the window at ``start`` to before a join that they lie across.
+
+    >>> not_across(torch.tensor([[0, 7], [96, 103], [98, 105]]), start=500, period=300).tolist()
+    [[0, 7], [92, 99], [92, 99]]
+    """
+    last = (start + frames[:, -1:]) % period
+    span = frames[:, -1:] - frames[:, :1]
+    return frames - torch.where(last < span, last + 1, 0)
+
+
 class SoloWindows:
     """Random windows of solos; ``batch(number)`` follows from (seed, number) alone.
 
     Every solo that is long enough counts the same. Each window's root starts at x = z = 0. With a
     ``layout`` a window becomes its primitives (the first stage): 13 x 8 frames or, with a stride,
-    every ``stride``-th frame of it.
+    every ``stride``-th frame of it. A solo as long as a local segment is long enough for that: it
+    is `repeated`. Left out, as it was at first, no Indian dance of ours was long enough, and the
+    first stage had never met one when it was asked for one.
 
     ``mirror``: share of windows mirrored.  ``captured``: share of windows that people danced.
-    ``music``: any of the songs that fit.
+    ``music``: any of the songs that fit.  ``any_song``: share of captured windows that have the
+    song of any choreographed dance. Songs that were made to fit a captured dance give it away, so
+    that a model need not listen to the genre, and does not when the song says otherwise.
 
     Raises: ValueError when no solo is long enough, or a share is none.
     """
@@ -103,15 +138,24 @@ class SoloWindows:
         mirror: float = 0.0,
         captured: float | None = None,
         music: bool = False,
+        any_song: float = 0.0,
     ):
-        self.solos = [solo for solo in solos if len(solo.x) >= num_frames]
+        name, enough = "num_frames", num_frames
+        if layout is not None:
+            name, enough = "local_frames", layout.local_frames
+        self.solos = [
+            solo if len(solo.x) >= num_frames else repeated(solo, num_frames)
+            for solo in solos
+            if len(solo.x) >= enough
+        ]
         if not self.solos:
             longest = max((len(solo.x) for solo in solos), default=0)
             raise ValueError(
-                f"no solo has num_frames={num_frames} frames, the longest {longest}; prepare "
-                f"takes of at least {num_frames / 30:.0f} s"
+                f"no solo has {name}={enough} frames, the longest {longest}; prepare "
+                f"takes of at least {enough / 30:.0f} s"
             )
-        for name, share in (("mirror", mirror), ("captured", captured or 0.0)):
+        shares = {"mirror": mirror, "captured": captured or 0.0, "any_song": any_song}
+        for name, share in shares.items():
             if not 0 <= share <= 1:
                 raise ValueError(f"{name}={share} is no share; choose 0 (never) to 1 (always)")
         if windows_per_batch < 1:
@@ -119,6 +163,8 @@ class SoloWindows:
         self.genres, self.num_frames, self.layout = genres, num_frames, layout
         self.windows_per_batch, self.seed = windows_per_batch, seed
         self.mirror, self.captured, self.music = mirror, captured, music
+        self.any_song = any_song
+        self.choreographed = [solo for solo in self.solos if not solo.captured]
 
     def batch(self, number: int) -> tuple[Tensor, Tensor, Tensor]:
         """Motion (b, f, d) in metres, music (b, N, m) raw, genre (b,)."""
@@ -141,6 +187,10 @@ class SoloWindows:
         if self.mirror and rng.random() < self.mirror:
             x = mirror_features(x, LODGE)
         song = solo.songs[int(rng.integers(len(solo.songs))) if self.music else 0]
+        foreign = self.any_song and solo.captured and self.choreographed
+        if foreign and rng.random() < self.any_song:
+            other = self.choreographed[int(rng.integers(len(self.choreographed)))]
+            song, start = other.songs[0], int(rng.integers(len(other.x) - self.num_frames + 1))
         M = song[start : start + self.num_frames]
         return x, M.clone(), torch.tensor(self.genres.index(solo.genre))
 
@@ -153,6 +203,8 @@ class SoloWindows:
             return at_origin(x[:: self.layout.stride])
         # as `primitives_of`, with sigma 1.5, but the beats of the whole take are found only once
         frames = primitive_frames(solo.beats - start, self.layout, max_shift=0)
+        if solo.period is not None:
+            frames = not_across(frames, start, solo.period)
         return at_origin(x[frames]).flatten(0, 1)
 
     def pieces(self) -> Iterator[Tensor]:
