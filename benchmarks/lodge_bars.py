@@ -32,7 +32,7 @@ from tqdm.auto import tqdm
 
 from dancediff import hub
 from dancediff.lodge import parallel
-from dancediff.lodge.model import with_hands
+from dancediff.lodge.model import AUTOGUIDANCE, with_hands
 from dancediff.metrics.kinetic import kinetic_features
 from dancediff.metrics.physical import fsr
 from dancediff.metrics.report import evaluate_dances
@@ -86,20 +86,34 @@ def interval(values) -> str:
     return f"{values.mean():.3f} [{low:.3f}, {high:.3f}]"
 
 
+def arguments(sampling: Sampling) -> dict:
+    """Of `generate`, for one who dances alone: nobody to keep apart from."""
+    how = asdict(sampling)
+    del how["spacing"], how["order"]
+    return how
+
+
+def of_stages(sampling: Sampling, at_once: int | None) -> parallel.Sampling:
+    """The same for both stages of Lodge, below `generate`."""
+    names = ("sampler", "steps", "guidance")
+    how = {name: getattr(sampling, name) for name in names}
+    return parallel.Sampling(
+        **how, autoguidance=sampling.autoguidance or AUTOGUIDANCE, at_once=at_once
+    )
+
+
 @dataclass
 class Common:
     """What every part is told."""
 
     model: tyro.conf.Positional[str]
-    sampling: Sampling = field(default_factory=lambda: Sampling(steps=20, guidance=2.0))
+    sampling: Sampling = field(default_factory=lambda: Sampling(steps=20, guidance=1.0))
     workers: int = 2
 
     @property
     def how(self) -> dict:
-        """Arguments of `generate` for one who dances alone: nobody to keep apart from."""
-        how = asdict(self.sampling)
-        del how["spacing"], how["order"], how["autoguidance"]
-        return how
+        """Arguments of `generate`."""
+        return arguments(self.sampling)
 
 
 @dataclass
@@ -122,9 +136,7 @@ class Equal(Common):
                     M,
                     L * LOCAL,
                     genre=0,
-                    how=parallel.Sampling(
-                        sampler=self.sampling.sampler, steps=self.sampling.steps, at_once=at_once
-                    ),
+                    how=of_stages(self.sampling, at_once),
                     feet=self.sampling.feet,
                 )
                 for at_once in (None, 1)
@@ -330,9 +342,7 @@ class Length(Common):
     def run(self) -> None:
         """Print seconds for each length, one after the other in one process."""
         model, times = hub.load(self.model), []
-        how = parallel.Sampling(
-            sampler=self.sampling.sampler, steps=self.sampling.steps, at_once=self.at_once
-        )
+        how = of_stages(self.sampling, self.at_once)
         go = partial(parallel.dance, model.global_stage, model.local_stage, genre=0, how=how)
         go(torch.zeros(LOCAL, 35), LOCAL)  # warm
         for frames in self.frames:
@@ -355,6 +365,9 @@ class Fidelity(Common):
     frames: int = 1024
     count: int = 60
     kinds: tuple[str, ...] = ("synthetic",)  # "real": people's, not those of training
+    edge_sampling: Sampling = field(  # as in its paper, but for the number of steps
+        default_factory=lambda: Sampling(steps=20, guidance=2.0, autoguidance=1.0)
+    )
 
     def run(self) -> None:
         """Print every metric of both and of the held-out takes, against choreographed ones."""
@@ -364,6 +377,7 @@ class Fidelity(Common):
         sets = {"held-out": [w.motion for w in some]}
         jobs = [joblib.delayed(danced)(self.model, w, k, how) for k, w in enumerate(some)]
         sets[self.model] = in_processes(jobs, self.workers)
+        how = arguments(self.edge_sampling)
         jobs = [joblib.delayed(_alone)(self.edge, w, k, how) for k, w in enumerate(some)]
         sets[self.edge] = in_processes(jobs, self.workers)
         for name, dances in sets.items():

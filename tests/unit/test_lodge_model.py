@@ -77,7 +77,7 @@ def test_options_matter(model):
     usual = make(model, steps=6)
     changed = {
         **{"genre": "salsa", "soft": 0.0, "mirror": False, "beat_align": False},
-        **{"guidance": 1.0, "autoguidance": 1.5, "eta": 1.0, "steps": 4},
+        **{"guidance": 2.0, "autoguidance": 1.5, "eta": 1.0, "steps": 4},
     }
     for name, value in changed.items():
         other = make(model, **{"steps": 6, name: value})

@@ -28,6 +28,7 @@ from dancediff.tcdiffpp.generate import generate
 from dancediff.tcdiffpp.wish import Wish, one_of
 
 MAX_DANCERS = 5  # for whom there are formations
+AUTOGUIDANCE = 1.3  # more makes dances too varied: docs/training_log.md
 
 
 @dataclass
@@ -147,7 +148,7 @@ class Lodge(nn.Module):
         beat_align: bool = True,
         steps: int = 20,
         sampler: str = "dpm",
-        guidance: float = 2.0,
+        guidance: float = 1.0,
         autoguidance: float | None = None,
         eta: float = 0.0,
         at_once: int | None = 16,
@@ -171,10 +172,11 @@ class Lodge(nn.Module):
         - ``seed``: the same seed on the same machine gives the same bits.
         - ``sampler`` "dpm" or "ddim" (``steps``, ``eta``: 0 = no fresh noise, 1 = as in the paper,
           which takes 50 steps of "ddim"), or "ddpm" (all 1000 steps).
-        - ``guidance``: 0 ignores the music, 1 listens, 2 exaggerates (the papers' value).
+        - ``guidance``: 0 ignores the music, 1 listens, 2 exaggerates (the papers' value): with it
+          the song may overrule the genre.
         - ``autoguidance``: above 1 pushes guesses away from the mean of all dances
           (`dancediff.diffusion.guidance.autoguided`); a model without preconditioning cannot;
-          default 1, off.
+          default 1.3 for one that can.
         - ``at_once``: segments in memory together (16 are two minutes), None: all; the dance is
           the same.
         - ``progress``: True for a bar, or a function (done, total).
@@ -262,7 +264,7 @@ def draw_group(
     slots = places(wish.dancers, formation)
     genre = genre or genre_for(song.tempo, model.config.genres)
     if wish.autoguidance is None:
-        wish.autoguidance = 1.0
+        wish.autoguidance = AUTOGUIDANCE if model.config.precondition else 1.0
     sampling = ("sampler", "steps", "guidance", "autoguidance", "eta", "seed")
     M = song.features()
     solo = dance(
