@@ -71,5 +71,11 @@ def test_another_seed_and_another_genre_are_other_dances(model, song):
         assert (other.joints() - one.joints()).norm(dim=-1).mean() > 0.05
 
 
+def test_indian_dance_is_as_lively_as_the_captured_one(model, song, dance):
+    """Once a dance that was asked to be Indian was the choreographer's, at half the speed."""
+    indian = model.generate(song, seconds=17, seed=1, genre="indian")
+    assert speed(indian) > 1.5 * speed(dance)
+
+
 def test_knows_the_genres_it_names(model):
     assert list(model.config.genres) == dd.genres()
