@@ -172,8 +172,7 @@ class Lodge(nn.Module):
         - ``seed``: the same seed on the same machine gives the same bits.
         - ``sampler`` "dpm" or "ddim" (``steps``, ``eta``: 0 = no fresh noise, 1 = as in the paper,
           which takes 50 steps of "ddim"), or "ddpm" (all 1000 steps).
-        - ``guidance``: 0 ignores the music, 1 listens, 2 exaggerates (the papers' value): with it
-          the song may overrule the genre.
+        - ``guidance``: 0 ignores the music, 1 listens, 2 exaggerates (the papers' value).
         - ``autoguidance``: above 1 pushes guesses away from the mean of all dances
           (`dancediff.diffusion.guidance.autoguided`); a model without preconditioning cannot;
           default 1.3 for one that can.
