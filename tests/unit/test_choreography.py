@@ -2,7 +2,7 @@ import pytest
 import torch
 
 from dancediff.data.choreographer.structure import Section
-from dancediff.lodge.choreography import chain, cue_positions, make_cues, repeat_sections
+from dancediff.lodge.choreography import arrange, chain, cue_positions, make_cues, repeat_sections
 from dancediff.lodge.primitives import DISCRETE, LAYOUT, Layout
 from dancediff.lodge.stitch import plan
 from dancediff.motion.mirror import mirror_features
@@ -159,6 +159,13 @@ def test_cues_for_the_network_are_scaled_and_cut():
     cued = cues.hard | cues.soft
     assert torch.allclose(scaled.value[cued], (cues.value[cued] - 2) / 4, atol=1e-6)
     assert (scaled.value[~cued] == 0).all()
-    part = scaled.part(1, 3)
-    assert part.value.shape == (2, 256, 139) and part.channels.shape == (139,)
-    assert torch.equal(part.soft, scaled.soft[1:3]) and part.positions.shape == (2, 4)
+
+
+def test_cues_of_some_locals_are_those_of_all():
+    whole = make_cues(random_primitives(2), plan(2048), beats=range(0, 2048, 14))
+    arrangement = arrange(random_primitives(2), plan(2048), beats=range(0, 2048, 14))
+    part = arrangement.cues(slice(3, 5))
+    assert part.value.shape == (2, 256, 139) and part.hard.any() and part.soft.any()
+    for name in ("value", "hard", "soft", "positions"):
+        assert torch.equal(getattr(part, name), getattr(whole, name)[3:5]), name
+    assert torch.equal(part.channels, whole.channels)

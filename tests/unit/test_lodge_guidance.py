@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import pytest
 import torch
 
@@ -148,7 +150,13 @@ def test_segments_apart_are_segments_together(segments):
     whole.generators = gens(segments, 5)
     x_T = row_noise(whole.value, gens(segments, 3))
     for k in range(0, segments, 2):
-        part = whole.rows(k, k + 2)
+        part = replace(
+            whole,
+            value=whole.value[k : k + 2],
+            hard_frames=whole.hard_frames[k : k + 2],
+            soft_frames=whole.soft_frames[k : k + 2],
+            generators=whole.generators[k : k + 2],
+        )
         y = sample(
             lambda x, t: 0.7 * x,
             part.value.shape,
@@ -200,7 +208,7 @@ def test_home_is_where_segments_end_and_nothing_else_of_the_root():
     height = LODGE.root.start + 1
     assert torch.equal(away.bend(walk, 0.5)[..., height], walk[..., height])
     assert (cues(soft=0, spread=spread()).bend(walk, 0.5)[:, -1, FLOOR] == 3).all()
-    first = away.rows(0, 1).bend(walk[:1], 0.5)
+    first = cues(1, soft=0, spread=spread(), home=home).bend(walk[:1], 0.5)
     assert torch.allclose(first, away.bend(walk, 0.5)[:1])
 
 

@@ -7,7 +7,7 @@ import torch
 import dancediff as dd
 from dancediff import hub
 from dancediff.lodge.global_diffusion import GlobalConfig
-from dancediff.lodge.group import canon_delays, in_group, late, nearest, places
+from dancediff.lodge.group import Group, canon_delays, in_group, late, nearest, places
 from dancediff.lodge.local_diffusion import LocalConfig
 from dancediff.lodge.model import Lodge, LodgeConfig
 from dancediff.lodge.style import GENRES, genre_for
@@ -186,6 +186,46 @@ def test_formations_grow_until_nobody_collides():
     assert nearest(group[..., LODGE.root]) >= 0.75
     alike = in_group(x, places(2, "line"))
     assert alike[0, 0, 4].item() == pytest.approx(-0.7)  # in unison nothing has to grow
+
+
+@pytest.mark.parametrize("relation", ["unison", "canon", "mirror"])
+def test_a_group_is_the_same_made_piece_by_piece(relation, monkeypatch):
+    x = torch.zeros(4000, 139)
+    x[:, 7:] = torch.rand(4000, 132, generator=torch.Generator().manual_seed(3))
+    x[3700:, 4] = torch.linspace(0, 6, 300)  # in the last minute somebody comes too close
+    options = {"relation": relation, "delay": [0, 50, 100]}
+    group = Group(x, places(3, "V"), **options)
+    usual = Group(torch.zeros_like(x), places(3, "V")).home
+    assert torch.equal(group.home, usual) == (relation == "unison")  # the others had to grow
+    monkeypatch.setattr("dancediff.lodge.group.PIECE", 10**6)
+    assert torch.equal(Group(x, places(3, "V"), **options).home, group.home)
+    whole = group.frames(0, 4000)
+    pieces = [group.frames(start, start + 77) for start in range(0, 4000, 77)]
+    assert whole.shape == (3, 4000, 139) and torch.equal(torch.cat(pieces, dim=1), whole)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{"dancers": 1}, {"dancers": 3, "relation": "canon"}, {"dancers": 2, "relation": "mirror"}],
+)
+def test_stream_hands_out_the_same_dance_in_pieces(model, options):
+    song, wish = Song(150.0), {"seconds": 130.0, "steps": 1, "seed": 3, "soft": 0.5} | options
+    whole, pieces = model.generate(song, **wish), list(model.stream(song, **wish))
+    assert [piece.num_frames for piece in pieces] == [1800, 1800, 300]
+    for name, dim in {"root": 1, "pose": 1, "contact": 1}.items():
+        streamed = torch.cat([getattr(piece, name) for piece in pieces], dim)
+        assert torch.equal(streamed, getattr(whole, name)), name
+    assert all(piece.meta == whole.meta for piece in pieces)
+    assert model.generate(song, seconds=2.0).meta == next(model.stream(song, seconds=2.0)).meta
+
+
+@pytest.mark.parametrize(
+    ("argument", "value"),
+    [("dancers", 9), ("soft", 2), ("genre", "polka"), ("formation", "heap"), ("at_once", 0)],
+)
+def test_stream_checks_at_once(model, argument, value):
+    with pytest.raises(ValueError, match=f"{argument}="):
+        model.stream(Song(), **{argument: value})
 
 
 def test_late_never_runs_out():

@@ -52,13 +52,44 @@ class Cues:
         cued = (masks["hard"] | masks["soft"])[..., None]
         return replace(self, value=value * cued, **masks)
 
-    def part(self, start: int, stop: int) -> "Cues":
-        """The locals start ... stop - 1."""
-        names = ("value", "hard", "soft", "positions")
-        return replace(self, **{name: getattr(self, name)[start:stop] for name in names})
+
+@dataclass(frozen=True, eq=False)
+class Arrangement:
+    """The primitives that each local passes, before they lie among its frames.
+
+    tail       first half of the hard primitive that ends it       (L, 4, d)
+    head       second half of the one that begins it               (L, 4, d)
+    soft       the others                                          (L, c, 8, d)
+    positions  the middle of each of them                          int (L, c)
+
+    A twentieth of the memory that `Cues` need, which `dance` makes of a few locals at a time.
+    """
+
+    tail: Tensor
+    soft: Tensor
+    head: Tensor
+    positions: Tensor
+    layout: Layout
+    spec: MotionSpec = LODGE
+
+    def cues(self, part: slice = slice(None)) -> Cues:
+        """The cues of some locals."""
+        parts = (x[part] for x in (self.tail, self.soft, self.head, self.positions))
+        return lay_out(*parts, self.layout, self.spec)
 
 
-def make_cues(
+def make_cues(primitives: Tensor, plan: Plan, **options) -> Cues:
+    """The cues of all locals; the arguments are those of `arrange`.
+
+    >>> from dancediff.lodge.stitch import plan
+    >>> cues = make_cues(torch.randn(1, 13, 8, 139), plan(1024), beats=range(0, 1024, 15))
+    >>> cues.value.shape, cues.positions[0].tolist()
+    (torch.Size([4, 256, 139]), [45, 105, 165, 225])
+    """
+    return arrange(primitives, plan, **options).cues()
+
+
+def arrange(
     primitives: Tensor,
     plan: Plan,
     *,
@@ -67,7 +98,7 @@ def make_cues(
     mirror: bool = True,
     beat_align: bool = True,
     spec: MotionSpec = LODGE,
-) -> Cues:
+) -> Arrangement:
     """Split hard primitives at borders, mirror soft ones, put them on beats, repeat with the song.
 
     ``beats``: frames of the song. ``sections``: see `song_structure.find_sections`, in frames; a
@@ -78,13 +109,12 @@ def make_cues(
     Source: Lodge section 3.2 and appendix B.  Differs: the released code mirrors normalised
     vectors, always uses fixed frames and knows nothing of sections.
 
-    Shapes: primitives (G, p, 8, d) metres and 6-D rotations -> Cues of L locals, in metres.
+    Shapes: primitives (G, p, 8, d) metres and 6-D rotations -> Arrangement of L locals, in metres.
     Raises: ValueError when the primitives are not those of the plan.
 
     >>> from dancediff.lodge.stitch import plan
-    >>> cues = make_cues(torch.randn(1, 13, 8, 139), plan(1024), beats=range(0, 1024, 15))
-    >>> cues.value.shape, cues.positions[0].tolist()
-    (torch.Size([4, 256, 139]), [45, 105, 165, 225])
+    >>> arrange(torch.randn(1, 13, 8, 139), plan(1024)).soft.shape
+    torch.Size([4, 4, 8, 139])
     """
     layout = plan.layout
     tail, soft, head = split_at_borders(chain(primitives, plan), layout)
@@ -98,7 +128,7 @@ def make_cues(
         ]
     )
     soft = repeat_sections(soft, positions, plan, sections, mirror=mirror, spec=spec)
-    return lay_out(tail, soft, head, positions, layout, spec)
+    return Arrangement(tail, soft, head, positions, layout, spec)
 
 
 def lay_out(

@@ -3,11 +3,14 @@ r"""A group that dances Lodge's solo: in unison, one after the other, or as in a
 Lodge makes one dancer. Here the others repeat what she does, each from a place of a formation, as
 a corps does; nobody sees anybody. A model of groups is `dancediff.tcdiffpp`.
 
-Symbols (axes: n dancers · F frames · d motion features)
+Symbols (axes: n dancers · F frames · f frames of a piece · d motion features)
     x        the solo, metres and 6-D rotations           (F, d)
     slots    places on the stage floor, left to right     (n, 2)   x lateral, z depth
     delay    frames by which each dancer is late          (n,)
 """
+
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -23,6 +26,7 @@ EASE = 8  # frames before and after a late start in which a dancer gets going
 CANON_BEATS = 4  # between one dancer's start and the next one's
 WITHOUT_BEATS = 60  # frames; four beats at 120 a minute
 WIDEST = 3.0  # times the formation's size
+PIECE = 1800  # frames that are looked at together: a minute
 
 
 def places(dancers: int, formation: str) -> np.ndarray:
@@ -53,8 +57,9 @@ def canon_delays(dancers: int, beats: np.ndarray) -> list[int]:
     return [k * each for k in range(dancers)]
 
 
-def in_group(x: Tensor, slots: np.ndarray, *, relation: str = "unison", delay=None) -> Tensor:
-    """Copies of a solo on their places.
+@dataclass(eq=False)
+class Group:
+    """Copies of a solo on their places, made for as many frames at a time as are asked for.
 
     "unison": all the same. "canon": each ``delay`` frames later, in the first pose until then and
     slowly out of it. "mirror": dancers on the right are the mirror images of those on the left.
@@ -62,45 +67,80 @@ def in_group(x: Tensor, slots: np.ndarray, *, relation: str = "unison", delay=No
     A solo that travels may bring copies closer than the 0.75 m at which the choreographer keeps its
     dancers, where they do not travel alike; the formation is then made wider, up to three times.
 
-    Shapes: x (F, d), slots (n, 2), delay (n,) -> (n, F, d).
+    Shapes: x (F, d), slots (n, 2), delay (n,).
     Raises: ValueError for another relation.
 
-    >>> solo = torch.zeros(30, 139)
-    >>> in_group(solo, np.array([[-1.0, 0.0], [1.0, 0.5]]))[:, 0, 4:7].tolist()
-    [[-1.0, 0.0, 0.0], [1.0, 0.0, 0.5]]
+    >>> group = Group(torch.zeros(30, 139), np.array([[-1.0, 0.0], [1.0, 0.5]]))
+    >>> group.frames(20, 30).shape, group.frames(0, 1)[:, 0, 4:7].tolist()
+    (torch.Size([2, 10, 139]), [[-1.0, 0.0, 0.0], [1.0, 0.0, 0.5]])
     """
-    if relation not in RELATIONS:
-        raise ValueError(f"relation={relation!r} is not one of {', '.join(map(repr, RELATIONS))}")
-    n = len(slots)
-    y = at_origin(x).expand(n, -1, -1).clone()
-    if relation == "canon":
-        y = torch.stack([late(solo, frames) for solo, frames in zip(y, delay, strict=True)])
-    elif relation == "mirror":
-        right = torch.from_numpy(slots[:, 0] > 0)
-        y[right] = mirror_features(y[right], LODGE)
-    home = torch.zeros(n, 1, 3, dtype=y.dtype)
-    home[:, 0, [0, 2]] = torch.from_numpy(slots).to(y)
-    y[..., LODGE.root] += home * _wide_enough(y[..., LODGE.root], home)
-    return y
+
+    x: Tensor
+    slots: np.ndarray
+    relation: str = "unison"
+    delay: Sequence[int] | None = None
+
+    def __post_init__(self):
+        if self.relation not in RELATIONS:
+            known = ", ".join(map(repr, RELATIONS))
+            raise ValueError(f"relation={self.relation!r} is not one of {known}")
+        self.x = at_origin(self.x)
+        self.home = torch.zeros(len(self.slots), 1, 3, dtype=self.x.dtype)
+        self.home[:, 0, [0, 2]] = torch.from_numpy(self.slots).to(self.x)
+        if len(self.slots) > 1:
+            self.home *= _wide_enough(self._paths(), self.home)
+
+    def frames(self, start: int, stop: int) -> Tensor:
+        """Some frames of all dancers, (n, f, d)."""
+        y = self._unplaced(start, stop)
+        y[..., LODGE.root] += self.home
+        return y
+
+    def _unplaced(self, start: int, stop: int) -> Tensor:
+        """As if all began in the middle of the stage."""
+        n, part = len(self.slots), slice(start, stop)
+        if self.relation == "canon":
+            delays = zip(self.slots, self.delay, strict=True)
+            return torch.stack([late(self.x, frames, part=part) for _, frames in delays])
+        y = self.x[part].expand(n, -1, -1).clone()
+        if self.relation == "mirror":
+            right = torch.from_numpy(self.slots[:, 0] > 0)
+            y[right] = mirror_features(y[right], LODGE)
+        return y
+
+    def _paths(self) -> Tensor:
+        """Where all would go from the middle of the stage, (n, F, 3)."""
+        starts = range(0, len(self.x), PIECE)
+        pieces = (self._unplaced(start, start + PIECE) for start in starts)
+        return torch.cat([piece[..., LODGE.root].clone() for piece in pieces], dim=1)
 
 
-def late(x: Tensor, frames: int, *, ease: int = EASE) -> Tensor:
+def in_group(x: Tensor, slots: np.ndarray, **options) -> Tensor:
+    """All frames of a `Group` at once, (F, d) -> (n, F, d).
+
+    >>> in_group(torch.zeros(30, 139), np.array([[-1.0, 0.0], [1.0, 0.5]])).shape
+    torch.Size([2, 30, 139])
+    """
+    return Group(x, slots, **options).frames(0, len(x))
+
+
+def late(x: Tensor, frames: int, *, ease: int = EASE, part: slice = slice(None)) -> Tensor:
     r"""Start later, and end before the dance does.
 
     $$\tau = \begin{cases} 0 & t \le -E \\ (t + E)^2 / 4E & -E < t < E \\ t & t \ge E \end{cases}$$
 
     At t frames after her turn she is where the first dancer was in frame tau: she sets out E =
     ``ease`` frames early and slowly, and is exactly ``frames`` late from E frames after on. Feet
-    step where the first dancer's did.
+    step where the first dancer's did. ``part``: only these frames of the result.
 
-    Shapes: (F, d) -> (F, d).
+    Shapes: (F, d) -> (F, d), or (f, d) for f frames of it.
 
     >>> late(torch.arange(8.0)[:, None], 4, ease=2).flatten().tolist()
     [0.0, 0.0, 0.0, 0.125, 0.5, 1.125, 2.0, 3.0]
     """
     frames = min(frames, len(x) - 1)
     ease = min(ease, frames)
-    t = torch.arange(len(x), dtype=torch.float64) - frames
+    t = torch.arange(len(x), dtype=torch.float64)[part] - frames
     if ease:
         t = torch.where(t < ease, (t + ease).clamp_min(0) ** 2 / (4 * ease), t)
     before = t.clamp_min(0).floor().long()

@@ -13,7 +13,7 @@ Symbols (axes: l local segments · f frames · d motion features)
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import torch
@@ -229,19 +229,6 @@ class CueGuidance:
             for end in (0, -1):
                 mask[:, end, FLOOR], value[:, end, FLOOR] = True, self.home.cpu()[FLOOR].to(value)
         return Constraint(mask, value)
-
-    def rows(self, start: int, stop: int) -> "CueGuidance":
-        """The part for some of the segments, to dance them in chunks."""
-        generators = self.generators
-        if isinstance(generators, Sequence):
-            generators = generators[start:stop]
-        return replace(
-            self,
-            value=self.value[start:stop],
-            hard_frames=self.hard_frames[start:stop],
-            soft_frames=self.soft_frames[start:stop],
-            generators=generators,
-        )
 
     def _pasted(self, mask: Tensor, cue: Tensor, x: Tensor) -> Tensor:
         if x.shape != mask.shape:

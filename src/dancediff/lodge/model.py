@@ -7,7 +7,8 @@ Symbols (axes: n dancers · F frames of the dance · d motion features)
     local stage    music of 8.5 s and cues -> dance, see `dancediff.lodge.local_diffusion`
 """
 
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator
+from dataclasses import dataclass, field, fields, replace
 from functools import partial
 
 import numpy as np
@@ -15,16 +16,17 @@ import torch
 from torch import Tensor, nn
 
 from dancediff.lodge.global_diffusion import GlobalConfig, GlobalDenoiser
-from dancediff.lodge.group import RELATIONS, canon_delays, in_group, places
+from dancediff.lodge.group import PIECE, RELATIONS, Group, canon_delays, places
 from dancediff.lodge.guidance import guided_steps
 from dancediff.lodge.local_diffusion import LocalConfig, LocalDenoiser
 from dancediff.lodge.parallel import Sampling, dance, layout_of
 from dancediff.lodge.stitch import plan
-from dancediff.lodge.style import genre_for, genre_number
+from dancediff.lodge.style import GENRES, genre_for, genre_number
 from dancediff.motion.motion import Motion
-from dancediff.motion.representation import LODGE, pack, unpack, whole_pose
+from dancediff.motion.representation import LODGE, TCDIFFPP
+from dancediff.motion.rotation import matrix_to_rot6d
 from dancediff.music.beats import beat_frames
-from dancediff.tcdiffpp.generate import generate
+from dancediff.tcdiffpp.generate import facts_of, generate, stream
 from dancediff.tcdiffpp.wish import Wish, one_of
 
 MAX_DANCERS = 5  # for whom there are formations
@@ -186,26 +188,14 @@ class Lodge(nn.Module):
         Raises: ValueError naming the argument, its value and what is allowed; also for a silent
         song or one under a second.
         """
-        if genre is not None:
-            genre_number(genre, self.config.genres)
-        soft = _share(soft)
-        one_of("relation", relation, RELATIONS)
-        how = Sampling(at_once=at_once)
-        draw = partial(
-            draw_group,
-            genre=genre,
-            how=how,
-            formation=formation,
-            relation=relation,
-            soft=soft,
-            home=bool(home),
-            mirror=bool(mirror),
-            beat_align=bool(beat_align),
+        staging = Staging(
+            genre, soft, home, mirror, beat_align, at_once, formation, relation, self.config.genres
         )
-        motion = generate(
+        return generate(
             self,
             song,
-            draw=draw,
+            draw=partial(draw_group, staging=staging),
+            describe=partial(describe, staging=staging),
             dancers=dancers,
             seconds=seconds,
             seed=seed,
@@ -220,65 +210,130 @@ class Lodge(nn.Module):
             device=device,
             dtype=dtype,
         )
-        for name in ("overlap", "pinning"):  # of other ways to make long dances
-            motion.meta.pop(name)
-        motion.meta |= {
-            "genre": genre or genre_for(song.tempo, self.config.genres),
-            "soft": soft,
-            "home": bool(home),
-            "mirror": bool(mirror),
-            "beat_align": bool(beat_align),
-            "seams": self.seams(song, motion, relation),
-        }
-        if motion.num_dancers > 1:
-            motion.meta |= {"formation": formation, "relation": relation}
-        return motion
 
-    def seams(self, song, motion: Motion, relation: str) -> list[int]:
-        """Frames in which somebody passes from one segment to the next."""
-        f, delay = motion.num_frames, [0]
-        if relation == "canon":
-            delay = canon_delays(motion.num_dancers, beat_frames(song.features()))
-        at = plan(f, layout_of(self.global_stage)).seams
-        return sorted({seam + late for seam in at for late in delay if seam + late < f})
+    def stream(self, song, **options) -> Iterator[Motion]:
+        """The dance that `generate` makes of the same arguments, handed out a minute at a time.
+
+        The solo is made first: 139 numbers a frame, 60 MB an hour, are held to its end. Everything
+        else, above all the other dancers, is made for a piece only.
+
+        >>> import dancediff as dd
+        >>> pieces = dd.load("lodge").stream(dd.packaged_song(), seconds=9, steps=2)
+        >>> [piece.num_frames for piece in pieces]
+        [270]
+
+        Raises: ValueError as `generate`.
+        """
+        own = {f.name: options.pop(f.name) for f in fields(Staging) if f.name in options}
+        staging = Staging(**own, genres=self.config.genres)
+        options = {"dancers": 1, "steps": 20, "overlap": 1} | options
+        pieces = stream(
+            self,
+            song,
+            draw=partial(draw_pieces, staging=staging),
+            describe=partial(describe, staging=staging),
+            **options,
+        )
+        places(options["dancers"], staging.formation)
+        return pieces
 
 
-def draw_group(
-    model: Lodge,
-    song,
-    wish: Wish,
-    *,
-    genre: str | None,
-    how: Sampling,
-    formation: str,
-    relation: str,
-    report=None,
-    dtype=None,
-    **options,
-) -> Tensor:
-    """The ``draw`` of `dancediff.tcdiffpp.generate.generate`: features (n, F, 151) in metres.
+@dataclass
+class Staging:
+    """The arguments of `Lodge.generate` that no other model has, checked.
+
+    Raises: ValueError naming the argument, its value and what is allowed.
+
+    >>> Staging(soft=2)
+    Traceback (most recent call last):
+    ValueError: soft=2.0 must lie in 0 (hard cues only) ... 1 (all steps but one)
+    """
+
+    genre: str | None = None
+    soft: float = 1.0
+    home: bool = True
+    mirror: bool = True
+    beat_align: bool = True
+    at_once: int | None = 16
+    formation: str = "line"
+    relation: str = "unison"
+    genres: tuple[str, ...] = GENRES
+
+    def __post_init__(self):
+        if self.genre is not None:
+            genre_number(self.genre, self.genres)
+        self.soft = _share(self.soft)
+        for name in ("home", "mirror", "beat_align"):
+            setattr(self, name, bool(getattr(self, name)))
+        Sampling(at_once=self.at_once)  # refuses what is no number of segments
+        one_of("relation", self.relation, RELATIONS)
+
+    def genre_of(self, song) -> str:
+        """The genre that was asked for, or the one that goes with the song's tempo."""
+        return self.genre or genre_for(song.tempo, self.genres)
+
+
+def describe(model: Lodge, song, wish: Wish, *, staging: Staging) -> dict:
+    """What a dance says of how it was made, for ``Motion.meta``."""
+    facts = facts_of(model, song, wish)
+    for name in ("overlap", "pinning"):  # of other ways to make long dances
+        facts.pop(name)
+    told = ("soft", "home", "mirror", "beat_align")
+    facts |= {"genre": staging.genre_of(song)} | {name: getattr(staging, name) for name in told}
+    facts["seams"] = _seams(model, song, wish, staging.relation)
+    if wish.dancers > 1:
+        facts |= {"formation": staging.formation, "relation": staging.relation}
+    return facts
+
+
+def _seams(model: Lodge, song, wish: Wish, relation: str) -> list[int]:
+    """Frames in which somebody passes from one segment to the next."""
+    f, delay = wish.frames, [0]
+    if relation == "canon":
+        delay = canon_delays(wish.dancers, beat_frames(song.features()))
+    at = plan(f, layout_of(model.global_stage)).seams
+    return sorted({seam + late for seam in at for late in delay if seam + late < f})
+
+
+def draw_group(model: Lodge, song, wish: Wish, **how) -> Tensor:
+    """The ``draw`` of `dancediff.tcdiffpp.generate.generate`: features (n, F, 151) in metres."""
+    return torch.cat(list(draw_pieces(model, song, wish, **how)), dim=1)
+
+
+def draw_pieces(
+    model: Lodge, song, wish: Wish, *, staging: Staging, report=None, dtype=None
+) -> Iterator[Tensor]:
+    """The ``draw`` of `dancediff.tcdiffpp.generate.stream`: a minute at a time, (n, f, 151).
 
     Raises: ValueError for a formation that the dancers do not know.
     """
-    slots = places(wish.dancers, formation)
-    genre = genre or genre_for(song.tempo, model.config.genres)
+    slots = np.asarray(places(wish.dancers, staging.formation))
     if wish.autoguidance is None:
         wish.autoguidance = AUTOGUIDANCE if model.config.precondition else 1.0
     sampling = ("sampler", "steps", "guidance", "autoguidance", "eta", "seed")
+    how = Sampling(at_once=staging.at_once, dtype=dtype)
     M = song.features()
-    solo = dance(
-        model.global_stage,
-        model.local_stage,
-        M,
-        wish.frames,
-        genre=genre_number(genre, model.config.genres),
-        how=replace(how, dtype=dtype, **{name: getattr(wish, name) for name in sampling}),
-        report=report,
-        feet=wish.feet,
-        **options,
+    group = Group(
+        dance(
+            model.global_stage,
+            model.local_stage,
+            M,
+            wish.frames,
+            genre=genre_number(staging.genre_of(song), model.config.genres),
+            how=replace(how, **{name: getattr(wish, name) for name in sampling}),
+            soft=staging.soft,
+            home=staging.home,
+            feet=wish.feet,
+            mirror=staging.mirror,
+            beat_align=staging.beat_align,
+            report=report,
+        ),
+        slots,
+        relation=staging.relation,
+        delay=canon_delays(wish.dancers, beat_frames(M)),
     )
-    delay = canon_delays(wish.dancers, beat_frames(M))
-    return with_hands(in_group(solo, np.asarray(slots), relation=relation, delay=delay))
+    for start in range(0, wish.frames, PIECE):
+        yield with_hands(group.frames(start, start + PIECE))
 
 
 def with_hands(x: Tensor) -> Tensor:
@@ -287,8 +342,9 @@ def with_hands(x: Tensor) -> Tensor:
     >>> with_hands(torch.zeros(2, 9, 139)).shape
     torch.Size([2, 9, 151])
     """
-    contact, root, pose = unpack(x, LODGE)
-    return pack(contact, root, whole_pose(pose))
+    missing = TCDIFFPP.num_joints - LODGE.num_joints  # the last ones, both
+    hands = matrix_to_rot6d(torch.eye(3)).to(x).repeat(missing)
+    return torch.cat([x, hands.expand(*x.shape[:-1], -1)], dim=-1)
 
 
 def _share(soft) -> float:

@@ -7,6 +7,7 @@ Symbols (axes: g globals · l locals · p primitives · f frames of a local · F
     M         music features, raw                         (F', m)   F' >= F
     style     one token for each segment                  (g or l, d_model)
     at_once   segments that go through a network together; None: all of them
+    first     number of the first of these segments, counted from the song's start
 
     music -> globals -> primitives -> cues -> locals -> stitched -> cropped
 
@@ -25,7 +26,7 @@ from torch import Tensor
 from dancediff.diffusion.guidance import autoguided, guided, off_at_the_end
 from dancediff.diffusion.samplers import sample, sampling_times
 from dancediff.diffusion.schedule import cosine_abar
-from dancediff.lodge.choreography import Cues, make_cues
+from dancediff.lodge.choreography import Cues, arrange
 from dancediff.lodge.global_diffusion import GlobalDenoiser
 from dancediff.lodge.guidance import CueGuidance
 from dancediff.lodge.local_diffusion import LocalDenoiser
@@ -64,14 +65,16 @@ class Sampling:
                 f"at_once={self.at_once!r} must be a number of segments from 1 on, or None for all"
             )
 
-    def generators(self, purpose: int, rows: int) -> list[torch.Generator]:
-        """One source of noise for each row; row k is the same however many there are.
+    def generators(self, purpose: int, rows: int, first: int = 0) -> list[torch.Generator]:
+        """One source of noise for each row; row k is the same whichever others there are.
 
-        >>> a, b = (Sampling(seed=3).generators(LOCALS, rows)[1] for rows in (2, 9))
+        >>> how = Sampling(seed=3)
+        >>> a, b = how.generators(LOCALS, 9)[4], how.generators(LOCALS, 2, first=4)[0]
         >>> torch.equal(torch.randn(4, generator=a), torch.randn(4, generator=b))
         True
         """
-        seeds = (np.random.SeedSequence([self.seed, purpose, k]) for k in range(rows))
+        numbers = range(first, first + rows)
+        seeds = (np.random.SeedSequence([self.seed, purpose, k]) for k in numbers)
         states = (int(s.generate_state(1, np.uint64)[0]) >> 1 for s in seeds)
         return [torch.Generator().manual_seed(state) for state in states]
 
@@ -111,48 +114,38 @@ def sample_rows(
     how: Sampling,
     purpose: int,
     *,
+    first: int = 0,
     pin: CueGuidance | None = None,
     plant: Planting | None = None,
     callback: Callable[[], None] | None = None,
 ) -> Tensor:
-    """Sample all rows of a stage, ``how.at_once`` of them together.
-
-    Memory grows with ``at_once``, not with the song. ``callback()`` runs after every step.
+    """Sample rows of a stage together; ``callback()`` runs after every step.
 
     Shapes: M (b, N, m) standardised, style (b, d_model) -> (b, f, d) normalised.
     """
-    rows, frames = len(M), model.config.num_frames
-    generators = how.generators(purpose, rows)
     weight = how.guidance
     if how.sampler == "ddpm":
         weight = off_at_the_end(weight, model.config.num_steps)
-    pieces = []
-    for part in how.chunks(rows):
-        pinned = None if pin is None else pin.rows(part.start, part.stop)
-        denoise = guided(
-            partial(_guess, model, how.dtype),
-            M=M[part],
-            S=None if style is None else style[part],  # the condition that is never dropped
-            guidance=weight,
-        )
-        denoise = autoguided(denoise, partial(_linear, model), how.autoguidance)
-        pieces.append(
-            sample(
-                denoise,
-                (part.stop - part.start, frames, model.config.motion_dim),
-                abar=model.abar,
-                sampler=how.sampler,
-                steps=how.steps,
-                eta=how.eta,
-                clamp=None if model.config.precondition else cut_to_range,
-                generator=generators[part],
-                pin=pinned,
-                bend=one_after_the_other(pinned and pinned.bend, plant and plant.rows(part)),
-                callback=callback and (lambda i, total, x0_hat: callback()),
-                device=model.abar.device,
-            )
-        )
-    return torch.cat(pieces)
+    denoise = guided(
+        partial(_guess, model, how.dtype),
+        M=M,
+        S=style,  # the condition that is never dropped
+        guidance=weight,
+    )
+    return sample(
+        autoguided(denoise, partial(_linear, model), how.autoguidance),
+        (len(M), model.config.num_frames, model.config.motion_dim),
+        abar=model.abar,
+        sampler=how.sampler,
+        steps=how.steps,
+        eta=how.eta,
+        clamp=None if model.config.precondition else cut_to_range,
+        generator=how.generators(purpose, len(M), first),
+        pin=pin,
+        bend=one_after_the_other(pin and pin.bend, plant),
+        callback=callback and (lambda i, total, x0_hat: callback()),
+        device=model.abar.device,
+    )
 
 
 def _guess(model, dtype, x_t, t, M, style, *, keep, present=None) -> Tensor:
@@ -172,14 +165,15 @@ def sample_primitives(
     style: Tensor | None,
     how: Sampling,
     *,
+    first: int = 0,
     callback: Callable[[], None] | None = None,
 ) -> Tensor:
-    """First stage: the primitives of each global segment.
+    """First stage: the primitives of global segments.
 
     Shapes: M (g, N, m) raw, style (g, d_model) -> (g, p, 8, d) metres, on the CPU.
     """
     M = model.music_normalizer.normalize(M.to(model.abar.device))
-    x = sample_rows(model, M, style, how, GLOBALS, callback=callback)
+    x = sample_rows(model, M, style, how, GLOBALS, first=first, callback=callback)
     x = model.normalizer.unnormalize(x).cpu()
     if model.config.variant == "continuous":
         return smooth_primitives(model.clips(x))
@@ -207,6 +201,7 @@ def sample_locals(
     style: Tensor,
     how: Sampling,
     *,
+    first: int = 0,
     soft: float = 1.0,
     home: bool = True,
     feet: str = "planted",
@@ -230,12 +225,14 @@ def sample_locals(
         channels=cues.channels,
         spread=None if model.spread is None else model.spread.cpu(),
         home=model.normalizer.normalize(cues.value.new_zeros(LODGE.dim)) if home else None,
-        generators=how.generators(SOFT_CUES, len(M)),
+        generators=how.generators(SOFT_CUES, len(M), first),
     )
     M = model.music_normalizer.normalize(M.to(model.abar.device))
     known = dict.fromkeys(("legs", "height", "turns", "places"), cues.hard.cpu())
     plant = Planting(model.normalizer.on_cpu(), **known, spec=LODGE) if feet == "planted" else None
-    x = sample_rows(model, M, style, how, LOCALS, pin=pin, plant=plant, callback=callback)
+    x = sample_rows(
+        model, M, style, how, LOCALS, first=first, pin=pin, plant=plant, callback=callback
+    )
     return model.normalizer.unnormalize(x).cpu()
 
 
@@ -251,6 +248,7 @@ def style_tokens(stage, genre: int, rows: int, how: Sampling) -> Tensor | None:
     return stage.style(torch.full((1,), genre, device=device), z).expand(rows, -1)
 
 
+@torch.no_grad()
 def dance(
     global_stage: GlobalDenoiser,
     local_stage: LocalDenoiser,
@@ -282,34 +280,41 @@ def dance(
     """
     how, layout = how or Sampling(), layout_of(global_stage)
     segments = plan(frames, layout)
-    G, L = len(segments.globals), len(segments.locals)
     tick = _counter(report, _calls(global_stage, local_stage, segments, how))
-    primitives = sample_primitives(
-        global_stage,
-        segments.global_music(M),
-        style_tokens(global_stage, genre, G, how),
-        how,
-        callback=tick,
-    )
-    cues = make_cues(
-        primitives,
+    primitives = [
+        sample_primitives(
+            global_stage,
+            segments.global_music(M, part),
+            style_tokens(global_stage, genre, part.stop - part.start, how),
+            how,
+            first=part.start,
+            callback=tick,
+        )
+        for part in how.chunks(len(segments.globals))
+    ]
+    arrangement = arrange(
+        torch.cat(primitives),
         segments,
         beats=beat_frames(M),
         sections=find_sections(M[:frames]),
         mirror=mirror,
         beat_align=beat_align,
     )
-    x = sample_locals(
-        local_stage,
-        segments.local_music(M),
-        cues,
-        style_tokens(local_stage, genre, L, how),
-        how,
-        soft=soft,
-        home=home,
-        feet=feet,
-        callback=tick,
-    )
+    # cues, masks and their normalised copies are many times the dance: of a chunk only
+    x = torch.empty(len(segments.locals), layout.local_frames, local_stage.config.motion_dim)
+    for part in how.chunks(len(x)):
+        x[part] = sample_locals(
+            local_stage,
+            segments.local_music(M, part),
+            arrangement.cues(part),
+            style_tokens(local_stage, genre, part.stop - part.start, how),
+            how,
+            first=part.start,
+            soft=soft,
+            home=home,
+            feet=feet,
+            callback=tick,
+        )
     return stitch(x)[:frames]
 
 

@@ -48,13 +48,13 @@ class Plan:
             done = start // n + self.layout.locals_per_global
         return shared
 
-    def global_music(self, M: Tensor) -> Tensor:
-        """Music of the globals, (F, m) -> (G, N, m); behind its end the song starts again."""
-        return self._cut(M, self.globals, self.layout.global_frames)
+    def global_music(self, M: Tensor, part: slice = slice(None)) -> Tensor:
+        """Music of some globals, (F, m) -> (G, N, m); behind its end the song starts again."""
+        return self._cut(M, self.globals[part], self.layout.global_frames)
 
-    def local_music(self, M: Tensor) -> Tensor:
-        """Music of the locals, (F, m) -> (L, n, m); behind its end the song starts again."""
-        return self._cut(M, self.locals, self.layout.local_frames)
+    def local_music(self, M: Tensor, part: slice = slice(None)) -> Tensor:
+        """Music of some locals, (F, m) -> (L, n, m); behind its end the song starts again."""
+        return self._cut(M, self.locals[part], self.layout.local_frames)
 
     def _cut(self, M: Tensor, starts: tuple[int, ...], length: int) -> Tensor:
         if len(M) < self.frames:

@@ -46,12 +46,22 @@ def cut_music(M: Tensor, segments: int, *, length: int, stride: int) -> Tensor:
 
 
 def generate(
-    model, song, *, draw=None, progress=False, watch=None, device=None, dtype=None, **options
+    model,
+    song,
+    *,
+    draw=None,
+    describe=None,
+    progress=False,
+    watch=None,
+    device=None,
+    dtype=None,
+    **options,
 ) -> Motion:
     """Dance to a song. See `dancediff.tcdiffpp.model.TCDiffPP.generate`, which calls this.
 
     ``draw(model, song, wish, report=, dtype=)`` replaces Long Group Diffusion Sampling; it returns
-    features (n, F, d) in metres. ``watch`` is for the latter only.
+    features (n, F, d) in metres. ``describe(model, song, wish)`` is what the dance says of itself,
+    `facts_of` by default. ``watch`` is for Long Group Diffusion Sampling only.
     """
     wish, dtype = _prepared(model, song, device, dtype, options)
     draw = draw or partial(draw_long_group, watch=watch)
@@ -62,30 +72,41 @@ def generate(
     finally:
         model.train(was_training)
     # cloned: what was made in inference mode could not be used in training
-    return Motion.from_features(x.clone(), fps=FPS, meta=_meta(model, song, wish))
+    return Motion.from_features(x.clone(), fps=FPS, meta=(describe or facts_of)(model, song, wish))
 
 
-def stream(model, song, *, progress=False, device=None, dtype=None, **options) -> Iterator[Motion]:
+def stream(
+    model,
+    song,
+    *,
+    draw=None,
+    describe=None,
+    progress=False,
+    device=None,
+    dtype=None,
+    **options,
+) -> Iterator[Motion]:
     """The same dance as `generate`, handed out piece by piece as segments are ready.
 
     Memory does not grow with the song: what was handed out is forgotten. The arguments are checked
-    at once, the dancing begins with the first piece that is asked for.
+    at once, the dancing begins with the first piece that is asked for. ``draw`` is that of
+    `generate`, but yields pieces (n, f, d).
 
     Raises: ValueError as `generate`.
     """
     wish, dtype = _prepared(model, song, device, dtype, options)
-    return _pieces(model, song, wish, progress=progress, dtype=dtype)
+    pieces = partial(draw or segments, model, song, wish, dtype=dtype)
+    return _pieces(model, wish, pieces, partial(describe or facts_of, model, song, wish), progress)
 
 
-def _pieces(model, song, wish: Wish, *, progress, dtype) -> Iterator[Motion]:
+def _pieces(model, wish: Wish, draw, describe, progress) -> Iterator[Motion]:
     was_training, left = model.training, wish.frames
     model.eval()
     try:
         with music_heard_once(model), _Progress(progress) as report:
-            for x in segments(model, song, wish, report=report, dtype=dtype):
+            for x in draw(report=report):
                 if left > 0:
-                    piece = x[:, :left].clone()
-                    yield Motion.from_features(piece, fps=FPS, meta=_meta(model, song, wish))
+                    yield Motion.from_features(x[:, :left].clone(), fps=FPS, meta=describe())
                 left -= x.shape[1]
     finally:
         model.train(was_training)
@@ -232,7 +253,8 @@ def _redo(wish: Wish) -> int:
     return 0 if wish.known is None else min(LOOK_AHEAD, wish.overlap // 2)
 
 
-def _meta(model, song, wish: Wish) -> dict:
+def facts_of(model, song, wish: Wish) -> dict:
+    """What a dance says of how it was made, for ``Motion.meta``."""
     meta = {
         key: getattr(wish, key)
         for key in (

@@ -16,7 +16,7 @@ Symbols (axes: b batch · n dancers · f frames · d motion features)
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import torch
 from torch import Tensor
@@ -55,24 +55,14 @@ class Planting:
         """Plant the feet of x0_hat."""
         if abar < MORE_SIGNAL:
             return x0_hat
-        known = {k: None if m is None else m.to(x0_hat.device) for k, m in self._masks().items()}
-        x = limit_turns(self.normalizer.unnormalize(x0_hat), known["turns"], self.spec)
-        x = limit_travel(x, known["places"], self.spec)
-        x = stand_on_floor(x, known["height"], self.spec)
-        return self.normalizer.normalize(plant_feet(x, known["legs"], self.spec))
 
-    def rows(self, part: slice) -> "Planting":
-        """The part for some rows of the masks, to sample them in chunks."""
-        masks = self._masks().items()
-        return replace(self, **{k: None if m is None else m[part] for k, m in masks})
+        def here(mask: Tensor | None) -> Tensor | None:
+            return None if mask is None else mask.to(x0_hat.device)
 
-    def _masks(self) -> dict[str, Tensor | None]:
-        return {
-            "legs": self.legs,
-            "height": self.height,
-            "turns": self.turns,
-            "places": self.places,
-        }
+        x = limit_turns(self.normalizer.unnormalize(x0_hat), here(self.turns), self.spec)
+        x = limit_travel(x, here(self.places), self.spec)
+        x = stand_on_floor(x, here(self.height), self.spec)
+        return self.normalizer.normalize(plant_feet(x, here(self.legs), self.spec))
 
 
 def held(told: Constraint | None, known: int, n: int, f: int) -> dict[str, Tensor]:
