@@ -44,11 +44,13 @@ test: $(READY)
 	$(BIN)/python -m pytest --nbval-lax --nbval-current-env --nbval-cell-timeout=120 \
 	  -n 2 --dist loadfile -o addopts= notebooks/ out/solved/
 
-# The long form of the fuzz and trust tests; what they found stands at the end.
+# The long form of the fuzz and trust tests, and what else one would rely on: properties of any
+# input, licences, the doctor. What they found stands at the end.
 trust: export OMP_NUM_THREADS = 1
 trust: export DANCEDIFF_TRUST = long
 trust: $(READY)
-	$(BIN)/python -m pytest -n 2 --timeout=1200 tests/fuzz tests/trust
+	$(BIN)/python -m pytest -n 2 --timeout=1200 tests/fuzz tests/trust tests/properties \
+	  tests/unit/test_licences.py tests/unit/test_doctor.py tests/unit/test_packaging.py
 
 lint: $(READY)
 	$(BIN)/ruff check .

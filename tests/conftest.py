@@ -1,5 +1,6 @@
 import os
 import shutil
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -84,5 +85,9 @@ def pytest_terminal_summary(terminalreporter):
         return
     reports = [r for kind in ("passed", "failed") for r in terminalreporter.stats.get(kind, [])]
     facts = [v for r in reports for key, v in r.user_properties if key == "trust"]
+    quiet = Counter(
+        r.nodeid.split("::")[0] for r in reports if "trust" not in dict(r.user_properties)
+    )
+    facts += [f"{file}: {tests} tests" for file, tests in quiet.items()]
     terminalreporter.section("trust")
     terminalreporter.write_line("\n".join(sorted(facts)))

@@ -13,7 +13,7 @@ import torch
 from dancediff import hub
 
 LONG = os.environ.get("DANCEDIFF_TRUST") == "long"
-REQUESTS = {"tcdiffpp": 200, "lodge": 50} if LONG else {"tcdiffpp": 20, "lodge": 10}
+REQUESTS = {"tcdiffpp": 200, "lodge": 200} if LONG else {"tcdiffpp": 20, "lodge": 10}
 PROCESSES = 8 if LONG else 3
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(1200)]
 

@@ -19,6 +19,8 @@ import torch.nn.functional as F
 from einops import rearrange
 from torch import Tensor, nn
 
+from dancediff.nn.batch_invariant import batch_invariant_softplus
+
 
 def selective_scan_ref(
     u: Tensor, delta: Tensor, A: Tensor, B: Tensor, C: Tensor, D_skip: Tensor
@@ -288,4 +290,5 @@ class MambaBlock(nn.Module):
             if self.ssm == "mamba":
                 delta = F.softplus(F.linear(dt, self.dt_proj.weight, self.dt_proj.bias))
                 return selective_scan(u, delta, A, B, C, self.D_skip)
-            return ssd_scan(u, F.softplus(dt + self.dt_bias), A, B, C, self.D_skip)
+            delta = batch_invariant_softplus(dt + self.dt_bias)
+            return ssd_scan(u, delta, A, B, C, self.D_skip)
