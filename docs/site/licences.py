@@ -14,11 +14,13 @@ from pathlib import Path
 PAGE = Path(__file__).parents[2] / "THIRD_PARTY.md"
 HEAD = "## Libraries\n"
 OWN, UNSAID = "dancediff", "not said"
+EMPTY = {"cuda-toolkit"}  # nothing but a list of what it needs, so it names no licence
 WORDS = """\
 Installed by pip, not part of this repository: {count} with all extras, what they need included.
 `python docs/site/licences.py` writes this table from what they say of themselves.
 Two wheels bring more than that: soundfile has libsndfile (LGPL-2.1-or-later), av FFmpeg with x264
-(GPL-2.0-or-later); av is needed for .mp4 alone.
+(GPL-2.0-or-later); av is needed for .mp4 alone. PyTorch's build for NVIDIA's GPUs, if it is that
+one, brings NVIDIA's libraries, which are proprietary.
 """
 SHORT = {  # words of older packages -> SPDX
     "mit": "MIT", "mit license": "MIT", "the mit license": "MIT", "expat": "MIT",
@@ -78,7 +80,7 @@ def all_needed() -> dict[str, str]:
             continue
         seen.add(one)
         try:
-            if one[0] != OWN:
+            if one[0] not in {OWN, *EMPTY}:
                 found[one[0]] = licence_of(one[0])
             todo += needed(one[0], set(one[1]))
         except PackageNotFoundError:
