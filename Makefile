@@ -49,7 +49,7 @@ test: $(READY)
 trust: export OMP_NUM_THREADS = 1
 trust: export DANCEDIFF_TRUST = long
 trust: $(READY)
-	$(BIN)/python -m pytest -n 2 --timeout=1200 tests/fuzz tests/trust tests/properties \
+	$(BIN)/python -m pytest -n 2 --dist worksteal --timeout=1200 tests/trust tests/fuzz tests/properties \
 	  tests/unit/test_licences.py tests/unit/test_doctor.py tests/unit/test_packaging.py
 
 lint: $(READY)

@@ -21,6 +21,19 @@ def test_half_a_line_is_forgotten(tmp_path, cut):
     assert all(row.count(",") == 2 for row in rows)
 
 
+@pytest.mark.parametrize("first", [0, 12])
+def test_there_is_never_an_empty_log(tmp_path, first):
+    """A kill -9 within the first step, which takes seconds, left a file of 0 bytes."""
+    path = tmp_path / "losses.csv"
+    with LossLog(path, first) as log:
+        log.flush()
+        assert not path.exists()  # nor a hidden one, to be swept
+        assert list(tmp_path.glob(".*")) == []
+        log.write(first, {"total": 0.5})
+        header, row = path.read_text().splitlines()  # can be watched before the first checkpoint
+    assert header == "step,seconds,total" and row.startswith(f"{first},")
+
+
 def test_a_new_training_leaves_the_old_log_until_its_first_checkpoint(tmp_path):
     path = tmp_path / "losses.csv"
     path.write_text("step,seconds,total\n0,0.1,9\n")

@@ -11,7 +11,8 @@ class LossLog:
     """The CSV of every loss of every step; on resuming, steps that will be run again are cut off.
 
     Beside an old CSV a new training begins in a hidden file, which takes its place at the first
-    `flush`: the old one goes with the old checkpoint, and not before.
+    `flush`: the old one goes with the old checkpoint, and not before. Where there is none, it
+    appears with its header at the first `write`: there is never an empty one.
 
     ``seconds`` is the training time so far, that of earlier runs included.
     """
@@ -34,12 +35,10 @@ class LossLog:
             ]
         before = float(rows[-1][1]) if len(rows) > 1 else 0.0
         self.started = time.monotonic() - before
-        if first:
-            with atomic_write(path) as part, part.open("w", newline="", encoding="utf-8") as file:
-                csv.writer(file).writerows(rows)
+        if rows:
+            _write_whole(path, rows)
         self.has_header = bool(rows)
         self.hidden = None if first or not path.exists() else hidden(path)
-        self.file = _open(self.hidden or path, "a" if first else "w")
         self.board = tensorboard(path.parent / "tensorboard", first)
 
     @property
@@ -51,25 +50,29 @@ class LossLog:
         """Bring what was written to the disk."""
         if self.file:
             self.file.flush()
-        if self.hidden:
+        if self.file and self.hidden:
             self.file.close()
             self.hidden.replace(self.path)
             self.file, self.hidden = _open(self.path, "a"), None
 
     def write(self, step: int, losses: dict[str, float]) -> None:
         """One line: step, seconds, losses."""
-        if self.file is None:
+        if self.path is None:
             return
         if self.board:
             for name, value in losses.items():
                 self.board.add_scalar(f"loss/{name}", value, step)
-        writer = csv.writer(self.file)
+        if self.file is None:
+            self._begin(["step", "seconds", *losses])
         values = (f"{value:.6g}" for value in losses.values())
         with writing(self.path):
-            if not self.has_header:
-                writer.writerow(["step", "seconds", *losses])
-                self.has_header = True
-            writer.writerow([step, f"{self.seconds:.1f}", *values])
+            csv.writer(self.file).writerow([step, f"{self.seconds:.1f}", *values])
+
+    def _begin(self, header: list[str]) -> None:
+        path = self.hidden or self.path
+        if not self.has_header:
+            _write_whole(path, [header])
+        self.file = _open(path, "a")
 
     def __enter__(self):
         return self
@@ -80,6 +83,11 @@ class LossLog:
                 file.close()
         if self.hidden:
             self.hidden.unlink(missing_ok=True)
+
+
+def _write_whole(path: Path, rows: list[list[str]]) -> None:
+    with atomic_write(path) as part, part.open("w", newline="", encoding="utf-8") as file:
+        csv.writer(file).writerows(rows)
 
 
 def _open(path: Path, mode: str):
