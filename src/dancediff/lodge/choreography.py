@@ -62,7 +62,7 @@ class Arrangement:
     soft       the others                                          (L, c, 8, d)
     positions  the middle of each of them                          int (L, c)
 
-    A twentieth of the memory that `Cues` need, which `dance` makes of a few locals at a time.
+    A sixth of the memory that `Cues` need, which `dance` makes of a few locals at a time.
     """
 
     tail: Tensor
