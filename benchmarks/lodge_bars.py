@@ -32,14 +32,14 @@ from tqdm.auto import tqdm
 
 from dancediff import hub
 from dancediff.lodge import parallel
-from dancediff.lodge.model import AUTOGUIDANCE, with_hands
+from dancediff.lodge.staging import AUTOGUIDANCE
 from dancediff.metrics.kinetic import kinetic_features
 from dancediff.metrics.physical import fsr
 from dancediff.metrics.report import evaluate_dances
 from dancediff.metrics.rhythm import beat_alignment
 from dancediff.motion.beats import motion_beats
 from dancediff.motion.motion import Motion
-from dancediff.motion.representation import LODGE
+from dancediff.motion.representation import LODGE, with_hands
 from dancediff.motion.rotation import matrix_to_rot6d, rot6d_to_matrix
 from dancediff.training.lodge_data import prepared_solos
 

@@ -85,9 +85,11 @@ def pytest_terminal_summary(terminalreporter):
         return
     reports = [r for kind in ("passed", "failed") for r in terminalreporter.stats.get(kind, [])]
     facts = [v for r in reports for key, v in r.user_properties if key == "trust"]
-    quiet = Counter(
-        r.nodeid.split("::")[0] for r in reports if "trust" not in dict(r.user_properties)
+    passed = Counter(
+        r.nodeid.split("::")[0]
+        for r in terminalreporter.stats.get("passed", [])
+        if "trust" not in dict(r.user_properties)
     )
-    facts += [f"{file}: {tests} tests" for file, tests in quiet.items()]
+    facts += [f"{file}: {tests} passed" for file, tests in passed.items()]
     terminalreporter.section("trust")
     terminalreporter.write_line("\n".join(sorted(facts)))

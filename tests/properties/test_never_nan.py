@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from dancediff import hub
 from dancediff.baselines.edge import EDGE, EDGEConfig
 from dancediff.data.choreographer.formations import slots
-from dancediff.lodge.group import in_group
+from dancediff.lodge.group import Group
 from dancediff.lodge.losses import LodgeWeights, l_jacc, l_jvel, lodge_losses
 from dancediff.lodge.primitives import LAYOUT, Layout, expressive, primitives_of
 from dancediff.metrics.collision import tif
@@ -241,7 +241,7 @@ def test_primitives_and_groups_of_a_solo(kind, seed, dtype):
     for relation in ("unison", "mirror", "canon"):
         for f in (1, 2, 128):
             options = {"delay": [0, 60]} if relation == "canon" else {}
-            group = in_group(x.float()[:f], slots(2, "line"), relation=relation, **options)
+            group = Group(x.float()[:f], slots(2, "line"), relation, **options).frames(0, f)
             assert group.shape == (2, f, LODGE.dim) and finite(group)
 
 

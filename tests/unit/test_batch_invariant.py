@@ -2,10 +2,10 @@
 
 import pytest
 import torch
-from torch.nn.functional import linear
+from torch.nn.functional import linear, softplus
 
 from dancediff.lodge.local_diffusion import LocalConfig, LocalDenoiser
-from dancediff.nn.batch_invariant import BatchInvariantLinear
+from dancediff.nn.batch_invariant import BatchInvariantLinear, batch_invariant_softplus
 
 
 @pytest.mark.parametrize("b", [1, 2, 3, 7, 15])
@@ -23,6 +23,18 @@ def test_it_learns_as_any_linear_layer():
     layer(x).square().sum().backward()
     y = linear(x, layer.weight, layer.bias)
     torch.testing.assert_close(layer.weight.grad, 2 * y.mT.detach() @ x)
+
+
+@pytest.mark.parametrize("f", [1, 7, 150])
+def test_softplus_is_the_same_in_every_batch(f):
+    """PyTorch's own is not, where a batch ends within its stride."""
+    x = 4 * torch.randn(12, f, 4, generator=torch.Generator().manual_seed(0)).requires_grad_()
+    whole = batch_invariant_softplus(x)
+    for b in range(1, 12):
+        assert torch.equal(batch_invariant_softplus(x[:b]), whole[:b]), b
+    torch.testing.assert_close(whole, softplus(x))
+    ours, theirs = (torch.autograd.grad(y.square().sum(), x)[0] for y in (whole, softplus(x)))
+    torch.testing.assert_close(ours, theirs)
 
 
 def test_a_segment_is_guessed_the_same_in_every_batch():

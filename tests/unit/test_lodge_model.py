@@ -7,7 +7,7 @@ import torch
 import dancediff as dd
 from dancediff import hub
 from dancediff.lodge.global_diffusion import GlobalConfig
-from dancediff.lodge.group import Group, canon_delays, in_group, late, nearest, places
+from dancediff.lodge.group import Group, canon_delays, late, nearest, places
 from dancediff.lodge.local_diffusion import LocalConfig
 from dancediff.lodge.model import Lodge, LodgeConfig
 from dancediff.lodge.style import GENRES, genre_for
@@ -182,9 +182,9 @@ def test_mirror_is_a_mirror_image(model):
 def test_formations_grow_until_nobody_collides():
     x = torch.zeros(60, 139)
     x[:, 4] = torch.linspace(0, 1.0, 60)  # both walk towards the middle: 0.7 m is not enough
-    group = in_group(x, places(2, "line"), relation="mirror")
+    group = Group(x, places(2, "line"), relation="mirror").frames(0, 60)
     assert nearest(group[..., LODGE.root]) >= 0.75
-    alike = in_group(x, places(2, "line"))
+    alike = Group(x, places(2, "line")).frames(0, 60)
     assert alike[0, 0, 4].item() == pytest.approx(-0.7)  # in unison nothing has to grow
 
 

@@ -115,15 +115,6 @@ class Group:
         return torch.cat([piece[..., LODGE.root].clone() for piece in pieces], dim=1)
 
 
-def in_group(x: Tensor, slots: np.ndarray, **options) -> Tensor:
-    """All frames of a `Group` at once, (F, d) -> (n, F, d).
-
-    >>> in_group(torch.zeros(30, 139), np.array([[-1.0, 0.0], [1.0, 0.5]])).shape
-    torch.Size([2, 30, 139])
-    """
-    return Group(x, slots, **options).frames(0, len(x))
-
-
 def late(x: Tensor, frames: int, *, ease: int = EASE, part: slice = slice(None)) -> Tensor:
     r"""Start later, and end before the dance does.
 

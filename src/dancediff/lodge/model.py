@@ -8,29 +8,20 @@ Symbols (axes: n dancers · F frames of the dance · d motion features)
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields
 from functools import partial
 
-import numpy as np
 import torch
 from torch import Tensor, nn
 
 from dancediff.lodge.global_diffusion import GlobalConfig, GlobalDenoiser
-from dancediff.lodge.group import PIECE, RELATIONS, Group, canon_delays, places
-from dancediff.lodge.guidance import guided_steps
+from dancediff.lodge.group import places
 from dancediff.lodge.local_diffusion import LocalConfig, LocalDenoiser
-from dancediff.lodge.parallel import Sampling, dance, layout_of
-from dancediff.lodge.stitch import plan
-from dancediff.lodge.style import GENRES, genre_for, genre_number
+from dancediff.lodge.staging import Staging, describe, draw_group, draw_pieces
 from dancediff.motion.motion import Motion
-from dancediff.motion.representation import LODGE, TCDIFFPP
-from dancediff.motion.rotation import matrix_to_rot6d
-from dancediff.music.beats import beat_frames
-from dancediff.tcdiffpp.generate import facts_of, generate, stream
-from dancediff.tcdiffpp.wish import Wish, one_of
+from dancediff.tcdiffpp.generate import generate, stream
 
 MAX_DANCERS = 5  # for whom there are formations
-AUTOGUIDANCE = 1.3  # more makes dances too varied: docs/training_log.md
 
 
 @dataclass
@@ -234,123 +225,5 @@ class Lodge(nn.Module):
             describe=partial(describe, staging=staging),
             **options,
         )
-        places(options["dancers"], staging.formation)
+        places(options["dancers"], staging.formation)  # refuses here, not at the first piece
         return pieces
-
-
-@dataclass
-class Staging:
-    """The arguments of `Lodge.generate` that no other model has, checked.
-
-    Raises: ValueError naming the argument, its value and what is allowed.
-
-    >>> Staging(soft=2)
-    Traceback (most recent call last):
-    ValueError: soft=2.0 must lie in 0 (hard cues only) ... 1 (all steps but one)
-    """
-
-    genre: str | None = None
-    soft: float = 1.0
-    home: bool = True
-    mirror: bool = True
-    beat_align: bool = True
-    at_once: int | None = 16
-    formation: str = "line"
-    relation: str = "unison"
-    genres: tuple[str, ...] = GENRES
-
-    def __post_init__(self):
-        if self.genre is not None:
-            genre_number(self.genre, self.genres)
-        self.soft = _share(self.soft)
-        for name in ("home", "mirror", "beat_align"):
-            setattr(self, name, bool(getattr(self, name)))
-        Sampling(at_once=self.at_once)  # refuses what is no number of segments
-        one_of("relation", self.relation, RELATIONS)
-
-    def genre_of(self, song) -> str:
-        """The genre that was asked for, or the one that goes with the song's tempo."""
-        return self.genre or genre_for(song.tempo, self.genres)
-
-
-def describe(model: Lodge, song, wish: Wish, *, staging: Staging) -> dict:
-    """What a dance says of how it was made, for ``Motion.meta``."""
-    facts = facts_of(model, song, wish)
-    for name in ("overlap", "pinning"):  # of other ways to make long dances
-        facts.pop(name)
-    told = ("soft", "home", "mirror", "beat_align")
-    facts |= {"genre": staging.genre_of(song)} | {name: getattr(staging, name) for name in told}
-    facts["seams"] = _seams(model, song, wish, staging.relation)
-    if wish.dancers > 1:
-        facts |= {"formation": staging.formation, "relation": staging.relation}
-    return facts
-
-
-def _seams(model: Lodge, song, wish: Wish, relation: str) -> list[int]:
-    """Frames in which somebody passes from one segment to the next."""
-    f, delay = wish.frames, [0]
-    if relation == "canon":
-        delay = canon_delays(wish.dancers, beat_frames(song.features()))
-    at = plan(f, layout_of(model.global_stage)).seams
-    return sorted({seam + late for seam in at for late in delay if seam + late < f})
-
-
-def draw_group(model: Lodge, song, wish: Wish, **how) -> Tensor:
-    """The ``draw`` of `dancediff.tcdiffpp.generate.generate`: features (n, F, 151) in metres."""
-    return torch.cat(list(draw_pieces(model, song, wish, **how)), dim=1)
-
-
-def draw_pieces(
-    model: Lodge, song, wish: Wish, *, staging: Staging, report=None, dtype=None
-) -> Iterator[Tensor]:
-    """The ``draw`` of `dancediff.tcdiffpp.generate.stream`: a minute at a time, (n, f, 151).
-
-    Raises: ValueError for a formation that the dancers do not know.
-    """
-    slots = np.asarray(places(wish.dancers, staging.formation))
-    if wish.autoguidance is None:
-        wish.autoguidance = AUTOGUIDANCE if model.config.precondition else 1.0
-    sampling = ("sampler", "steps", "guidance", "autoguidance", "eta", "seed")
-    how = Sampling(at_once=staging.at_once, dtype=dtype)
-    M = song.features()
-    group = Group(
-        dance(
-            model.global_stage,
-            model.local_stage,
-            M,
-            wish.frames,
-            genre=genre_number(staging.genre_of(song), model.config.genres),
-            how=replace(how, **{name: getattr(wish, name) for name in sampling}),
-            soft=staging.soft,
-            home=staging.home,
-            feet=wish.feet,
-            mirror=staging.mirror,
-            beat_align=staging.beat_align,
-            report=report,
-        ),
-        slots,
-        relation=staging.relation,
-        delay=canon_delays(wish.dancers, beat_frames(M)),
-    )
-    for start in range(0, wish.frames, PIECE):
-        yield with_hands(group.frames(start, start + PIECE))
-
-
-def with_hands(x: Tensor) -> Tensor:
-    """Add the two hands that Lodge leaves out, not turned; (..., 139) -> (..., 151).
-
-    >>> with_hands(torch.zeros(2, 9, 139)).shape
-    torch.Size([2, 9, 151])
-    """
-    missing = TCDIFFPP.num_joints - LODGE.num_joints  # the last ones, both
-    hands = matrix_to_rot6d(torch.eye(3)).to(x).repeat(missing)
-    return torch.cat([x, hands.expand(*x.shape[:-1], -1)], dim=-1)
-
-
-def _share(soft) -> float:
-    try:
-        soft = float(soft)
-    except (TypeError, ValueError):
-        raise ValueError(f"soft={soft!r} must be a number in 0 ... 1") from None
-    guided_steps([0, -1], soft)  # refuses what is out of range
-    return soft

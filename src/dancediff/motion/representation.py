@@ -111,6 +111,17 @@ def whole_pose(pose: Tensor) -> Tensor:
     return torch.cat([pose, hands.expand(*pose.shape[:-3], missing, 3, 3)], dim=-3)
 
 
+def with_hands(x: Tensor) -> Tensor:
+    """Add the two hands that Lodge leaves out, not turned; (..., 139) -> (..., 151).
+
+    >>> with_hands(torch.zeros(2, 9, 139)).shape
+    torch.Size([2, 9, 151])
+    """
+    missing = TCDIFFPP.num_joints - LODGE.num_joints  # the last ones, both
+    hands = matrix_to_rot6d(torch.eye(3)).to(x).repeat(missing)
+    return torch.cat([x, hands.expand(*x.shape[:-1], -1)], dim=-1)
+
+
 def joints_of(x: Tensor, spec: MotionSpec = TCDIFFPP) -> Tensor:
     """Joint positions of motion vectors, by forward kinematics.
 
