@@ -105,3 +105,18 @@ def test_without_a_song_it_plays_by_its_own_clock(page, files):
     passed = (page.evaluate("performance.now()") - before) / 1000
     assert 0.5 < stopped["time"] < passed and not stopped["playing"]
     assert page.complaints == []
+
+
+def test_it_begins_again_at_the_end_every_time(page, files):
+    show(page, files["one"])
+    page.locator("#loop").check()
+    page.keyboard.press("Space")
+    for _ in range(2):
+        page.evaluate(f"window.dancediff.audio.currentTime = {SECONDS - 1}")
+        until(page, "window.dancediff.state().frame < 200")
+        until(page, "window.dancediff.state().frame > 15")
+        assert state(page)["playing"]
+    page.locator("#loop").uncheck()
+    page.evaluate(f"window.dancediff.audio.currentTime = {SECONDS - 1}")
+    until(page, "!window.dancediff.state().playing")
+    assert state(page)["frame"] > 700

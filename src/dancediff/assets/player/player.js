@@ -169,6 +169,7 @@ function pose(stage, frame) {
 
 const audio = data.song ? new Audio(data.song) : null;
 const own = { playing: false, at: 0, since: 0, speed: 1 }; // where there is no song
+let wanted = false; // play was pressed, and pause was not; a sound pauses itself at its end
 
 const clock = {
   time() {
@@ -179,17 +180,22 @@ const clock = {
   playing() {
     return audio ? !audio.paused : own.playing;
   },
+  ended() {
+    return this.time() >= duration - 0.5 / data.fps || audio?.ended;
+  },
   seek(t) {
     t = Math.min(Math.max(t, 0), last / data.fps);
     if (audio) audio.currentTime = t;
     else Object.assign(own, { at: t, since: performance.now() });
   },
   play() {
-    if (this.time() >= duration - 1 / data.fps) this.seek(0);
-    if (audio) audio.play();
+    wanted = true;
+    if (this.ended() || this.time() >= duration - 1 / data.fps) this.seek(0);
+    if (audio) audio.play().catch(() => audio.paused && (wanted = false));
     else Object.assign(own, { playing: true, since: performance.now() });
   },
   pause() {
+    wanted = false;
     if (audio) audio.pause();
     else Object.assign(own, { at: this.time(), playing: false });
   },
@@ -275,9 +281,8 @@ function drawTicks() {
 }
 
 function tick() {
-  const ended = clock.time() >= duration - 0.5 / data.fps;
-  if (ended && clock.playing()) {
-    if ($("loop").checked) clock.seek(0);
+  if (clock.ended() && wanted) {
+    if ($("loop").checked) clock.play();
     else clock.pause();
   }
   const time = clock.time();

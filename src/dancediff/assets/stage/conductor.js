@@ -89,16 +89,21 @@ async (manager, facts) => {
   }
 
   function start() {
-    if (now() >= duration - 1 / facts.fps) seek(0);
+    if (ended() || now() >= duration - 1 / facts.fps) seek(0);
     Object.assign(own, { at: now(), since: performance.now() });
     playing = true;
-    if (audio) {
-      audio.playbackRate = rate();
-      audio.play().catch(() => audio && stop());
-    }
+    if (audio) audio.playbackRate = rate();
+    sound();
     say();
     requestAnimationFrame(tick);
   }
+
+  // at its end, and in some browsers in a tab that nobody looks at, a sound pauses itself
+  function sound() {
+    if (audio?.paused) audio.play().catch(() => playing && audio?.paused && stop());
+  }
+
+  const ended = () => now() >= duration - 0.5 / facts.fps || audio?.ended;
 
   function stop() {
     own.at = now();
@@ -121,10 +126,11 @@ async (manager, facts) => {
   function tick() {
     if (!playing) return;
     if (!Object.keys(renderer.views ?? {}).length) return stop(); // the cell was run again
-    if (now() >= duration - 0.5 / facts.fps) {
+    if (ended()) {
       if (!loop.get("value")) return stop();
       seek(0);
     }
+    sound();
     show(now());
     requestAnimationFrame(tick);
   }
