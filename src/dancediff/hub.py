@@ -19,7 +19,7 @@ from dancediff.atomic import atomic_write, save_tensors
 from dancediff.baselines.edge import EDGE, EDGEConfig
 from dancediff.lodge.model import Lodge, LodgeConfig
 from dancediff.music.song import Music
-from dancediff.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
+from dancediff.tcdiffpp.model import LARGEST, MOST_LAYERS, TCDiffPP, TCDiffPPConfig
 
 ASSETS = Path(__file__).parent / "assets"
 SONG = "studio_floor"
@@ -30,7 +30,6 @@ _CLASSES = {
 }
 _FILES = {"Lodge": {"global": "global_stage.", "local": "local_stage."}}  # whose weights lie where
 _ONE_FILE = {"model": ""}
-_LARGEST, _MOST_LAYERS = 4096, 64  # a size beyond is a damaged config, not a model
 
 
 def save_model(
@@ -139,6 +138,8 @@ def _under(tensors: dict, prefix: str) -> dict:
 def _config(stored: dict, defaults):
     """The config that was stored, of the class of ``defaults``; every entry is checked first."""
     values = {}
+    if not isinstance(stored, dict):
+        raise ValueError(f"config is a {type(stored).__name__}; expected names with their values")
     for key, value in stored.items():
         if key not in vars(defaults):
             raise ValueError(f"config has an unknown entry {key!r}")
@@ -157,7 +158,7 @@ def _checked(key: str, value, kind: type):
         return tuple(value)
     if kind is not float and type(value) is not kind:
         raise ValueError(f"config {key}={value!r} should be {kind.__name__}")
-    largest = _MOST_LAYERS if key == "num_layers" else _LARGEST
+    largest = MOST_LAYERS if key == "num_layers" else LARGEST
     if kind is int and not 0 < value <= largest:
         raise ValueError(f"config {key}={value} is not in 1..{largest}")
     return value

@@ -43,6 +43,7 @@ def test_unknown_name_lists_what_there_is():
     ("change", "message"),
     [
         ({"class": "Evil"}, "'Evil' is not one of TCDiffPP"),
+        ({"config": []}, "config is a list"),
         ({"config": {"d_model": 10**9}}, "d_model=1000000000"),
         ({"config": {"d_model": "16"}}, "should be int"),
         ({"config": {"colour": 1}}, "colour"),

@@ -3,6 +3,7 @@
 import itertools
 import json
 import math
+import os
 from dataclasses import replace
 
 import numpy as np
@@ -431,3 +432,9 @@ def test_two_dancers_exchanged_at_a_seam_are_counted_only_where_the_dance_has_on
     for seams, count in (([], 0.0), ([30], 1.0), ([10], 0.0)):
         dance = Motion(pose, root.clone(), meta={"seams": seams})
         assert evaluate(dance)["abrupt swaps"].value == count
+
+
+def test_a_pipe_is_refused_at_once(tmp_path):
+    os.mkfifo(tmp_path / "dance.npz")
+    with pytest.raises(ValueError, match="is no regular file"):
+        evaluate_dances(tmp_path / "dance.npz")

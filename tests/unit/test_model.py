@@ -128,3 +128,11 @@ def test_paper_size(max_dancers, millions):
         model = TCDiffPP(TCDiffPPConfig.paper(max_dancers=max_dancers))
     count = sum(p.numel() for p in model.parameters()) / 1e6
     assert count == pytest.approx(millions, abs=0.06)
+
+
+@pytest.mark.parametrize(
+    "sizes", [{"d_model": 0}, {"num_layers": 10**9}, {"head_dim": -1}, {"max_dancers": 0}]
+)
+def test_sizes_that_no_network_has_are_refused(sizes):
+    with pytest.raises(ValueError, match=rf"{next(iter(sizes))}=.* must lie in 1 \.\.\."):
+        TCDiffPPConfig(**sizes)

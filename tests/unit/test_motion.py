@@ -110,3 +110,17 @@ def test_joints_that_are_no_tree_are_refused(tmp_path, parents):
     np.savez(path, **{**arrays, "header": np.array(json.dumps(header))})
     with pytest.raises(ValueError, match="no tree"):
         Motion.load(path)
+
+
+def test_a_dance_says_in_one_line_what_it_is():
+    assert repr(random_motion()) == "Motion(0.4 s, 2 dancers, 12 frames, seed 3)"
+    shown = random_motion()._repr_mimebundle_()
+    assert shown["text/plain"] == repr(random_motion())
+    assert shown["text/html"].startswith('<img src="data:image/png;base64,iVBOR')
+    assert len(shown["text/html"]) < 200_000
+
+
+@pytest.mark.parametrize("fps", [0.0, -30.0, 1e9, float("nan"), float("inf")])
+def test_frame_rates_that_nothing_records_are_refused(fps):
+    with pytest.raises(ValueError, match="must be above 0 and at most 1000"):
+        Motion(torch.eye(3).expand(1, 2, 24, 3, 3), torch.zeros(1, 2, 3), fps=fps)

@@ -1,5 +1,6 @@
 """Takes in memory maps: the same numbers, packed once, small to send."""
 
+import json
 import pickle
 from pathlib import Path
 
@@ -136,3 +137,13 @@ def test_takes_for_training(folder):
     assert heard == {0, 1, 2}
     plain = GroupDanceWindows(packed.takes(), num_frames=150, dancers_per_batch=8)
     assert all(np.isfinite(part.numpy()).all() for part in plain.batch(0)[:2])
+
+
+def test_no_file_is_made_as_large_as_a_wrong_index_says(folder):
+    path = folder / "index.json"
+    index = json.loads(path.read_text())
+    next(row for row in index["takes"] if row["name"] == "two")["frames"] = 10**8
+    path.write_text(json.dumps(index))
+    with pytest.raises(ValueError, match="take 'two' is not as its index says"):
+        PackedTakes(folder)
+    assert not (folder / "cache").exists()

@@ -23,7 +23,10 @@ from dancediff.data.cache import code_digest
 from dancediff.data.prepared import Entry, PreparedData
 from dancediff.data.windows import Take
 from dancediff.motion.representation import TCDIFFPP
+from dancediff.motion.skeleton import SMPL24
 from dancediff.music.features import NUM_FEATURES
+
+NOT_AS_SAID = "take {!r} is not as its index says; prepare it anew"
 
 
 @dataclass(frozen=True)
@@ -74,6 +77,8 @@ class PackedTakes:
         return self._maps[name]
 
     def _write(self, data: PreparedData) -> None:
+        for place in self.places:  # before any file is made as large as the index says
+            _check_size(place.entry, data.folder)
         self.folder.parent.mkdir(parents=True, exist_ok=True)
         part = Path(tempfile.mkdtemp(prefix=".packing-", dir=self.folder.parent))
         try:
@@ -100,7 +105,7 @@ class PackedTakes:
         songs = torch.cat([take.M, *([] if take.M_other is None else take.M_other)])
         expected = (entry.dancers * entry.frames, entry.songs * entry.frames)
         if (len(motion), len(songs)) != expected:
-            raise ValueError(f"take {entry.name!r} is not as its index says; prepare it anew")
+            raise ValueError(NOT_AS_SAID.format(entry.name))
         x[place.x : place.x + len(motion)] = motion
         M[place.M : place.M + len(songs)] = songs
 
@@ -133,3 +138,14 @@ class PackedTakes:
             if place.entry.frames >= num_frames
             and place.entry.dancers <= (max_dancers or place.entry.dancers)
         ]
+
+
+def _check_size(entry: Entry, folder: Path) -> None:
+    """A file of plain arrays that holds as many frames as its index says is at least so large."""
+    path = folder / entry.file
+    if not path.is_file():
+        raise ValueError(f"{str(path)!r} is missing; run `dancediff prepare` again")
+    pose = SMPL24.num_joints * 6  # numbers of four bytes a dancer and frame
+    numbers = entry.frames * (entry.dancers * pose + entry.songs * NUM_FEATURES)
+    if path.stat().st_size < 4 * numbers:
+        raise ValueError(NOT_AS_SAID.format(entry.name))

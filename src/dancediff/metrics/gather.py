@@ -48,6 +48,8 @@ def _files(path: Path) -> Iterator[Path]:
     if not path.is_dir():
         if path.suffix != ".npz":
             raise ValueError(f"{str(path)!r} is no .npz; give dances that Motion.save wrote")
+        if not path.is_file():  # a pipe would be waited for without end
+            raise ValueError(f"{str(path)!r} is no regular file; save the dance to one first")
         return iter([path])
     if (path / "index.json").is_file():
         files = [path / entry.file for entry in PreparedData(path)]

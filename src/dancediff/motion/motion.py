@@ -6,6 +6,7 @@ Symbols (axes: n dancers · f frames · j joints)
     contact  foot on the floor, 0..1                         (n, f, 4)
 """
 
+import base64
 import io
 import json
 import math
@@ -13,6 +14,7 @@ import struct
 import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from html import escape
 from pathlib import Path
 
 import numpy as np
@@ -26,12 +28,14 @@ from dancediff.motion.rotation import matrix_to_rot6d, rot6d_to_matrix
 from dancediff.motion.skeleton import SMPL24, Skeleton, forward_kinematics
 
 FORMAT = "dancediff-motion-1"
+TOLD = ("model", "song", "seed", "genre", "kind")  # of a dance's meta, in its one line
+MOST_FPS = 1000.0  # no camera for motion capture is faster; metrics smooth over seconds of frames
 PER_DANCER = (".bvh", ".smpl.npz")
 SUFFIXES = (".npz", ".mp4", ".gif", ".png", ".html", ".glb", *PER_DANCER)
 _PARTS = ("rot6d", "root", "fps", "offsets", "header", "contact")
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, repr=False)
 class Motion:
     """A dance: joint rotations and root paths of n dancers over f frames.
 
@@ -40,8 +44,8 @@ class Motion:
     Raises: ValueError naming the array and its shape when the parts do not fit together.
 
     >>> still = Motion(torch.eye(3).expand(2, 30, 24, 3, 3), torch.zeros(2, 30, 3))
-    >>> still.num_dancers, still.num_frames, still.duration
-    (2, 30, 1.0)
+    >>> still
+    Motion(1.0 s, 2 dancers, 30 frames)
     >>> still.joints().shape
     torch.Size([2, 30, 24, 3])
     """
@@ -70,13 +74,25 @@ class Motion:
                 raise ValueError(
                     f"contact has shape {tuple(self.contact.shape)}; expected {(n, f, 4)}"
                 )
-        if not self.fps > 0:
-            raise ValueError(f"fps={self.fps} must be positive")
+        if not 0 < self.fps <= MOST_FPS:
+            raise ValueError(f"fps={self.fps:g} must be above 0 and at most {MOST_FPS:g}")
 
     @property
     def num_dancers(self) -> int:
         """How many people dance."""
         return self.root.shape[0]
+
+    def __repr__(self) -> str:
+        """One line: length, dancers, and what the dance knows of its making."""
+        facts = [f"{self.duration:.1f} s", self.people, f"{self.num_frames} frames"]
+        facts += [f"{key} {self.meta[key]}" for key in TOLD if key in self.meta]
+        return f"Motion({', '.join(facts)})"
+
+    def _repr_mimebundle_(self, include=None, exclude=None) -> dict:
+        """What a notebook shows: that line, and a small picture."""
+        from dancediff.viz.still import dance_png
+
+        return {"text/plain": repr(self), "text/html": _with_caption(dance_png(self), repr(self))}
 
     @property
     def people(self) -> str:
@@ -230,6 +246,13 @@ class Motion:
         return replace(
             first, pose=pose, root=torch.cat([motion.root for motion in motions]), contact=contact
         )
+
+
+def _with_caption(png: bytes, caption: str) -> str:
+    """A picture and a line below it, as HTML."""
+    source = base64.b64encode(png).decode()
+    picture = f'<img src="data:image/png;base64,{source}" style="max-width:100%">'
+    return f"{picture}<br><code>{escape(caption)}</code>"
 
 
 def suffix_of(path: Path) -> str:

@@ -10,6 +10,7 @@ import threading
 from html import escape
 
 from dancediff.viz.panels import as_png
+from dancediff.viz.still import as_output, show_with_still
 
 _WIDE = {"max_width": "100%", "align_self": "flex-start"}  # else a picture is blown up
 
@@ -29,7 +30,7 @@ class Explorer:
 
         self.panel, self.controls = panel, controls
         self.slow = "report" in inspect.signature(panel).parameters
-        self.dance = self.dance_a = self.song = None
+        self.dance = self.dance_a = self.song = self._still = None
         self._first = {name: control.value for name, control in controls.items()}
         self._wish, self._busy, self._thread = 0, threading.Lock(), None
 
@@ -61,9 +62,7 @@ class Explorer:
             self.draw()
 
     def _ipython_display_(self) -> None:
-        from IPython.display import display
-
-        display(self.box)
+        self._still = show_with_still(self.box, self.picture.value)
 
     def values(self) -> dict:
         """What the controls say now, by name."""
@@ -120,6 +119,8 @@ class Explorer:
         made = made if isinstance(made, tuple) else (made,)
         figure, self.dance, self.song = (*made, None, None)[:3]
         self.picture.value, self.message.value = as_png(figure), ""
+        if self._still is not None:
+            self._still.update(as_output(self.picture.value))
         _show(True, self.picture)  # an image without a picture is shown as a broken one
         self.pin.disabled = False
         self.watch.disabled = self.dance is None

@@ -5,11 +5,13 @@ sets the clip's time.
 """
 
 from collections import deque
+from functools import cache
 
 from dancediff.motion.motion import Motion
 from dancediff.viz.stage_cameras import FIELD, views
 from dancediff.viz.stage_scene import make_scene, roots, side_by_side
 from dancediff.viz.stage_timeline import conduct, make_controls
+from dancediff.viz.still import dance_png, show_with_still
 
 _MAX_OPEN = 6  # a page holds 8 to 16 WebGL pictures; beyond that the browser blanks the oldest
 _open: deque = deque()
@@ -60,7 +62,8 @@ def stage(
     }
     conduct(p3, moved | controls, frames, fps, eyes)
     _remember(renderer)
-    return widgets.VBox([renderer, *_rows(widgets, controls), *_caption(widgets, dances)])
+    children = [renderer, *_rows(widgets, controls), *_caption(widgets, dances)]
+    return _box(widgets)(children, still=lambda: dance_png(dances[0], song))
 
 
 play = stage
@@ -81,6 +84,21 @@ def _import_widgets():
             'the 3-D stage needs pythreejs and ipywidgets: pip install "dancediff[notebooks]"'
         ) from err
     return pythreejs, ipywidgets
+
+
+@cache
+def _box(widgets):
+    """A VBox that leaves a filmstrip behind in a saved notebook."""
+
+    class Stage(widgets.VBox):
+        def __init__(self, children=(), still=bytes, **options):
+            super().__init__(children, **options)
+            self._png = still
+
+        def _ipython_display_(self):
+            show_with_still(self, self._png())
+
+    return Stage
 
 
 def _remember(renderer) -> None:

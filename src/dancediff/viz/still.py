@@ -1,0 +1,63 @@
+"""A still picture beside a widget, for the day when the kernel that drew it is gone.
+
+A saved notebook keeps the name of a widget, not the widget: opened again, JupyterLab says "Error
+displaying widget: model not found". With a still the picture is seen in its place, and what to do.
+"""
+
+import base64
+import io
+
+from dancediff.motion.motion import Motion
+
+MOMENTS, DPI = 5, 60  # of the picture of a dance: small, as it is stored with the notebook
+NOTE = "A still picture: run this cell to move the controls."
+
+# JupyterLab fills an output that has lost its widget with nothing but a line of text.
+_LOST = ".jp-OutputArea-output.jupyter-widgets:not(:has(*))"
+_STYLE = f"""<style>
+.jp-OutputArea-child:has(+ .jp-OutputArea-child {_LOST}) .dancediff-still
+  {{ display: block !important; }}
+.jp-OutputArea-child:has(.dancediff-still) + .jp-OutputArea-child:has({_LOST})
+  {{ display: none !important; }}
+</style>"""
+
+
+def dance_png(motion: Motion, song=None) -> bytes:
+    """Some moments of a dance as a small PNG."""
+    import matplotlib.pyplot as plt
+
+    from dancediff.viz.plots import plot_filmstrip
+
+    figure = plot_filmstrip(motion, count=MOMENTS, song=song).figure
+    file = io.BytesIO()
+    figure.savefig(file, format="png", dpi=DPI)
+    plt.close(figure)
+    return file.getvalue()
+
+
+def still_html(png: bytes, note: str = NOTE) -> str:
+    """A picture that shows itself only where the widget below it is gone.
+
+    >>> "display:none" in still_html(b"png")
+    True
+    """
+    source = base64.b64encode(png).decode()
+    picture = f'<img src="data:image/png;base64,{source}" alt="{note}" style="max-width:100%">'
+    inside = f"{picture if png else ''}<p><i>{note}</i></p>"
+    return f'{_STYLE}<div class="dancediff-still" style="display:none">{inside}</div>'
+
+
+def show_with_still(widget, png: bytes):
+    """Show a widget, and its still for later; the handle's ``update`` takes `as_output`'s."""
+    from IPython.display import display
+
+    handle = display(as_output(png), display_id=True)
+    display(widget._repr_mimebundle_(), raw=True)
+    return handle
+
+
+def as_output(png: bytes):
+    """The still as something that a notebook displays."""
+    from IPython.display import HTML
+
+    return HTML(still_html(png))
