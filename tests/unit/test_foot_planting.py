@@ -6,6 +6,7 @@ import torch
 
 from dancediff.data.choreographer import choreograph
 from dancediff.metrics.physical import fsr
+from dancediff.metrics.posture import knee_bend
 from dancediff.motion.foot_planting import (
     LOWEST,
     SMOOTH,
@@ -80,12 +81,34 @@ def test_no_foot_waits_and_then_jumps(dance):
     assert fastest(plant_feet(x)) < 1.2 * fastest(x)
 
 
-def test_only_legs_move(sliding):
-    """Contacts, root, back and arms are the same bits; so are the toes on their feet."""
-    others = [c for c in range(TCDIFFPP.dim) if c not in TCDIFFPP.joint_channels(LEGS)]
+def test_only_legs_and_the_place_of_the_root_change(sliding):
+    """Contacts, back and arms are the same bits; so are the toes on their feet."""
+    changed = {*TCDIFFPP.joint_channels(LEGS), *range(TCDIFFPP.root.start, TCDIFFPP.root.stop)}
+    others = [c for c in range(TCDIFFPP.dim) if c not in changed]
     planted = plant_feet(sliding)
     assert torch.equal(planted[..., others], sliding[..., others])
     assert not torch.equal(planted, sliding)
+
+
+def test_the_root_stays_where_it_is_asked_to(sliding):
+    rooted = torch.zeros(*sliding.shape[:-1], 3, dtype=torch.bool)
+    rooted[..., 5:20, 1] = True  # its height, for half a second
+    moved = (plant_feet(sliding, rooted=rooted) - sliding)[..., TCDIFFPP.root]
+    assert (moved[rooted] == 0).all() and (moved[..., (0, 2)] != 0).any()
+    rooted[:] = True
+    assert torch.equal(
+        plant_feet(sliding, rooted=rooted)[..., TCDIFFPP.root], sliding[..., TCDIFFPP.root]
+    )
+
+
+def test_knees_keep_their_bend_when_a_body_is_too_high(dance):
+    """Feet come down to the floor, and the root with them; legs alone would have to get straight."""
+    high = dance.clone()
+    high[..., TCDIFFPP.root.start + 1] += 0.05
+    fixed = torch.ones(*high.shape[:-1], 3, dtype=torch.bool)
+    before = knee_bend(joints_of(high))
+    assert abs(knee_bend(joints_of(plant_feet(high))) - before) < 2
+    assert knee_bend(joints_of(plant_feet(high, rooted=fixed))) < before - 8
 
 
 def test_lodges_vector_is_planted_like_the_other(sliding):

@@ -7,14 +7,14 @@ Symbols (axes: b batch · n dancers · f frames · k known frames · d motion fe
     t_next   the step the sampler has just reached; -1 is clean
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import torch
 from torch import Tensor
 
 from dancediff.diffusion.schedule import gaussian, q_sample
 
-MODES = ("renoise", "clean", "init")
+MODES = ("same_noise", "renoise", "clean", "init")
 
 
 @dataclass
@@ -24,13 +24,20 @@ class Pinning:
     $$x_{t'}^{[0:k]} \leftarrow \sqrt{\bar\alpha_{t'}}\,\text{known}
       + \sqrt{1 - \bar\alpha_{t'}}\;\epsilon$$
 
-    ==========  ==============================================  ==================================
-    mode        after every step, the known frames are          which is
-    ==========  ==============================================  ==================================
-    "renoise"   known frames at the noise level of the rest     RePaint; what the network expects
-    "clean"     the clean known frames, at every noise level    the released TCDiff++
-    "init"      left alone; only the first input holds them     the paper, eq. 19
-    ==========  ==============================================  ==================================
+    ============  ============================================  ==================================
+    mode          after every step, the known frames are        which is
+    ============  ============================================  ==================================
+    "same_noise"  at the noise level of the rest, under the     where a deterministic sampler
+                  noise of the first input                      would have them
+    "renoise"     at the noise level of the rest, under fresh   RePaint; for samplers that add
+                  noise                                         noise (eta = 1)
+    "clean"       clean, at every noise level                   the released TCDiff++
+    "init"        left alone; only the first input holds them   the paper, eq. 19
+    ============  ============================================  ==================================
+
+    With eta = 0 the noise of a frame never changes on its way to clean. Fresh noise on half of the
+    frames at every step is what no network was trained on: joined segment after segment, dances
+    lose their turns and stretch out their arms (docs/drift.md).
 
     In "init" the first input holds ``q_sample(known, t_star)``. With the paper's t_star = T - 1 the
     known motion enters with weight 4.9e-5: it is the noise that has to carry it over, so hand the
@@ -47,16 +54,18 @@ class Pinning:
 
     >>> from dancediff.diffusion.schedule import cosine_abar
     >>> pin = Pinning(torch.ones(1, 1, 2, 1), cosine_abar())
+    >>> x_T = pin.start(torch.randn(1, 1, 4, 1))
     >>> pin(torch.zeros(1, 1, 4, 1), t_next=-1).flatten().tolist()
     [1.0, 1.0, 0.0, 0.0]
     """
 
     known: Tensor
     abar: Tensor
-    mode: str = "renoise"
+    mode: str = "same_noise"
     t_star: int | None = None
     hold_last: bool = True
     generator: torch.Generator | None = None
+    noise: Tensor | None = field(default=None, init=False)  # of the known frames, set by `start`
 
     def __post_init__(self):
         if self.mode not in MODES:
@@ -70,8 +79,8 @@ class Pinning:
     def start(self, x_T: Tensor) -> Tensor:
         """Put the known frames under the noise that x_T (b, n, f, d) already has there."""
         t = self.t_star if self.mode == "init" else len(self.abar) - 1
-        k = self.known.shape[2]
-        return self._replace(x_T, q_sample(self.known, t, self.abar, x_T[:, :, :k]))
+        self.noise = x_T[:, :, : self.known.shape[2]]
+        return self._replace(x_T, q_sample(self.known, t, self.abar, self.noise))
 
     def __call__(self, x_next: Tensor, t_next: int) -> Tensor:
         """Pin x_next (b, n, f, d), which the sampler has just brought to step t_next."""
@@ -79,9 +88,14 @@ class Pinning:
             return x_next
         if self.mode == "clean" or t_next == -1:
             return self._replace(x_next, self.known)
-        eps = gaussian(
-            self.known.shape, generator=self.generator, device=x_next.device, dtype=x_next.dtype
-        )
+        if self.mode == "same_noise":
+            if self.noise is None:
+                raise ValueError("mode='same_noise' needs the noise of the first input: call start")
+            eps = self.noise
+        else:
+            eps = gaussian(
+                self.known.shape, generator=self.generator, device=x_next.device, dtype=x_next.dtype
+            )
         return self._replace(x_next, q_sample(self.known, t_next, self.abar, eps))
 
     def _replace(self, x: Tensor, start: Tensor) -> Tensor:

@@ -7,7 +7,9 @@ Symbols (axes: f frames · j the ankle and the toe of one foot)
     p       ankle and toe                                                  (..., f, j, 3)
     c       how sure it is that they are planted until the next frame      (..., f, j)
     u       how far the foot is moved                                      (..., f, 3)
+    v       how far the root follows                                       (..., f, 3)
     held    frames whose legs must stay as they are                        (..., f) bool
+    rooted  frames and axes where the root must stay                       (..., f, 3) bool
 """
 
 import torch
@@ -24,7 +26,8 @@ from dancediff.motion.skeleton import FOOT_JOINTS, SMPL24, forward_kinematics, w
 STAND = 1e4  # what a step of a planted foot costs; moving a foot by as much costs 1
 SMOOTH = 50.0  # what a change of u's speed costs: a foot is hurried no more than dancers do
 UNSURE, SURE = 0.3, 0.7  # contacts from which a foot counts as a little and as fully planted
-HELD = 1e8  # what moving a foot costs where the legs must stay
+HELD = 1e8  # what moving a foot costs where the legs must stay, or the root
+NEITHER = 1e-3  # how much a foot counts for the root that does not stand
 STRAIGHT = 0.02  # metres; a knee bent less than that keeps to the front of the thigh
 WEIGHT_SHIFT = 5  # frames over which the standing foot is chosen, if none is sure
 TAKE_OFF = 2  # frames in which a body on its way up is still low
@@ -32,18 +35,27 @@ REACH = 0.1  # metres by which the other foot must be higher to make up for a su
 LOWEST = (0.05, 0.01)  # metres over the floor: ankle, toe; retargeted dances keep to the same
 
 
-def plant_feet(x: Tensor, held: Tensor | None = None, spec: MotionSpec = TCDIFFPP) -> Tensor:
+def plant_feet(
+    x: Tensor,
+    held: Tensor | None = None,
+    spec: MotionSpec = TCDIFFPP,
+    *,
+    rooted: Tensor | None = None,
+) -> Tensor:
     r"""Let the legs follow feet that stand where x itself says that they stand.
 
     Where it says that of no foot and the body does not leap, one stands nevertheless (`support`).
-    The feet are moved as little as that takes (`planting_shift`) and keep their direction; hips,
-    knees and ankles follow by two-bone inverse kinematics. The root and everything above it stay
-    as they are, so that a foot out of the leg's reach still slides.
+    The feet are moved as little as that takes (`planting_shift`) and keep their direction. The root
+    follows the feet that stand (`root_shift`), and all above it with the root; hips, knees and
+    ankles do the rest by two-bone inverse kinematics, so that a foot out of the leg's reach still
+    slides. Without the root's part legs reach for their feet: segment after segment of a long dance
+    they got straighter, until knees were stiff and legs crossed (docs/drift.md).
 
     Source: ours. PhysDiff (Yuan et al. 2023) puts a projection to physically possible motion at
     the same place, between the network's guess and the next step of sampling.
 
-    Shapes: x (..., f, d), held (..., f) -> (..., f, d), with the d of ``spec``.
+    Shapes: x (..., f, d), held (..., f), rooted (..., f, 3), by default where the legs are held
+    -> (..., f, d), with the d of ``spec``.
 
     >>> from dancediff.motion.representation import pack
     >>> slide = torch.zeros(30, 3)
@@ -57,17 +69,60 @@ def plant_feet(x: Tensor, held: Tensor | None = None, spec: MotionSpec = TCDIFFP
     pose = whole_pose(pose)
     joints, Q = forward_kinematics(pose, root), world_rotations(pose)
     contact = support(contact, joints)
+
+    # 1. how far either foot has to move, and how far the root follows them
+    feet = joints[..., FOOT_JOINTS, :]  # left and right ankle, left and right toe
+    u = [planting_shift(feet[..., k::2, :], contact[..., k::2], held) for k in (0, 1)]
+    if rooted is None and held is not None:
+        rooted = held[..., None].expand(*held.shape, 3)
+    v = root_shift(torch.stack(u, -2), contact, rooted)
     planted = x.clone()
+    planted[..., spec.root] += v
+
+    # 2. legs reach from where their hips are now to where their feet shall be
     for k, side in enumerate("lr"):
         leg = [SMPL24.index(side + part) for part in ("hip", "knee", "ankle", "toe")]
-        hip, knee, ankle, toe = joints[..., leg, :].unbind(-2)
-        u = planting_shift(torch.stack([ankle, toe], -2), contact[..., [k, k + 2]], held)
-        bent = _leg(hip, knee, ankle, ankle + u, Q, leg)
+        hip, knee, ankle, _ = (joints[..., leg, :] + v[..., None, :]).unbind(-2)
+        bent = _leg(hip, knee, ankle, ankle + u[k] - v, Q, leg)
         for joint, R in zip(leg, bent, strict=False):  # the toe stays as it is on the foot
             planted[..., spec.joint_channels([joint])] = matrix_to_rot6d(R)
     if held is not None:
         planted = torch.where(held[..., None], x, planted)
     return planted
+
+
+def root_shift(u: Tensor, c: Tensor, rooted: Tensor | None = None) -> Tensor:
+    r"""How far the root follows the feet that are moved, so that legs keep their bend.
+
+    $$\min_v \sum_i \lVert v_i - \bar u_i \rVert^2 + S\,\lVert \Delta^2 v_i \rVert^2, \qquad
+      \bar u_i = \frac{\sum_k (s_{ik} + \epsilon)\,u_{ik}}{\sum_k (s_{ik} + \epsilon)}$$
+
+    s says how surely a foot stands: where one stands the root goes with it, where both do or
+    none does, with both.
+
+    Source: ours.
+
+    Shapes: u (..., f, 2, 3) metres, left and right; c (..., f, 4), rooted (..., f, 3) bool
+    -> (..., f, 3) metres.
+
+    >>> u, c = torch.zeros(9, 2, 3), torch.tensor([1.0, 0.0, 1.0, 0.0]).expand(9, 4)
+    >>> u[:, 0, 0] = 0.1                                           # the left foot stands
+    >>> [round(x, 2) for x in root_shift(u, c)[0].tolist()]
+    [0.1, 0.0, 0.0]
+    """
+    stands = c.double().unflatten(-1, (2, 2)).amax(-2)  # the ankle's contact or the toe's
+    weight = ((stands - UNSURE) / (SURE - UNSURE)).clamp(0, 1) + NEITHER
+    goal = (weight[..., None] * u.double()).sum(-2) / weight.sum(-1, keepdim=True)
+    stay = torch.ones_like(goal)
+    if rooted is not None:
+        stay, goal = stay.masked_fill(rooted, HELD), goal.masked_fill(rooted, 0)
+    bend = SMOOTH * bends(u.shape[-3]).to(stay)
+    v = [
+        solve_banded(nearness(near) + bend, (near * to)[..., None])[..., 0]
+        for near, to in zip(stay.unbind(-1), goal.unbind(-1), strict=True)
+    ]
+    v = torch.stack(v, -1).to(u)
+    return v if rooted is None else v.masked_fill(rooted, 0)
 
 
 def support(c: Tensor, joints: Tensor) -> Tensor:

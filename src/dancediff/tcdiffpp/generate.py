@@ -142,26 +142,30 @@ def _prepared(model, song, device, dtype, options: dict) -> tuple[Wish, torch.dt
 
 
 def denoise_segments(model, guidance, dtype=None, autoguidance: float = 1.0) -> Callable:
-    """The model with guidance, as a function of x_t (b, n, f, d), t, M (b, f, m) and S (b, n).
+    """The model with guidance: of x_t (b, n, f, d), t, M (b, f, m), S (b, n) and perhaps context.
 
     ``guidance``: a weight or a function of t, see `dancediff.diffusion.guidance.guided`;
     ``autoguidance``: see `dancediff.diffusion.guidance.autoguided`.
     """
     device = model.abar.device
 
-    def denoiser(x_t, t, M, S, *, keep, present=None):
+    def denoiser(x_t, t, M, S, *, keep, present=None, context=None):
+        more = {}
+        if context is not None:
+            more["context"] = context.expand(len(x_t), -1, -1, -1)  # the same with and without M
         with torch.autocast(device.type, torch.bfloat16, enabled=dtype == torch.bfloat16):
-            return model(x_t, t, M, S, keep=keep, present=present)[1]
+            return model(x_t, t, M, S, keep=keep, present=present, **more)[1]
 
     last = None  # the conditions of the segment in hand, and the denoiser that is bound to them
 
-    def denoise_segment(x_t, t, M, S):
+    def denoise_segment(x_t, t, M, S, context=None):
         nonlocal last
         if last is None or last[0] is not M or last[1] is not S:
-            last = M, S, guided(denoiser, M=M, S=S, guidance=guidance)
+            bound = partial(denoiser, context=context)
+            last = M, S, guided(bound, M=M, S=S, guidance=guidance)
         return last[2](x_t, t)
 
-    def linear(x_t, t, M, S):
+    def linear(x_t, t, M, S, context=None):
         steps = torch.full((len(x_t),), t, dtype=torch.long, device=device)
         return model.linear_guess(x_t, steps, S)
 
@@ -213,6 +217,7 @@ def segments(model, song, wish: Wish, *, report=None, watch=None, dtype=None) ->
         target_orders=wish.target_orders(),
         overlap=wish.overlap,
         pinning=wish.pinning,
+        context=getattr(model.config, "context", False),
         spread=None if model.spread is None else model.spread.cpu(),
         constraint=known,
         plant_with=bends_with if wish.feet == "planted" else None,

@@ -37,7 +37,7 @@ def long_group_sample(denoise_segment: Callable, segments_music: Tensor, **optio
 
     $$\hat z_T^{[75:225]} = \big[\hat x_T^{[75:150]},\ z_T^{[150:225]}\big]$$
 
-    Source: TCDiff++ eq. 19 (``pinning="init"``).  Differs: the default pinning is "renoise". The
+    Source: TCDiff++ eq. 19 (``pinning="init"``).  Differs: the default pinning is "same_noise". The
     released code pastes clean frames at every noise level, and loses the first segment, so that
     dance and music are 2.5 s apart.
 
@@ -65,7 +65,8 @@ def iter_long_group_sample(
     abar: Tensor,
     target_orders: Sequence | None = None,
     overlap: int = 75,
-    pinning: str = "renoise",
+    pinning: str = "same_noise",
+    context: bool = False,
     t_star: int | None = None,
     spread: Tensor | None = None,
     constraint: Constraint | None = None,
@@ -92,11 +93,13 @@ def iter_long_group_sample(
     - ``root_x(frame (n, d)) -> (n,)``: lateral position, by which dancers are ranked.
     - ``target_orders[i]``: the dancers from left to right at the last frame of segment i, or None:
       the order asked for last or, if none was, the order they stand in now.
+    - ``context``: hand ``denoise_segment`` the known frames as a fifth argument, (1, n, k, d) or
+      None, see `dancediff.tcdiffpp.context`.
     - ``pinning``, ``t_star``: see `Pinning`. With "init" the shared frames also get the noise they
       were made from; it carries furthest with eta = 0.
     - ``spread`` to ``order_with``, what guesses are bent with, are on the CPU (see `sample`).
-    - ``spread`` (k, d), of each frequency in the training set: with it "renoise" also bends every
-      guess so that it sets out from the known frames (`Constraint`); None is RePaint as published.
+    - ``spread`` (k, d), of each frequency in the training set: with it "same_noise" and "renoise"
+      also bend every guess so that it sets out from the known frames (`Constraint`).
     - ``constraint``: what is known of the dance beforehand, frame by frame (n, F, d); needs spread.
     - ``plant_with``: the normaliser of the motion, to plant feet (`Planting`); None: leave them.
     - ``part_with``: the same, to keep dancers apart (`Spacing`); needs spread.
@@ -137,14 +140,18 @@ def iter_long_group_sample(
             )
             if pinning == "init":
                 noise[:, : known.shape[1]] = z[order, stride : stride + known.shape[1]]
-        sets_out = known if pinning == "renoise" and seam == "copy" and spread is not None else None
+        follows = pinning in HOLDING and seam == "copy" and spread is not None
+        sets_out = known if follows else None
         told = _told(constraint, sets_out, i * stride, f)
         told = told and told.dancers(order)
         rules = () if order_with is None or asked is None else (Order(order_with, S),)
         rules += () if part_with is None else (Spacing(part_with),)
         bends = spread is not None and (told is not None or rules)
+        conditions = [M, send(S[None], device)]
+        if context:
+            conditions.append(None if known is None else known[order][None].to(device, dtype))
         x = sample(
-            partial(_denoise, denoise_segment, M, send(S[None], device)),
+            partial(_denoise, denoise_segment, conditions),
             (1, dancers, f, motion_dim),
             abar=abar,
             sampler=sampler,
@@ -177,8 +184,8 @@ def iter_long_group_sample(
     yield rest
 
 
-def _denoise(denoise_segment: Callable, M: Tensor, S: Tensor, x_t: Tensor, t: int) -> Tensor:
-    return denoise_segment(x_t, t, M, S)
+def _denoise(denoise_segment: Callable, conditions: list, x_t: Tensor, t: int) -> Tensor:
+    return denoise_segment(x_t, t, *conditions)
 
 
 def _callback(progress, watch, i: int, segments: int) -> Callable | None:
@@ -276,6 +283,7 @@ def fade_seam(known: Tensor, x: Tensor) -> Tensor:
     return torch.cat([torch.lerp(known, x[:, :k], w), x[:, k:]], dim=1)
 
 
+HOLDING = ("same_noise", "renoise")  # ways of pinning that hold the known frames
 SETS_OUT = 8  # known frames before the seam that say where and how fast a segment sets out
 SEAMS = {"copy": copy_seam, "fade": fade_seam}
 

@@ -8,7 +8,7 @@ Symbols (axes: b batch · n dancers · f frames · d motion, m music features)
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import partial
 
 import torch
@@ -22,6 +22,8 @@ from dancediff.tcdiffpp.foot_cues import NUM_MOVING, foot_cues
 from dancediff.tcdiffpp.footwork_adaptor import FootworkAdaptor
 from dancediff.tcdiffpp.generate import generate, stream
 from dancediff.tcdiffpp.group_dance_decoder import GroupDanceDecoder
+
+LARGEST, MOST_LAYERS = 4096, 64  # a size beyond is a slip; such a network is never done building
 
 
 @dataclass
@@ -63,7 +65,19 @@ class TCDiffPPConfig:
     beat_waves: bool = False  # ours: see music.beat_phase; on in configs
     non_local: bool = False  # ours: see nn.non_local_filter; on in configs
     formation_prior: bool = False  # ours: see formation_prior; on in configs
+    context: bool = False  # ours: see context; on in configs
     precondition: bool = True  # ours: see diffusion.precondition
+
+    def __post_init__(self):
+        """Refuse sizes that no network can have.
+
+        Raises: ValueError naming the size, its value and what is allowed.
+        """
+        for one in fields(self):
+            value = getattr(self, one.name)
+            most = MOST_LAYERS if one.name == "num_layers" else LARGEST
+            if type(one.default) is int and not 1 <= value <= most:
+                raise ValueError(f"{one.name}={value} must lie in 1 ... {most}")
 
     @classmethod
     def paper(cls, **changes) -> "TCDiffPPConfig":
@@ -82,6 +96,7 @@ class TCDiffPPConfig:
             "beat_waves": False,
             "non_local": False,
             "formation_prior": False,
+            "context": False,
             "precondition": False,
         }
         return cls(**sizes | changes)
@@ -95,7 +110,8 @@ class TCDiffPP(nn.Module):
     Source: TCDiff++ section 4.  Differs: one model serves 1 to ``max_dancers`` dancers, and one
     pair of normalisers, fitted on the training set, serves every clip.
 
-    Shapes: x_t (b, n, f, d), t (b,), M (b, f, m) standardised, S (b, n); keep (b,), present (b, n)
+    Shapes: x_t (b, n, f, d), t (b,), M (b, f, m) standardised, S (b, n); keep (b,), present (b, n),
+    context (b, n, k, d), the first k frames where they are known
     -> x_raw, x_hat, both (b, n, f, d).  Dancers come in left-to-right order of the first frame.
 
     >>> model = TCDiffPP(TCDiffPPConfig(d_model=16, num_layers=1, ff_dim=32, fusion_hidden=32))
@@ -142,10 +158,12 @@ class TCDiffPP(nn.Module):
         *,
         keep: Tensor | None = None,
         present: Tensor | None = None,
+        context: Tensor | None = None,
     ) -> tuple[Tensor, Tensor]:
         """Guess the clean dance, without and with the Footwork Adaptor."""
         cues = partial(foot_cues, normalizer=self.normalizer) if self.config.foot_cues else None
-        x_raw = self.decoder(x_t, t, M, S, keep=keep, present=present, foot_cues=cues)
+        conditions = {"keep": keep, "present": present, "context": context}
+        x_raw = self.decoder(x_t, t, M, S, foot_cues=cues, **conditions)
         if self.footwork is None:
             return x_raw, x_raw
         x_hat = self.footwork(x_raw, None if cues is None else cues(x_raw)[..., -NUM_MOVING:])
@@ -173,7 +191,7 @@ class TCDiffPP(nn.Module):
         swap=None,
         swap_at: float | None = None,
         overlap: int = 75,
-        pinning: str = "renoise",
+        pinning: str = "same_noise",
         seam: str = "copy",
         feet: str = "planted",
         spacing: str | None = None,

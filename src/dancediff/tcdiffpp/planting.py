@@ -62,7 +62,18 @@ class Planting:
         x = limit_turns(self.normalizer.unnormalize(x0_hat), here(self.turns), self.spec)
         x = limit_travel(x, here(self.places), self.spec)
         x = stand_on_floor(x, here(self.height), self.spec)
-        return self.normalizer.normalize(plant_feet(x, here(self.legs), self.spec))
+        x = plant_feet(x, here(self.legs), self.spec, rooted=here(self.rooted))
+        return self.normalizer.normalize(x)
+
+    @property
+    def rooted(self) -> Tensor | None:
+        """Frames and axes where the root must not follow its feet, (n, f, 3)."""
+        masks = [self.legs, self.height, self.places]
+        if all(mask is None for mask in masks):
+            return None
+        none = torch.zeros_like(next(mask for mask in masks if mask is not None))
+        legs, height, places = (none if mask is None else mask for mask in masks)
+        return torch.stack([legs | places, legs | height, legs | places], -1)
 
 
 def held(told: Constraint | None, known: int, n: int, f: int) -> dict[str, Tensor]:

@@ -16,7 +16,7 @@ from torch import Tensor
 from dancediff.diffusion.pinning import MODES
 from dancediff.diffusion.samplers import SAMPLERS
 from dancediff.tcdiffpp import control
-from dancediff.tcdiffpp.long_group_sampling import SEAMS
+from dancediff.tcdiffpp.long_group_sampling import HOLDING, SEAMS
 from dancediff.tcdiffpp.order import ORDER
 from dancediff.tcdiffpp.planting import FEET
 from dancediff.tcdiffpp.spacing import SPACING
@@ -52,7 +52,7 @@ class Wish:
     swap: Any = None
     swap_at: float | None = None
     overlap: int = 75
-    pinning: str = "renoise"
+    pinning: str = "same_noise"
     seam: str = "copy"
     feet: str = "planted"
     spacing: str | None = None  # kept if the model can
@@ -95,8 +95,8 @@ class Wish:
         self.numbers = None
         if self.known is None:
             return
-        if self.pinning != "renoise":
-            raise ValueError(f"pinning={self.pinning!r} goes with no constraint; use 'renoise'")
+        if self.pinning not in HOLDING:
+            raise ValueError(f"pinning={self.pinning!r} goes with no constraint; use 'same_noise'")
         self.numbers = control.numbers_at_start(self.known)
         order = control.order_at_end(self.known)
         if order is not None and self.swap_at is None:

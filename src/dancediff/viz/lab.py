@@ -137,7 +137,7 @@ def long_panel(
     song,
     *,
     overlap: int = 75,
-    pinning: str = "renoise",
+    pinning: str = "same_noise",
     seam: str = "copy",
     seed: int = 0,
     seconds: float = 12.0,

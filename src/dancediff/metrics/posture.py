@@ -1,0 +1,203 @@
+r"""Posture: how bodies are held while they dance, which energies, beats and feet do not see.
+
+Read first: notebook 13 · docs/drift.md.
+
+Symbols (axes: n dancers · f frames · j joints)
+    joints  positions, metres, y up                                    (n, f, j, 3) or (f, j, 3)
+    facing  direction of the pelvis about y, radians                   (n, f)
+"""
+
+import torch
+from torch import Tensor
+
+from dancediff.metrics.inputs import as_group
+from dancediff.motion.skeleton import SMPL24
+
+WIDE = 1.0  # metres between the wrists; both arms stretched out to the sides are 1.4 m
+CLOSE = 0.12  # metres between the ankles; side by side below the hips they are 0.2 m
+STILL = 0.1  # metres a second, mean of all joints
+HALF_A_SECOND = 0.5  # over which a turn counts; a pelvis that swings there and back does not turn
+POSE_WINDOW = 5.0  # seconds in which poses are counted
+POSE_STEP = 0.1  # seconds between the poses that are compared
+APART = 0.15  # metres, mean over joints, between two poses that are not the same
+
+
+def arms_wide(joints: Tensor, *, fps: float = 30.0) -> float:
+    r"""Share of the frames in which both arms are stretched out.
+
+    $$\overline{[\,\lVert p_\text{left wrist} - p_\text{right wrist} \rVert > 1\,\text{m}\,]}$$
+
+    Source: ours. A dance that has settled into one pose is fine by all metrics of both papers.
+
+    Shapes/units: joints (n, f, 24, 3) metres -> float in [0, 1].
+    Raises: ValueError for NaN or a wrong shape.
+
+    >>> arms_wide(_rest())                                          # a T
+    1.0
+    """
+    p = as_group(joints, fps, least=1)
+    return _gap(p, "wrist").norm(dim=-1).gt(WIDE).double().mean().item()
+
+
+def knee_bend(joints: Tensor, *, fps: float = 30.0) -> float:
+    r"""How far knees are bent, mean over frames and both knees; 0 is a straight leg.
+
+    $$\overline{\angle(p_\text{hip} - p_\text{knee},\; p_\text{knee} - p_\text{ankle})}$$
+
+    Source: ours.
+
+    Shapes/units: joints (n, f, 24, 3) metres -> degrees.
+    Raises: ValueError for NaN or a wrong shape.
+
+    >>> knee_bend(_rest()) < 12
+    True
+    """
+    p = as_group(joints, fps, least=1)
+    bends = []
+    for side in "lr":
+        hip, knee, ankle = (p[..., SMPL24.index(side + j), :] for j in ("hip", "knee", "ankle"))
+        thigh, shin = hip - knee, knee - ankle
+        across = torch.linalg.cross(thigh, shin).norm(dim=-1)
+        bends.append(torch.atan2(across, (thigh * shin).sum(-1)))
+    return torch.rad2deg(torch.stack(bends)).mean().item()
+
+
+def turning(joints: Tensor, *, fps: float = 30.0) -> float:
+    r"""How fast bodies turn: the angle between the pelvis now and half a second later.
+
+    $$\overline{|\text{facing}_{i + h} - \text{facing}_i|} \cdot \text{fps} / h$$
+
+    Source: ours.
+
+    Shapes/units: joints (n, f, 24, 3) metres -> degrees a second.
+    Raises: ValueError for less than half a second, NaN or a wrong shape.
+
+    >>> round(turning(_rest().expand(30, -1, -1)), 3)
+    0.0
+    """
+    lag = max(1, round(HALF_A_SECOND * fps))
+    angle = facing(as_group(joints, fps, least=lag + 1))
+    turn = angle[:, lag:] - angle[:, :-lag]
+    turn = torch.atan2(turn.sin(), turn.cos())
+    return torch.rad2deg(turn.abs().mean()).item() * fps / lag
+
+
+def ankles_close(joints: Tensor, *, fps: float = 30.0) -> float:
+    r"""Share of the frames in which the ankles are nearer than 12 cm: legs closed or crossed.
+
+    $$\overline{[\,\lVert p_\text{left ankle} - p_\text{right ankle} \rVert < 12\,\text{cm}\,]}$$
+
+    Source: ours.
+
+    Shapes/units: joints (n, f, 24, 3) metres -> float in [0, 1].
+    Raises: ValueError for NaN or a wrong shape.
+
+    >>> ankles_close(_rest())
+    0.0
+    """
+    p = as_group(joints, fps, least=1)
+    return _gap(p, "ankle").norm(dim=-1).lt(CLOSE).double().mean().item()
+
+
+def legs_crossed(joints: Tensor, *, fps: float = 30.0) -> float:
+    r"""Share of the frames in which the left ankle is to the right of the right one.
+
+    $$\overline{[\,(p_\text{left ankle} - p_\text{right ankle}) \cdot
+      (p_\text{left hip} - p_\text{right hip}) < 0\,]}$$
+
+    Source: ours.
+
+    Shapes/units: joints (n, f, 24, 3) metres -> float in [0, 1].
+    Raises: ValueError for NaN or a wrong shape.
+
+    >>> legs_crossed(_rest())
+    0.0
+    """
+    p = as_group(joints, fps, least=1)
+    return (_gap(p, "ankle") * _gap(p, "hip")).sum(-1).lt(0).double().mean().item()
+
+
+def stillness(joints: Tensor, *, fps: float = 30.0) -> float:
+    r"""Share of the frames in which a dancer hardly moves: all joints below 0.1 m/s in the mean.
+
+    Source: ours.
+
+    Shapes/units: joints (n, f, 24, 3) metres -> float in [0, 1].
+    Raises: ValueError for less than 2 frames, NaN or a wrong shape.
+
+    >>> stillness(_rest().expand(9, -1, -1))
+    1.0
+    """
+    p = as_group(joints, fps, least=2)
+    speed = p.diff(dim=1).norm(dim=-1).mean(-1) * fps
+    return speed.lt(STILL).double().mean().item()
+
+
+def distinct_poses(joints: Tensor, *, fps: float = 30.0) -> float:
+    r"""How many poses a dancer shows in five seconds that are not the same.
+
+    Ten poses a second are compared as seen from the pelvis, wherever it stands and faces. A pose
+    counts if its joints are 15 cm in the mean away from those of every pose that counted before.
+
+    Source: ours; the greedy cover of a set by balls of one radius.
+
+    Shapes/units: joints (n, f, 24, 3) metres -> mean number over dancers and windows of 5 s. What
+    is left at the end of a dance is not looked at; a shorter dance is one window.
+    Raises: ValueError for NaN or a wrong shape.
+
+    >>> distinct_poses(_rest().expand(300, -1, -1))
+    1.0
+    """
+    p = as_group(joints, fps, least=1)
+    size = min(round(POSE_WINDOW * fps), p.shape[1])
+    windows = from_pelvis(p).unfold(1, size, size).flatten(0, 1).movedim(-1, 1)  # (w, f, j, 3)
+    windows = windows[:, :: max(1, round(POSE_STEP * fps))]
+    counts = torch.zeros(windows.shape[:2], dtype=torch.bool)
+    for i, pose in enumerate(windows.unbind(1)):
+        far = (windows[:, :i] - pose[:, None]).norm(dim=-1).mean(-1) > APART
+        counts[:, i] = (far | ~counts[:, :i]).all(1)
+    return counts.double().sum(1).mean().item()
+
+
+def facing(joints: Tensor) -> Tensor:
+    """Where the pelvis faces, about y: 0 towards +z, growing towards +x.
+
+    Shapes: joints (..., j, 3) -> (...) radians.
+
+    >>> facing(_rest()[0]).abs().item() < 0.1
+    True
+    """
+    left = _gap(joints, "hip")
+    return torch.atan2(-left[..., 2], left[..., 0])
+
+
+def from_pelvis(joints: Tensor) -> Tensor:
+    """Joints seen from the pelvis, which faces +z; (..., j, 3) -> (..., j, 3)."""
+    angle = facing(joints)[..., None]
+    x, y, z = (joints - joints[..., :1, :]).unbind(-1)
+    return torch.stack(
+        [x * angle.cos() - z * angle.sin(), y, x * angle.sin() + z * angle.cos()], -1
+    )
+
+
+def _gap(joints: Tensor, part: str) -> Tensor:
+    """From the right one to the left one, (..., 3)."""
+    return joints[..., SMPL24.index("l" + part), :] - joints[..., SMPL24.index("r" + part), :]
+
+
+def _rest() -> Tensor:
+    """One frame of the body at rest, arms out, (1, 24, 3): for the examples."""
+    from dancediff.motion.skeleton import forward_kinematics
+
+    return forward_kinematics(torch.eye(3).expand(1, 24, 3, 3), torch.zeros(1, 3))
+
+
+POSTURE = {  # name of the metric: the function, its unit
+    "arms wide": (arms_wide, "share"),
+    "knee bend": (knee_bend, "degrees"),
+    "turning": (turning, "degrees/s"),
+    "ankles close": (ankles_close, "share"),
+    "legs crossed": (legs_crossed, "share"),
+    "stillness": (stillness, "share"),
+    "distinct poses": (distinct_poses, "in 5 s"),
+}
