@@ -8,7 +8,8 @@
 
 ``truth`` prints the posture of choreographed (synthetic) and captured (real) dances, by genre.
 ``dances`` dances to every song with every seed and group size, and holds the bars against the
-held-out dances. What was danced is kept in --out and not danced again.
+held-out dances. Every song has noise of its own: noise decides more of a dance than the song does.
+What was danced is kept in --out and not danced again.
 """
 
 import json
@@ -97,8 +98,9 @@ class Dances:
             for seed in self.seeds
         }
         todo = [
-            joblib.delayed(_dance)(self.model, song, path, self.seconds, n, seed, options)
+            joblib.delayed(_dance)(self.model, song, path, self.seconds, n, noise, options)
             for (n, seed, song), path in jobs.items()
+            for noise in [1000 * seed + self.songs.index(song)]
             if not path.exists()
         ]
         run = joblib.Parallel(self.workers, return_as="generator")
@@ -111,22 +113,16 @@ class Dances:
         """Both tables; the JSON lies beside the dances."""
         print(f"{len(found)} dances of {self.seconds:g} s, mean by window:")
         print(mean_drift(list(found.values())), end="\n\n")
+        groups = {f"{n} dancers": [d for k, d in found.items() if k[0] == n] for n in self.dancers}
+        groups["all"] = list(found.values())
+        results = {name: bars(part, truth) for name, part in groups.items()}
+        print(f"| bar | {' | '.join(groups)} |\n|{' --- |' * (1 + len(groups))}")
         facts = {}
-        print("| bar | " + " | ".join([*(f"{n} dancers" for n in self.dancers), "all"]) + " |")
-        print("|" + " --- |" * (2 + len(self.dancers)))
-        groups = {str(n): [d for key, d in found.items() if key[0] == n] for n in self.dancers}
-        results = {
-            name: bars(part, truth)
-            for name, part in (groups | {"all": list(found.values())}).items()
-        }
         for bar in results["all"]:
-            row = [results[name][bar] for name in results]
-            print(
-                f"| {bar} | "
-                + " | ".join(f"{text}, {'yes' if ok else 'NO'}" for text, ok in row)
-                + " |"
-            )
-            facts[bar] = {name: results[name][bar] for name in results}
+            row = [results[name][bar] for name in groups]
+            words = [f"{text}, {'yes' if ok else 'NO'}" for text, ok in row]
+            print(f"| {bar} | {' | '.join(words)} |")
+            facts[bar] = dict(zip(groups, words, strict=True))
         facts["windows"] = {"-".join(map(str, key)): d.facts() for key, d in found.items()}
         (self.out / "drift.json").write_text(json.dumps(facts) + "\n", encoding="utf-8")
 

@@ -108,3 +108,26 @@ def test_a_dance_can_be_watched_beside_the_pinned_one(notebook):
 
 def test_nobody_complains(notebook):
     assert [text for text in notebook.complaints if "lumino" not in text] == []
+
+
+def test_a_saved_panel_leaves_a_still_picture(notebook):
+    """Last in this file: the kernel ends. The notebook is saved, and opened again without it."""
+    assert not notebook.locator(".dancediff-still").first.is_visible()  # the panel is alive
+    notebook.keyboard.press("Control+s")
+    notebook.wait_for_timeout(1000 * SLOW)
+    origin = "location.origin"
+    notebook.evaluate(
+        f"""async () => {{
+        const token = document.cookie.match(/_xsrf=([^;]+)/)?.[1] ?? "";
+        const list = await (await fetch({origin} + "/api/sessions")).json();
+        const end = {{ method: "DELETE", headers: {{ "X-XSRFToken": token }} }};
+        for (const one of list) await fetch({origin} + "/api/sessions/" + one.id, end);
+    }}"""
+    )
+    notebook.reload()
+    until(notebook, "document.querySelector('.dancediff-still')?.offsetHeight > 0", 60 * SLOW)
+    still = notebook.locator(".dancediff-still").first
+    assert "run this cell" in still.inner_text()
+    assert num_colors(picture(notebook, ".dancediff-still img")) > 10
+    lost = notebook.locator("text=Error displaying widget")
+    assert not any(lost.nth(k).is_visible() for k in range(lost.count()))

@@ -6,17 +6,19 @@ import torch
 
 from dancediff.data.choreographer import choreograph
 from dancediff.metrics.physical import fsr
-from dancediff.metrics.posture import knee_bend
+from dancediff.metrics.posture import ankles_close, knee_bend, legs_crossed
 from dancediff.motion.foot_planting import (
     LOWEST,
     SMOOTH,
     STAND,
+    legs_apart,
     plant_feet,
     planting_shift,
     support,
 )
 from dancediff.motion.ground import TOE_CLEARANCE, flights
 from dancediff.motion.representation import LODGE, TCDIFFPP, joints_of, pack, unpack
+from dancediff.motion.rotation import axis_angle_to_matrix, matrix_to_rot6d
 from dancediff.motion.skeleton import FOOT_JOINTS, SMPL24, world_rotations
 
 LEGS = [SMPL24.index(side + part) for side in "lr" for part in ("hip", "knee", "ankle")]
@@ -102,13 +104,26 @@ def test_the_root_stays_where_it_is_asked_to(sliding):
 
 
 def test_knees_keep_their_bend_when_a_body_is_too_high(dance):
-    """Feet come down to the floor, and the root with them; legs alone would have to get straight."""
+    """Feet come down to the floor, and the root with them; legs alone would have to straighten."""
     high = dance.clone()
     high[..., TCDIFFPP.root.start + 1] += 0.05
     fixed = torch.ones(*high.shape[:-1], 3, dtype=torch.bool)
     before = knee_bend(joints_of(high))
     assert abs(knee_bend(joints_of(plant_feet(high))) - before) < 2
     assert knee_bend(joints_of(plant_feet(high, rooted=fixed))) < before - 8
+
+
+def test_legs_that_close_or_cross_are_parted(dance):
+    x = dance.clone()
+    hips = TCDIFFPP.joint_channels([1, 2])
+    turned = unpack(x)[2][..., [1, 2], :, :]
+    inwards = axis_angle_to_matrix(torch.tensor([[0.0, 0.0, -0.35], [0.0, 0.0, 0.35]]))
+    x[..., hips] = matrix_to_rot6d(inwards @ turned).flatten(-2)
+    assert ankles_close(joints_of(x)) + legs_crossed(joints_of(x)) > 0.2
+    planted = joints_of(plant_feet(x))
+    assert ankles_close(planted) < 0.02 and legs_crossed(planted) < 0.02
+    apart = legs_apart(joints_of(dance))  # what the choreographer makes is hardly touched
+    assert (apart.abs().amax(-1) > 0.005).float().mean() < 0.1
 
 
 def test_lodges_vector_is_planted_like_the_other(sliding):

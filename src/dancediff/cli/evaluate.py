@@ -25,6 +25,8 @@ class Evaluate:
     """How many processes; 0 for one on each core."""
     seed: int = 0
     """Of the bootstrap draws."""
+    drift: Path | None = None
+    """A PNG file: how posture changes over the dances, also printed as a table, 5 s a line."""
     out: Path | None = None
     """A file to write the JSON to."""
     json: bool = False
@@ -39,7 +41,8 @@ class Evaluate:
 
         if not self.motion:
             raise ValueError("name .npz dances or folders; see `dancediff evaluate --help`")
-        self._check_out()
+        for name in ("out", "drift"):
+            self._check_file(name, getattr(self, name))
         song = hub.packaged_song() if self.song in ("packaged", hub.SONG) else self.song
         report = evaluate_dances(
             list(self.motion),
@@ -52,17 +55,39 @@ class Evaluate:
         )
         if self.out is not None:
             report.save(self.out)
-        tell(self.json, report.facts(), [str(report)])
+        facts, lines = report.facts(), [str(report)]
+        if self.drift is not None:
+            found = self._draw_drift()
+            facts["drift"] = found.facts()
+            lines += ["", "mean over dances, window by window:", str(found)]
+        tell(self.json, facts, lines)
         if report.is_empty:
             why = next(row.reason for row in report.rows)
             raise RuntimeError(f"no metric could be computed; {report.rows[0].name}: {why}")
 
-    def _check_out(self) -> None:
-        if self.out is None:
+    def _draw_drift(self):
+        """The mean over all dances of five seconds or more, drawn into the file."""
+        from matplotlib.pyplot import close
+
+        from dancediff.atomic import atomic_write
+        from dancediff.metrics.drift import drift, mean_drift
+        from dancediff.metrics.gather import find_dances
+        from dancediff.metrics.measure import read_dance
+        from dancediff.viz.charts import plot_drift
+
+        motions = (read_dance(source)[2] for source in find_dances(list(self.motion)))
+        found = mean_drift([drift(motion.joints(), fps=motion.fps) for motion in motions])
+        figure = plot_drift(found, title="Posture over the dance").figure
+        with atomic_write(self.drift) as part:
+            figure.savefig(part, format="png")
+        close(figure)
+        return found
+
+    @staticmethod
+    def _check_file(name: str, path: Path | None) -> None:
+        if path is None:
             return
-        if self.out.is_dir():
-            raise ValueError(
-                f"--out {str(self.out)!r} is a folder; name a file, such as report.json"
-            )
-        check_folder(self.out.parent)
-        self.out.parent.mkdir(parents=True, exist_ok=True)
+        if path.is_dir():
+            raise ValueError(f"--{name} {str(path)!r} is a folder; name a file in it")
+        check_folder(path.parent)
+        path.parent.mkdir(parents=True, exist_ok=True)

@@ -22,6 +22,7 @@ from dancediff.metrics.group import gmc, group_features
 from dancediff.metrics.inputs import as_group
 from dancediff.metrics.kinetic import kinetic_features
 from dancediff.metrics.physical import fsr, pfc
+from dancediff.metrics.posture import POSTURE
 from dancediff.metrics.rhythm import SMOOTH, beat_alignment
 from dancediff.metrics.swaps import abrupt_swaps, obeys, permutation_kind
 from dancediff.motion.beats import motion_beats
@@ -185,6 +186,10 @@ def beats_per_second(joints: Tensor, fps: float) -> float:
     return float(np.mean(counts)) * fps / joints.shape[1]
 
 
+def _posture(metric: Callable, joints: Tensor, fps: float, beats) -> float:
+    return metric(joints, fps=fps)
+
+
 FEATURES: dict[str, Callable] = {
     "kinetic": kinetic_features,
     "geometric": geometric_features,
@@ -199,4 +204,5 @@ NUMBERS: dict[str, Callable] = {  # (joints, fps, beats) -> float
     "FSR": lambda joints, fps, beats: fsr(joints, fps=fps),
     "joint speed": lambda joints, fps, beats: joint_speed(joints, fps),
     "motion beats": lambda joints, fps, beats: beats_per_second(joints, fps),
+    **{name: partial(_posture, metric) for name, (metric, _) in POSTURE.items()},
 }

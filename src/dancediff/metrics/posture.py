@@ -13,7 +13,7 @@ from torch import Tensor
 from dancediff.metrics.inputs import as_group
 from dancediff.motion.skeleton import SMPL24
 
-WIDE = 1.0  # metres between the wrists; both arms stretched out to the sides are 1.4 m
+WIDE = 1.0  # metres between the wrists; both arms out to the sides are 1.4 m, one and a hanging 1.1
 CLOSE = 0.12  # metres between the ankles; side by side below the hips they are 0.2 m
 STILL = 0.1  # metres a second, mean of all joints
 HALF_A_SECOND = 0.5  # over which a turn counts; a pelvis that swings there and back does not turn
@@ -23,7 +23,7 @@ APART = 0.15  # metres, mean over joints, between two poses that are not the sam
 
 
 def arms_wide(joints: Tensor, *, fps: float = 30.0) -> float:
-    r"""Share of the frames in which both arms are stretched out.
+    r"""Share of the frames in which the wrists are more than a metre apart.
 
     $$\overline{[\,\lVert p_\text{left wrist} - p_\text{right wrist} \rVert > 1\,\text{m}\,]}$$
 

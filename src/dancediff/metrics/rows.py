@@ -17,6 +17,7 @@ from dancediff.metrics.bootstrap import bootstrap_interval
 from dancediff.metrics.fidelity import diversity, fid, too_few
 from dancediff.metrics.group import gmr
 from dancediff.metrics.measure import OBEDIENCE, Measured
+from dancediff.metrics.posture import POSTURE
 from dancediff.metrics.swaps import KINDS as SWAP_KINDS
 
 LEVEL, DRAWS = 0.95, 200  # of the bootstrap
@@ -57,6 +58,7 @@ METRICS = (
     ),
     Metric("joint speed", "joint speed", "m/s", ALIKE),
     Metric("motion beats", "motion beats", "1/s", ALIKE),
+    *(Metric(name, name, unit, ALIKE) for name, (_, unit) in POSTURE.items()),
 )
 
 

@@ -14,7 +14,7 @@ Symbols (axes: f frames · j the ankle and the toe of one foot)
 
 import torch
 from torch import Tensor
-from torch.nn.functional import avg_pool1d, one_hot, pad
+from torch.nn.functional import avg_pool1d, max_pool1d, one_hot, pad
 
 from dancediff.motion.banded import bends, nearness, solve_banded, steps
 from dancediff.motion.ground import AIR, TOE_CLEARANCE, flights
@@ -27,6 +27,8 @@ STAND = 1e4  # what a step of a planted foot costs; moving a foot by as much cos
 SMOOTH = 50.0  # what a change of u's speed costs: a foot is hurried no more than dancers do
 UNSURE, SURE = 0.3, 0.7  # contacts from which a foot counts as a little and as fully planted
 HELD = 1e8  # what moving a foot costs where the legs must stay, or the root
+APART = 0.15  # metres between the ankles
+QUARTER = 15  # frames: a quarter of a second to both sides
 NEITHER = 1e-3  # how much a foot counts for the root that does not stand
 STRAIGHT = 0.02  # metres; a knee bent less than that keeps to the front of the thigh
 WEIGHT_SHIFT = 5  # frames over which the standing foot is chosen, if none is sure
@@ -48,8 +50,9 @@ def plant_feet(
     The feet are moved as little as that takes (`planting_shift`) and keep their direction. The root
     follows the feet that stand (`root_shift`), and all above it with the root; hips, knees and
     ankles do the rest by two-bone inverse kinematics, so that a foot out of the leg's reach still
-    slides. Without the root's part legs reach for their feet: segment after segment of a long dance
-    they got straighter, until knees were stiff and legs crossed (docs/drift.md).
+    slides. Feet are parted where legs close or cross (`legs_apart`). Without the root's part legs
+    reach for their feet: segment after segment of a long dance they got straighter, until knees
+    were stiff (docs/drift.md).
 
     Source: ours. PhysDiff (Yuan et al. 2023) puts a projection to physically possible motion at
     the same place, between the network's guess and the next step of sampling.
@@ -72,7 +75,11 @@ def plant_feet(
 
     # 1. how far either foot has to move, and how far the root follows them
     feet = joints[..., FOOT_JOINTS, :]  # left and right ankle, left and right toe
-    u = [planting_shift(feet[..., k::2, :], contact[..., k::2], held) for k in (0, 1)]
+    apart = legs_apart(joints, held)
+    u = []
+    for k, aside in enumerate((apart, -apart)):
+        foot = feet[..., k::2, :] + aside[..., None, :]
+        u.append(aside + planting_shift(foot, contact[..., k::2], held))
     if rooted is None and held is not None:
         rooted = held[..., None].expand(*held.shape, 3)
     v = root_shift(torch.stack(u, -2), contact, rooted)
@@ -89,6 +96,43 @@ def plant_feet(
     if held is not None:
         planted = torch.where(held[..., None], x, planted)
     return planted
+
+
+def legs_apart(joints: Tensor, held: Tensor | None = None) -> Tensor:
+    r"""How far to move the left foot out, and the right one as far, where legs close or cross.
+
+    $$\tfrac12 \Big[\sqrt{g^2 - a^2} - s\Big]_+ \text{ where the ankles are nearer than } g, \qquad
+      s = (p_\text{left} - p_\text{right}) \cdot e$$
+
+    e points from the right hip to the left one, along the floor; a is what of the ankles' distance
+    is across e, so that a foot may pass by the other. The largest lack within a quarter of a second
+    counts and is smoothed over as much again: a foot that stands moves as a whole.
+
+    Source: ours. The choreographer's dancers keep their ankles so far apart in 99 % of the frames;
+    people close their legs in 4 % (docs/drift.md), which this rule forbids.
+
+    Shapes: joints (..., f, j, 3) metres, held (..., f) bool -> (..., f, 3) metres.
+
+    >>> joints = torch.zeros(40, 24, 3)
+    >>> joints[:, 1, 0], joints[:, 2, 0] = 0.06, -0.06           # hips; the ankles touch
+    >>> [round(x, 3) for x in legs_apart(joints)[20].tolist()]
+    [0.075, 0.0, 0.0]
+    """
+    hips, ankles = joints[..., [1, 2], :], joints[..., FOOT_JOINTS[:2], :]
+    out = (hips[..., 0, :] - hips[..., 1, :]) * joints.new_tensor([1.0, 0.0, 1.0])
+    out = out / out.norm(dim=-1, keepdim=True).clamp_min(1e-6)
+    gap = ankles[..., 0, :] - ankles[..., 1, :]
+    aside = (gap * out).sum(-1)
+    across = (gap.square().sum(-1) - aside.square()).clamp_min(0)
+    lack = (APART**2 - across).clamp_min(0).sqrt() - aside
+    lack = torch.where(gap.norm(dim=-1) < APART, lack.clamp_min(0), torch.zeros_like(lack))
+    rows = lack.reshape(-1, 1, lack.shape[-1])
+    rows = max_pool1d(rows, QUARTER, 1, QUARTER // 2)
+    rows = avg_pool1d(rows, QUARTER, 1, QUARTER // 2, count_include_pad=False)
+    lack = rows.reshape(lack.shape)
+    if held is not None:
+        lack = lack.masked_fill(held, 0)
+    return lack[..., None] * out / 2
 
 
 def root_shift(u: Tensor, c: Tensor, rooted: Tensor | None = None) -> Tensor:

@@ -24,7 +24,7 @@ from dancediff.tcdiffpp import control
 from dancediff.tcdiffpp.long_group_sampling import iter_long_group_sample
 from dancediff.tcdiffpp.wish import FPS, Wish
 
-AUTOGUIDANCE = 2.2  # of preconditioned models; docs/training_log.md, "Strange music"
+AUTOGUIDANCE = 1.5  # of preconditioned models; docs/drift.md
 ROOT_SHARE = 0.7  # of it where dancers go; pushed as far as joints they run
 LASTING = 0.65  # of it in poses that last; pushed as far as movements they are grotesque
 LOOK_AHEAD = 30  # frames danced again where a constraint may lie just behind a segment's end
@@ -142,30 +142,26 @@ def _prepared(model, song, device, dtype, options: dict) -> tuple[Wish, torch.dt
 
 
 def denoise_segments(model, guidance, dtype=None, autoguidance: float = 1.0) -> Callable:
-    """The model with guidance: of x_t (b, n, f, d), t, M (b, f, m), S (b, n) and perhaps context.
+    """The model with guidance, as a function of x_t (b, n, f, d), t, M (b, f, m) and S (b, n).
 
     ``guidance``: a weight or a function of t, see `dancediff.diffusion.guidance.guided`;
     ``autoguidance``: see `dancediff.diffusion.guidance.autoguided`.
     """
     device = model.abar.device
 
-    def denoiser(x_t, t, M, S, *, keep, present=None, context=None):
-        more = {}
-        if context is not None:
-            more["context"] = context.expand(len(x_t), -1, -1, -1)  # the same with and without M
+    def denoiser(x_t, t, M, S, *, keep, present=None):
         with torch.autocast(device.type, torch.bfloat16, enabled=dtype == torch.bfloat16):
-            return model(x_t, t, M, S, keep=keep, present=present, **more)[1]
+            return model(x_t, t, M, S, keep=keep, present=present)[1]
 
     last = None  # the conditions of the segment in hand, and the denoiser that is bound to them
 
-    def denoise_segment(x_t, t, M, S, context=None):
+    def denoise_segment(x_t, t, M, S):
         nonlocal last
         if last is None or last[0] is not M or last[1] is not S:
-            bound = partial(denoiser, context=context)
-            last = M, S, guided(bound, M=M, S=S, guidance=guidance)
+            last = M, S, guided(denoiser, M=M, S=S, guidance=guidance)
         return last[2](x_t, t)
 
-    def linear(x_t, t, M, S, context=None):
+    def linear(x_t, t, M, S):
         steps = torch.full((len(x_t),), t, dtype=torch.long, device=device)
         return model.linear_guess(x_t, steps, S)
 
@@ -217,7 +213,6 @@ def segments(model, song, wish: Wish, *, report=None, watch=None, dtype=None) ->
         target_orders=wish.target_orders(),
         overlap=wish.overlap,
         pinning=wish.pinning,
-        context=getattr(model.config, "context", False),
         spread=None if model.spread is None else model.spread.cpu(),
         constraint=known,
         plant_with=bends_with if wish.feet == "planted" else None,

@@ -10,7 +10,6 @@ features)
     S        swap mode                             (b, n)
     keep     False = pretend there is no music     (b,)        classifier-free guidance
     present  False = nobody dances in this place   (b, n)
-    context  the first k frames, where known       (b, n, k, d)
     x_raw    the guess                             (b, n, f, d)
 """
 
@@ -26,7 +25,6 @@ from dancediff.nn.batch_invariant import BatchInvariantLinear
 from dancediff.nn.decoder import MusicEncoder
 from dancediff.nn.non_local_filter import NonLocalFilter, left_over
 from dancediff.nn.timestep import TimestepEncoder
-from dancediff.tcdiffpp.context import ContextEmbedding
 from dancediff.tcdiffpp.foot_cues import NUM_CUES
 from dancediff.tcdiffpp.formation_prior import FormationPrior
 from dancediff.tcdiffpp.fusion import FusionProjection
@@ -59,7 +57,6 @@ class GroupDanceDecoder(nn.Module):
         self.embed = nn.Linear(c.motion_dim, d)
         self.embed_feet = nn.Linear(NUM_CUES, d) if c.foot_cues else None
         self.embed_beat = nn.Linear(NUM_WAVES, d, bias=False) if c.beat_waves else None
-        self.embed_context = ContextEmbedding(c.motion_dim, d) if c.context else None
         self.dpe = DancerPositioning(c.max_dancers, d) if c.dpe else None
         self.fp = (
             FusionProjection(c.max_dancers, d, c.fusion_hidden, residual=c.fusion_residual)
@@ -116,13 +113,11 @@ class GroupDanceDecoder(nn.Module):
         *,
         keep: Tensor | None = None,
         present: Tensor | None = None,
-        context: Tensor | None = None,
         foot_cues: Callable[[Tensor], Tensor] | None = None,
     ) -> Tensor:
         """Guess the clean motion of everybody at once.
 
         ``foot_cues(guess)`` (ours): see that module; needed by a decoder that was built for them.
-        ``context`` (ours): likewise; None where nothing was danced before.
 
         Raises: ValueError naming the argument whose shape does not fit.
         """
@@ -133,7 +128,7 @@ class GroupDanceDecoder(nn.Module):
             guess = self.precondition.linear_guess(x_t, abar, group)
             noise = self.precondition.noise(x_t, guess, abar)
         memory, cond = self.conditions(t, M, S, keep=keep, present=present)
-        h = self.tokens(x_t, present, guess, noise, foot_cues, context)
+        h = self.tokens(x_t, present, guess, noise, foot_cues)
         h = self.hear_beats(h, M, keep, present)
         start = 0 if self.swap_mode is None else 1
         h = self.decoder(h, memory, cond, music_start=start, present=present)
@@ -167,7 +162,6 @@ class GroupDanceDecoder(nn.Module):
         guess: Tensor | None = None,
         noise: Tensor | None = None,
         foot_cues: Callable[[Tensor], Tensor] | None = None,
-        context: Tensor | None = None,
     ) -> Tensor:
         """Embed the noisy motion, mark the ranks (DPE), mix the dancers (FP).
 
@@ -180,8 +174,6 @@ class GroupDanceDecoder(nn.Module):
             h = h + self.embed_guess(guess) + self.embed_noise(noise)
         if self.embed_feet is not None:
             h = h + self.embed_feet(foot_cues(x_t if guess is None else guess))
-        if self.embed_context is not None and context is not None:
-            h = h + self.embed_context(context, x_t.shape[2])
         h = h if self.dpe is None else self.dpe(h)
         h = h * here  # absent dancers are zeros to the fusion ...
         h = h if self.fp is None else self.fp(h) * here  # ... and stay zeros after it

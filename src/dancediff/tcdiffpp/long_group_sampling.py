@@ -37,7 +37,7 @@ def long_group_sample(denoise_segment: Callable, segments_music: Tensor, **optio
 
     $$\hat z_T^{[75:225]} = \big[\hat x_T^{[75:150]},\ z_T^{[150:225]}\big]$$
 
-    Source: TCDiff++ eq. 19 (``pinning="init"``).  Differs: the default pinning is "same_noise". The
+    Source: TCDiff++ eq. 19 (``pinning="init"``).  Differs: the default pinning is "renoise". The
     released code pastes clean frames at every noise level, and loses the first segment, so that
     dance and music are 2.5 s apart.
 
@@ -65,8 +65,7 @@ def iter_long_group_sample(
     abar: Tensor,
     target_orders: Sequence | None = None,
     overlap: int = 75,
-    pinning: str = "same_noise",
-    context: bool = False,
+    pinning: str = "renoise",
     t_star: int | None = None,
     spread: Tensor | None = None,
     constraint: Constraint | None = None,
@@ -93,8 +92,6 @@ def iter_long_group_sample(
     - ``root_x(frame (n, d)) -> (n,)``: lateral position, by which dancers are ranked.
     - ``target_orders[i]``: the dancers from left to right at the last frame of segment i, or None:
       the order asked for last or, if none was, the order they stand in now.
-    - ``context``: hand ``denoise_segment`` the known frames as a fifth argument, (1, n, k, d) or
-      None, see `dancediff.tcdiffpp.context`.
     - ``pinning``, ``t_star``: see `Pinning`. With "init" the shared frames also get the noise they
       were made from; it carries furthest with eta = 0.
     - ``spread`` to ``order_with``, what guesses are bent with, are on the CPU (see `sample`).
@@ -147,11 +144,8 @@ def iter_long_group_sample(
         rules = () if order_with is None or asked is None else (Order(order_with, S),)
         rules += () if part_with is None else (Spacing(part_with),)
         bends = spread is not None and (told is not None or rules)
-        conditions = [M, send(S[None], device)]
-        if context:
-            conditions.append(None if known is None else known[order][None].to(device, dtype))
         x = sample(
-            partial(_denoise, denoise_segment, conditions),
+            partial(_denoise, denoise_segment, M, send(S[None], device)),
             (1, dancers, f, motion_dim),
             abar=abar,
             sampler=sampler,
@@ -184,8 +178,8 @@ def iter_long_group_sample(
     yield rest
 
 
-def _denoise(denoise_segment: Callable, conditions: list, x_t: Tensor, t: int) -> Tensor:
-    return denoise_segment(x_t, t, *conditions)
+def _denoise(denoise_segment: Callable, M: Tensor, S: Tensor, x_t: Tensor, t: int) -> Tensor:
+    return denoise_segment(x_t, t, M, S)
 
 
 def _callback(progress, watch, i: int, segments: int) -> Callable | None:

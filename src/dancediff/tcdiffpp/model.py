@@ -65,7 +65,6 @@ class TCDiffPPConfig:
     beat_waves: bool = False  # ours: see music.beat_phase; on in configs
     non_local: bool = False  # ours: see nn.non_local_filter; on in configs
     formation_prior: bool = False  # ours: see formation_prior; on in configs
-    context: bool = False  # ours: see context; on in configs
     precondition: bool = True  # ours: see diffusion.precondition
 
     def __post_init__(self):
@@ -96,7 +95,6 @@ class TCDiffPPConfig:
             "beat_waves": False,
             "non_local": False,
             "formation_prior": False,
-            "context": False,
             "precondition": False,
         }
         return cls(**sizes | changes)
@@ -110,8 +108,7 @@ class TCDiffPP(nn.Module):
     Source: TCDiff++ section 4.  Differs: one model serves 1 to ``max_dancers`` dancers, and one
     pair of normalisers, fitted on the training set, serves every clip.
 
-    Shapes: x_t (b, n, f, d), t (b,), M (b, f, m) standardised, S (b, n); keep (b,), present (b, n),
-    context (b, n, k, d), the first k frames where they are known
+    Shapes: x_t (b, n, f, d), t (b,), M (b, f, m) standardised, S (b, n); keep (b,), present (b, n)
     -> x_raw, x_hat, both (b, n, f, d).  Dancers come in left-to-right order of the first frame.
 
     >>> model = TCDiffPP(TCDiffPPConfig(d_model=16, num_layers=1, ff_dim=32, fusion_hidden=32))
@@ -158,12 +155,10 @@ class TCDiffPP(nn.Module):
         *,
         keep: Tensor | None = None,
         present: Tensor | None = None,
-        context: Tensor | None = None,
     ) -> tuple[Tensor, Tensor]:
         """Guess the clean dance, without and with the Footwork Adaptor."""
         cues = partial(foot_cues, normalizer=self.normalizer) if self.config.foot_cues else None
-        conditions = {"keep": keep, "present": present, "context": context}
-        x_raw = self.decoder(x_t, t, M, S, foot_cues=cues, **conditions)
+        x_raw = self.decoder(x_t, t, M, S, keep=keep, present=present, foot_cues=cues)
         if self.footwork is None:
             return x_raw, x_raw
         x_hat = self.footwork(x_raw, None if cues is None else cues(x_raw)[..., -NUM_MOVING:])
@@ -191,7 +186,7 @@ class TCDiffPP(nn.Module):
         swap=None,
         swap_at: float | None = None,
         overlap: int = 75,
-        pinning: str = "same_noise",
+        pinning: str | None = None,
         seam: str = "copy",
         feet: str = "planted",
         spacing: str | None = None,
@@ -215,13 +210,14 @@ class TCDiffPP(nn.Module):
         - ``guidance``: 0 ignores the music, 1 listens, 2 exaggerates (the papers' value) and takes
           twice as long.
         - ``autoguidance``: 1 takes the network's guesses as they are, more pushes them away from
-          the mean of all dances (`dancediff.diffusion.guidance.autoguided`); default 2.2, and 1
-          for a model without preconditioning, which knows nothing else. The root is pushed a
-          quarter as far.
+          the mean of all dances (`dancediff.diffusion.guidance.autoguided`); default 1.5, and 1
+          for a model without preconditioning, which knows nothing else. The root is pushed 0.7
+          times as far.
         - ``swap[k]``: the dancer, counted 0.. from the left at the first frame, who stands k-th
           from the left in the end; ``swap_at``: when, in seconds (default: at the end).
         - ``overlap``, ``pinning``, ``seam``: how segments of 5 s are joined, see
-          `dancediff.tcdiffpp.long_group_sampling`.
+          `dancediff.tcdiffpp.long_group_sampling`; by default known frames keep their noise where
+          the sampler adds none, and get fresh noise where it does.
         - ``feet``: "planted" keeps feet in place that stand (`dancediff.motion.foot_planting`);
           "free" leaves them as the network draws them.
         - ``spacing``: "kept" makes room between dancers who would run into each other

@@ -52,7 +52,7 @@ class Wish:
     swap: Any = None
     swap_at: float | None = None
     overlap: int = 75
-    pinning: str = "same_noise"
+    pinning: str | None = None  # the way of pinning that fits the sampler
     seam: str = "copy"
     feet: str = "planted"
     spacing: str | None = None  # kept if the model can
@@ -73,7 +73,10 @@ class Wish:
             self.autoguidance = _number("autoguidance", self.autoguidance, 1, 10)
         self.eta = _number("eta", self.eta, 0, 1)
         one_of("sampler", self.sampler, SAMPLERS)
-        one_of("pinning", self.pinning, MODES)
+        one_of("pinning", self.pinning, (None, *MODES))
+        if self.pinning is None:
+            adds_noise = self.sampler == "ddpm" or self.eta > 0
+            self.pinning = "renoise" if adds_noise else "same_noise"
         one_of("seam", self.seam, tuple(SEAMS))
         one_of("feet", self.feet, FEET)
         one_of("spacing", self.spacing, (None, *SPACING))

@@ -64,7 +64,7 @@ class Sample:
     swap: list | None = None  # [] is None, for a variant of which nothing can be asked
     swap_at: float | None = None
     overlap: int = 75
-    pinning: str = "same_noise"
+    pinning: str | None = None
     seam: str = "copy"
     feet: str = "planted"
     spacing: str | None = None

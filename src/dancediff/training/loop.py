@@ -30,7 +30,7 @@ from dancediff.training.distributed import World
 from dancediff.training.ema import EMA
 from dancediff.training.loss_log import LossLog
 from dancediff.training.muon import MuonAdamW
-from dancediff.training.noise import noised, settled, to_network, with_context
+from dancediff.training.noise import noised, settled, to_network
 
 OPTIMIZERS = ("adamw", "muon", "adan")
 
@@ -311,12 +311,9 @@ def losses_of(
 ) -> dict:
     """Noise a batch, guess, compare; everything random follows from the seed and its number."""
     x_0, M, S = to_network(model, batch)
-    x_t, t, keep, weight, g = noised(model, x_0, number, config, levels)
-    more = {}
+    x_t, t, keep, weight, _ = noised(model, x_0, number, config, levels)
     with settled(model, number, config):
-        if getattr(model.config, "context", False):
-            x_t, more["context"] = with_context(forward, model, x_0, x_t, t, M, S, g)
-        guess, adapted = forward(x_t, t, M, S, keep=keep, **more)
+        guess, adapted = forward(x_t, t, M, S, keep=keep)
     return tcdiffpp_losses(
         guess.float(),
         adapted.float(),

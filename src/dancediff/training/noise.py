@@ -13,7 +13,6 @@ import torch
 from torch import Tensor
 
 from dancediff.diffusion.schedule import q_sample
-from dancediff.tcdiffpp.context import LOUDEST, OWN, context_length
 
 
 def to_network(model, batch) -> tuple[Tensor, Tensor, Tensor]:
@@ -42,31 +41,6 @@ def noised(
     eps = torch.randn(x_0.shape, generator=g).to(device)
     keep = (torch.rand(b, generator=g) >= model.config.cond_drop).to(device)
     return q_sample(x_0, t, model.abar, eps).to(x_0.dtype), t, keep, weight, g
-
-
-@torch.no_grad()
-def with_context(
-    forward, model, x_0: Tensor, x_t: Tensor, t: Tensor, M: Tensor, S: Tensor, g: torch.Generator
-) -> tuple[Tensor, Tensor | None]:
-    """Make the first frames of a batch known, as long sampling does: x_t with them, and they.
-
-    Half of the time they are the network's own guess from noise, so that it learns to dance on
-    from frames that are not quite right; then x_t has the noise it had, but over that guess.
-    """
-    k = context_length(x_0.shape[2], g)
-    own = float(torch.rand((), generator=g)) < OWN
-    level = torch.randint(LOUDEST, (len(x_0),), generator=g).to(x_0.device)
-    eps = torch.randn(x_0.shape, generator=g).to(x_0.device)
-    if k == 0:
-        return x_t, None
-    known = x_0[:, :, :k]
-    if own:
-        level = level * model.config.num_steps // 1000
-        guess = forward(q_sample(x_0, level, model.abar, eps).to(x_0.dtype), level, M, S)[1]
-        known = guess[:, :, :k].to(x_0.dtype)
-        signal = model.abar[t].sqrt().to(x_0.dtype)[:, None, None, None]
-        x_t = torch.cat([x_t[:, :, :k] + signal * (known - x_0[:, :, :k]), x_t[:, :, k:]], dim=2)
-    return x_t, known
 
 
 @contextmanager

@@ -9,12 +9,15 @@ from pathlib import Path
 
 import numpy as np
 
+from dancediff.metrics.drift import POSE_WINDOW
+from dancediff.metrics.posture import POSTURE
 from dancediff.motion.beats import mean_speed, motion_beats
 from dancediff.motion.motion import Motion
 from dancediff.viz.palette import BEAT, GRID, INK, MUTED, dancer_color
 from dancediff.viz.style import bare, new_axes, set_title
 
 TOUCH = 0.3  # metres between roots at which bodies are as good as touching
+DRIFT_COLUMNS = 4
 HARD, SOFT = "#D55E00", "#0072B2"
 
 
@@ -125,6 +128,39 @@ def plot_losses(losses, *, ax=None, names=None, smooth: int = 50, title=None):
         )
     bare(ax).set(yscale="log", xlabel="step", ylabel="loss, of its first mean")
     ax.legend(frameon=False, fontsize=8, ncols=4)
+    return set_title(ax, title)
+
+
+def plot_drift(drifts, *, ax=None, names=None, title=None):
+    """Posture over time: a panel for each metric, a line for each dance or model.
+
+    ``drifts``: a `dancediff.metrics.drift.Drift`, or {label: Drift}; ``names``: which metrics.
+
+    -> the Axes; each metric has a panel inside it.
+    Raises: KeyError when a name is not there.
+    """
+    drifts = drifts if isinstance(drifts, dict) else {"": drifts}
+    names = list(next(iter(drifts.values())).names) if names is None else list(names)
+    rows = -(-len(names) // DRIFT_COLUMNS)
+    ax = new_axes(ax, (7.6, 1.7 * rows))
+    ax.axis("off")
+    for k, name in enumerate(names):
+        row, column = divmod(k, DRIFT_COLUMNS)
+        wide, high = 1 / DRIFT_COLUMNS, 1 / rows
+        where = [column * wide + 0.05, 1 - (row + 0.85) * high, 0.8 * wide, 0.6 * high]
+        panel = bare(ax.inset_axes(where))
+        for line, (label, one) in enumerate(drifts.items()):
+            middle = one.seconds + POSE_WINDOW / 2
+            panel.plot(
+                middle, one[name], "o-", ms=2.5, lw=1.3, color=dancer_color(line), label=label
+            )
+        panel.set_ylim(bottom=0)
+        panel.set_title(f"{name} ({POSTURE[name][1]})", loc="left", fontsize=8, color=INK)
+        if row == rows - 1:
+            panel.set_xlabel("time (s)")
+    if len(drifts) > 1:
+        handles, labels = panel.get_legend_handles_labels()
+        ax.legend(handles, labels, frameon=False, fontsize=8, loc="lower right")
     return set_title(ax, title)
 
 

@@ -23,6 +23,7 @@ from dancediff.viz.body import (
 from dancediff.viz.charts import (
     plot_beat_alignment,
     plot_distances,
+    plot_drift,
     plot_energy,
     plot_losses,
     plot_radar,
@@ -46,6 +47,7 @@ __all__ = [
     "plot_beats",
     "plot_contact_strip",
     "plot_distances",
+    "plot_drift",
     "plot_energy",
     "plot_features",
     "plot_filmstrip",

@@ -12,8 +12,8 @@ from dancediff.motion.motion import Motion
 MOMENTS, DPI = 5, 60  # of the picture of a dance: small, as it is stored with the notebook
 NOTE = "A still picture: run this cell to move the controls."
 
-# JupyterLab fills an output that has lost its widget with nothing but a line of text.
-_LOST = ".jp-OutputArea-output.jupyter-widgets:not(:has(*))"
+# In JupyterLab only an output that has lost its widget has both classes.
+_LOST = ".jp-OutputArea-output.jupyter-widgets"
 _STYLE = f"""<style>
 .jp-OutputArea-child:has(+ .jp-OutputArea-child {_LOST}) .dancediff-still
   {{ display: block !important; }}

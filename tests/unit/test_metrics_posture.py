@@ -1,0 +1,151 @@
+"""Posture and its drift: on bodies made for it, choreographed and real dances, and broken ones."""
+
+import json
+import math
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from dancediff.cli import main
+from dancediff.data.choreographer import choreograph
+from dancediff.data.cmu import cmu_jobs
+from dancediff.metrics.corruption import freeze, mean_pose
+from dancediff.metrics.drift import Drift, drift, mean_drift
+from dancediff.metrics.posture import (
+    POSTURE,
+    ankles_close,
+    arms_wide,
+    distinct_poses,
+    from_pelvis,
+    knee_bend,
+    legs_crossed,
+    stillness,
+    turning,
+)
+from dancediff.motion.motion import Motion
+from dancediff.motion.rotation import axis_angle_to_matrix
+from dancediff.motion.skeleton import SMPL24
+
+REAL = Path(os.environ.get("DANCEDIFF_DATA", "../shared/data")) / "cmu"
+
+
+def body(frames=60, **turns):
+    """A body at rest in which some joints are turned: name=(x, y, z) degrees, or one a frame."""
+    angles = torch.zeros(1, frames, 24, 3)
+    for name, angle in turns.items():
+        angles[:, :, SMPL24.index(name)] = torch.deg2rad(torch.as_tensor(angle).float())
+    return Motion(axis_angle_to_matrix(angles), torch.zeros(1, frames, 3)).joints()
+
+
+@pytest.fixture(scope="module")
+def dance():
+    return choreograph(np.arange(0.5, 20, 0.5), dancers=3, seed=2, seconds=20.0)[0]
+
+
+def test_arms_are_wide_at_rest_and_not_at_the_sides():
+    assert arms_wide(body()) == 1.0
+    assert arms_wide(body(lshoulder=(0, 0, -80), rshoulder=(0, 0, 80))) == 0.0
+    assert arms_wide(body(lshoulder=(0, 0, -80), rshoulder=(0, -60, 0))) == 0.0
+
+
+def test_knee_bend_in_degrees():
+    straight = knee_bend(body())
+    assert straight < 12  # the bones at rest are not quite in line
+    assert knee_bend(body(lknee=(90, 0, 0), rknee=(90, 0, 0))) == pytest.approx(90, abs=12)
+    assert knee_bend(body(lknee=(90, 0, 0))) == pytest.approx((90 + straight) / 2, abs=6)
+
+
+def test_turning_in_degrees_a_second():
+    steady = [(0.0, 3.0 * k, 0.0) for k in range(60)]
+    assert turning(body(root=steady)) == pytest.approx(90, rel=0.02)
+    beyond = [(0.0, 3.0 * k + 170, 0.0) for k in range(60)]  # over the half turn and on
+    assert turning(body(root=beyond)) == pytest.approx(90, rel=0.02)
+    swings = [(0.0, 10 * math.sin(2 * math.pi * k / 5), 0.0) for k in range(60)]
+    assert turning(body(root=swings)) < 5
+
+
+def test_closed_and_crossed_legs():
+    closed = body(lhip=(0, 0, -3), rhip=(0, 0, 3))
+    crossed = body(lhip=(0, 0, -25), rhip=(0, 0, 25))
+    assert (ankles_close(body()), legs_crossed(body())) == (0.0, 0.0)
+    assert (ankles_close(closed), legs_crossed(closed)) == (1.0, 0.0)
+    assert (ankles_close(crossed), legs_crossed(crossed)) == (0.0, 1.0)
+    turned = body(root=(0, 130, 0), lhip=(0, 0, -25), rhip=(0, 0, 25))
+    assert legs_crossed(turned) == 1.0
+
+
+def test_poses_are_counted_once_wherever_they_are_danced():
+    switch = [(-90.0 * (k // 30 % 2), 0.0, 0.0) for k in range(150)]
+    two = body(150, lhip=switch, rhip=switch)
+    assert distinct_poses(two) == 2.0
+    moved = two + torch.linspace(0, 5, 150)[None, :, None, None]
+    turn = axis_angle_to_matrix(torch.tensor([0.0, 2.0, 0.0]))
+    assert distinct_poses(moved @ turn.T) == 2.0
+    torch.testing.assert_close(from_pelvis(two @ turn.T), from_pelvis(two), atol=1e-5, rtol=0)
+    assert distinct_poses(torch.cat([two, body(150)], 1)) == 1.5  # the mean of its two windows
+
+
+def test_frozen_and_averaged_dances_are_seen(dance):
+    gen = np.random.default_rng(0)
+    good, frozen, gliding = (
+        d.joints() for d in (dance, freeze(dance, 1.0, gen), mean_pose(dance, 1.0, gen))
+    )
+    assert stillness(frozen) == 1.0 and stillness(good) < 0.3
+    assert distinct_poses(frozen) == 1.0 and distinct_poses(gliding) == 1.0
+    assert distinct_poses(good) > 1.3
+    assert turning(frozen) == 0.0 and turning(good) > 2
+
+
+def test_drift_finds_the_window_in_which_a_dance_breaks(dance):
+    broken = dance.joints().clone()
+    broken[:, 450:] = broken[:, 450:451]
+    found = drift(broken)
+    assert found.seconds.tolist() == [0, 5, 10, 15]
+    assert found["stillness"][3] == 1.0 and found["stillness"][:3].max() < 0.5
+    assert found["distinct poses"][3] == 1.0
+    first, last = found.thirds("stillness")
+    assert last > first + 0.3
+    assert str(found).splitlines()[-1].split()[0] == "15-20"
+
+
+def test_a_steady_dance_does_not_drift(dance):
+    found = drift(dance.joints())
+    first, last = found.thirds("knee bend")
+    assert abs(last / first - 1) < 0.25
+
+
+def test_mean_drift_is_over_dances_not_windows():
+    rows = np.arange(len(POSTURE))[:, None] * np.ones(3)
+    mean = mean_drift([Drift(rows, np.arange(3) * 5.0), Drift(rows + 2, np.arange(3) * 5.0)])
+    np.testing.assert_allclose(mean.values, rows + 1)
+    with pytest.raises(ValueError, match="drifts is empty"):
+        mean_drift([])
+    with pytest.raises(KeyError, match="'grace' is not one of arms wide"):
+        mean["grace"]
+    with pytest.raises(ValueError, match="needs 150 or more"):
+        drift(torch.zeros(1, 100, 24, 3))
+
+
+@pytest.mark.skipif(not REAL.is_dir(), reason="no motion capture; set DANCEDIFF_DATA")
+def test_people_bend_their_knees_and_turn():
+    """Two real takes: the ranges of docs/drift.md."""
+    jobs = {job.name: job for job in cmu_jobs(REAL)}
+    salsa, indian = (jobs[name].make().motion.joints() for name in ("salsa_01", "indian_04"))
+    assert 40 < knee_bend(salsa) < 55 and 60 < knee_bend(indian) < 80
+    assert turning(salsa) > 30 and arms_wide(salsa) < 0.05
+    assert 0.01 < ankles_close(salsa) < 0.2
+
+
+def test_the_command_prints_and_draws_the_drift(dance, tmp_path, capsys):
+    dance.save(tmp_path / "dance.npz")
+    main(["evaluate", str(tmp_path / "dance.npz"), "--drift", str(tmp_path / "p" / "drift.png")])
+    printed = capsys.readouterr().out
+    assert "mean over dances, window by window" in printed and "15-20" in printed
+    assert "arms wide" in printed
+    assert (tmp_path / "p" / "drift.png").read_bytes().startswith(b"\x89PNG")
+    main(["evaluate", str(tmp_path / "dance.npz"), "--json", "--drift", str(tmp_path / "d.png")])
+    facts = json.loads(capsys.readouterr().out)
+    assert len(facts["drift"]["knee bend"]) == 4
