@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from dancediff.data.choreographer import choreograph
 from dancediff.diffusion.schedule import cosine_abar
+from dancediff.metrics.drift import Drift
 from dancediff.motion.motion import Motion
 from dancediff.music.song import Music
 from dancediff.viz import body, plots
@@ -266,6 +267,7 @@ def test_every_plot_draws_on_the_axes_it_is_given(dance):
         "plot_beats": [M],
         "plot_contact_strip": [dance],
         "plot_distances": [dance],
+        "plot_drift": [Drift(np.ones((7, 4)), np.arange(4) * 5.0)],
         "plot_energy": [dance],
         "plot_features": [M],
         "plot_filmstrip": [dance],

@@ -101,11 +101,13 @@ def plant_feet(
 def legs_apart(joints: Tensor, held: Tensor | None = None) -> Tensor:
     r"""How far to move the left foot out, and the right one as far, where legs close or cross.
 
-    $$\tfrac12 \Big[\sqrt{g^2 - a^2} - s\Big]_+ \text{ where the ankles are nearer than } g, \qquad
+    $$\tfrac12\,\operatorname{clip}\big(2 - d / g,\ 0,\ 1\big)
+      \Big[\sqrt{[g^2 - a^2]_+} - s\Big]_+, \qquad
       s = (p_\text{left} - p_\text{right}) \cdot e$$
 
-    e points from the right hip to the left one, along the floor; a is what of the ankles' distance
-    is across e, so that a foot may pass by the other. The largest lack within a quarter of a second
+    d is the distance of the ankles and g 15 cm. e points from the right hip to the left one, along
+    the floor; a is what of the distance is across e, so that a foot may pass by the other, and legs
+    may cross with 30 cm between them. The largest lack within a quarter of a second
     counts and is smoothed over as much again: a foot that stands moves as a whole.
 
     Source: ours. The choreographer's dancers keep their ankles so far apart in 99 % of the frames;
@@ -124,8 +126,8 @@ def legs_apart(joints: Tensor, held: Tensor | None = None) -> Tensor:
     gap = ankles[..., 0, :] - ankles[..., 1, :]
     aside = (gap * out).sum(-1)
     across = (gap.square().sum(-1) - aside.square()).clamp_min(0)
-    lack = (APART**2 - across).clamp_min(0).sqrt() - aside
-    lack = torch.where(gap.norm(dim=-1) < APART, lack.clamp_min(0), torch.zeros_like(lack))
+    lack = ((APART**2 - across).clamp_min(0).sqrt() - aside).clamp_min(0)
+    lack = lack * (2 - gap.norm(dim=-1) / APART).clamp(0, 1)
     rows = lack.reshape(-1, 1, lack.shape[-1])
     rows = max_pool1d(rows, QUARTER, 1, QUARTER // 2)
     rows = avg_pool1d(rows, QUARTER, 1, QUARTER // 2, count_include_pad=False)

@@ -134,7 +134,7 @@ def forward_kinematics(pose: Tensor, root: Tensor, skeleton: Skeleton = SMPL24) 
             Q.append(rotations[j])
             joints.append(root)
         else:
-            joints.append(joints[p] + Q[p] @ offsets[j])
+            joints.append(joints[p] + (Q[p] * offsets[j]).sum(-1))  # @ rounds by batch size
             Q.append(Q[p] @ rotations[j])
     return torch.stack(joints, dim=-2)
 

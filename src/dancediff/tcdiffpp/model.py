@@ -23,7 +23,7 @@ from dancediff.tcdiffpp.footwork_adaptor import FootworkAdaptor
 from dancediff.tcdiffpp.generate import generate, stream
 from dancediff.tcdiffpp.group_dance_decoder import GroupDanceDecoder
 
-LARGEST, MOST_LAYERS = 4096, 64  # a size beyond is a slip; such a network is never done building
+LARGEST, MOST_LAYERS = 8192, 64  # a size beyond is a slip; such a network is never done building
 
 
 @dataclass
