@@ -149,3 +149,6 @@ def test_the_command_prints_and_draws_the_drift(dance, tmp_path, capsys):
     main(["evaluate", str(tmp_path / "dance.npz"), "--json", "--drift", str(tmp_path / "d.png")])
     facts = json.loads(capsys.readouterr().out)
     assert len(facts["drift"]["knee bend"]) == 4
+    dance.frames(0, 60).save(tmp_path / "short.npz")  # too short for a window: left out
+    main(["evaluate", str(tmp_path), "--drift", str(tmp_path / "d.png")])
+    assert "15-20" in capsys.readouterr().out

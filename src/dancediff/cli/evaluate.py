@@ -1,5 +1,6 @@
 """`dancediff evaluate`: every metric of some dances as a table."""
 
+import contextlib
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -66,7 +67,7 @@ class Evaluate:
             raise RuntimeError(f"no metric could be computed; {report.rows[0].name}: {why}")
 
     def _draw_drift(self):
-        """The mean over all dances of five seconds or more, drawn into the file."""
+        """The mean over all dances of five seconds or more that can be read, drawn into the file."""
         from matplotlib.pyplot import close
 
         from dancediff.atomic import atomic_write
@@ -75,8 +76,12 @@ class Evaluate:
         from dancediff.metrics.measure import read_dance
         from dancediff.viz.charts import plot_drift
 
-        motions = (read_dance(source)[2] for source in find_dances(list(self.motion)))
-        found = mean_drift([drift(motion.joints(), fps=motion.fps) for motion in motions])
+        drifts = []
+        for source in find_dances(list(self.motion)):
+            with contextlib.suppress(ValueError, OSError):  # too short, or named in the table
+                motion = read_dance(source)[2]
+                drifts.append(drift(motion.joints(), fps=motion.fps))
+        found = mean_drift(drifts)
         figure = plot_drift(found, title="Posture over the dance").figure
         with atomic_write(self.drift) as part:
             figure.savefig(part, format="png")

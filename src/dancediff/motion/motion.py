@@ -6,7 +6,6 @@ Symbols (axes: n dancers · f frames · j joints)
     contact  foot on the floor, 0..1                         (n, f, 4)
 """
 
-import base64
 import io
 import json
 import math
@@ -14,7 +13,6 @@ import struct
 import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from html import escape
 from pathlib import Path
 
 import numpy as np
@@ -90,9 +88,9 @@ class Motion:
 
     def _repr_mimebundle_(self, include=None, exclude=None) -> dict:
         """What a notebook shows: that line, and a small picture."""
-        from dancediff.viz.still import dance_png
+        from dancediff.viz.still import dance_html
 
-        return {"text/plain": repr(self), "text/html": _with_caption(dance_png(self), repr(self))}
+        return {"text/plain": repr(self), "text/html": dance_html(self)}
 
     @property
     def people(self) -> str:
@@ -246,13 +244,6 @@ class Motion:
         return replace(
             first, pose=pose, root=torch.cat([motion.root for motion in motions]), contact=contact
         )
-
-
-def _with_caption(png: bytes, caption: str) -> str:
-    """A picture and a line below it, as HTML."""
-    source = base64.b64encode(png).decode()
-    picture = f'<img src="data:image/png;base64,{source}" style="max-width:100%">'
-    return f"{picture}<br><code>{escape(caption)}</code>"
 
 
 def suffix_of(path: Path) -> str:

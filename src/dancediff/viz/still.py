@@ -6,6 +6,7 @@ displaying widget: model not found". With a still the picture is seen in its pla
 
 import base64
 import io
+from html import escape
 
 from dancediff.motion.motion import Motion
 
@@ -35,15 +36,24 @@ def dance_png(motion: Motion, song=None) -> bytes:
     return file.getvalue()
 
 
+def dance_html(motion: Motion) -> str:
+    """What a notebook shows of a dance: some moments, and below them its one line."""
+    line = escape(repr(motion))
+    return f"{_image(dance_png(motion), line)}<br><code>{line}</code>"
+
+
+def _image(png: bytes, words: str) -> str:
+    source = base64.b64encode(png).decode()
+    return f'<img src="data:image/png;base64,{source}" alt="{words}" style="max-width:100%">'
+
+
 def still_html(png: bytes, note: str = NOTE) -> str:
     """A picture that shows itself only where the widget below it is gone.
 
     >>> "display:none" in still_html(b"png")
     True
     """
-    source = base64.b64encode(png).decode()
-    picture = f'<img src="data:image/png;base64,{source}" alt="{note}" style="max-width:100%">'
-    inside = f"{picture if png else ''}<p><i>{note}</i></p>"
+    inside = f"{_image(png, note) if png else ''}<p><i>{note}</i></p>"
     return f'{_STYLE}<div class="dancediff-still" style="display:none">{inside}</div>'
 
 
