@@ -67,7 +67,7 @@ class Evaluate:
             raise RuntimeError(f"no metric could be computed; {report.rows[0].name}: {why}")
 
     def _draw_drift(self):
-        """The mean over all dances of five seconds or more that can be read, drawn into the file."""
+        """The mean over readable dances of five seconds or more, drawn into the file."""
         from matplotlib.pyplot import close
 
         from dancediff.atomic import atomic_write
