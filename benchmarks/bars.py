@@ -26,9 +26,8 @@ import tyro
 from tqdm.auto import tqdm
 
 from dancediff import hub
-from dancediff.baselines.edge import EDGE
-from dancediff.baselines.naive_long_sampling import draw_naively
 from dancediff.data.prepared import PreparedData
+from dancediff.generation.generate import draw_long_group, generate
 from dancediff.metrics.fidelity import fid
 from dancediff.metrics.kinetic import kinetic_features
 from dancediff.metrics.report import evaluate_dances
@@ -36,7 +35,8 @@ from dancediff.metrics.rhythm import beat_alignment
 from dancediff.metrics.swaps import obeys, permutation_kind
 from dancediff.motion.motion import Motion
 from dancediff.music.song import Music
-from dancediff.tcdiffpp.generate import draw_long_group, generate
+from dancediff.papers.edge.model import EDGE
+from dancediff.papers.edge.naive_long_sampling import draw_naively
 
 OVERLAP, SEGMENT = 75, 150
 

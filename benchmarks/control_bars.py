@@ -14,11 +14,11 @@ import torch
 import tyro
 
 from dancediff import hub
+from dancediff.extensions.control import EndAt, Keep, StartAt, WalkAlong, combine
 from dancediff.metrics.physical import fsr
 from dancediff.metrics.swaps import obeys
 from dancediff.motion.motion import Motion
 from dancediff.motion.representation import TCDIFFPP, unpack
-from dancediff.tcdiffpp.control import EndAt, Keep, StartAt, WalkAlong, combine
 
 NEAR = 30  # frames
 NAMES = ("start", "end", "path of one dancer", "in between", "upper body", "one dancer")

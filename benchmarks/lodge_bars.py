@@ -31,8 +31,6 @@ from torch.nn.functional import conv1d
 from tqdm.auto import tqdm
 
 from dancediff import hub
-from dancediff.lodge import parallel
-from dancediff.lodge.staging import AUTOGUIDANCE
 from dancediff.metrics.kinetic import kinetic_features
 from dancediff.metrics.physical import fsr
 from dancediff.metrics.report import evaluate_dances
@@ -41,6 +39,8 @@ from dancediff.motion.beats import motion_beats
 from dancediff.motion.motion import Motion
 from dancediff.motion.representation import LODGE, with_hands
 from dancediff.motion.rotation import matrix_to_rot6d, rot6d_to_matrix
+from dancediff.papers.lodge import parallel
+from dancediff.papers.lodge.staging import AUTOGUIDANCE
 from dancediff.training.lodge_data import prepared_solos
 
 FPS, LOCAL = 30, 256

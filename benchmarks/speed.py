@@ -29,7 +29,7 @@ from dancediff.data.corpus import choreographed_corpus
 from dancediff.data.windows import GroupDanceWindows
 from dancediff.diffusion.guidance import guided
 from dancediff.nn import ssm
-from dancediff.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
+from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 from dancediff.training import run
 from dancediff.training.loop import TrainConfig, level_weights, make_optimizer, train_step
 
@@ -100,7 +100,7 @@ def naive():
     with (
         mock.patch.object(ssm, "ssd_scan", indexed_ssd),
         mock.patch.object(ssm, "selective_scan", indexed_scan),
-        mock.patch("dancediff.tcdiffpp.generate.guided", two_passes),
+        mock.patch("dancediff.generation.generate.guided", two_passes),
         mock.patch("dancediff.nn.decoder._same_place", lambda a, b: False),
     ):
         yield

@@ -16,10 +16,10 @@ from safetensors.torch import load_file
 
 from dancediff import __version__
 from dancediff.atomic import atomic_write, save_tensors
-from dancediff.baselines.edge import EDGE, EDGEConfig
-from dancediff.lodge.model import Lodge, LodgeConfig
 from dancediff.music.song import Music
-from dancediff.tcdiffpp.model import LARGEST, MOST_LAYERS, TCDiffPP, TCDiffPPConfig
+from dancediff.papers.edge.model import EDGE, EDGEConfig
+from dancediff.papers.lodge.model import Lodge, LodgeConfig
+from dancediff.papers.tcdiffpp.model import LARGEST, MOST_LAYERS, TCDiffPP, TCDiffPPConfig
 
 ASSETS = Path(__file__).parent / "assets"
 SONG = "studio_floor"

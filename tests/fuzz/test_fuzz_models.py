@@ -8,8 +8,8 @@ import torch
 from fuzzing import fuzz, mutated, num_inputs, put
 
 from dancediff import hub
-from dancediff.tcdiffpp.losses import LossWeights
-from dancediff.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
+from dancediff.papers.tcdiffpp.losses import LossWeights
+from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 from dancediff.training.ablation_config import read_ablation
 from dancediff.training.checkpoint import load_checkpoint, save_checkpoint
 from dancediff.training.ema import EMA

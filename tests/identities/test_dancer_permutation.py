@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from dancediff.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
+from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 
 
 def outputs(order, **options):

@@ -15,7 +15,7 @@ from dancediff.data.corpus import choreographed_takes
 from dancediff.data.windows import rank_left_to_right
 from dancediff.motion.representation import unpack
 from dancediff.motion.skeleton import forward_kinematics
-from dancediff.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
+from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 from dancediff.training.loop import TrainConfig, train
 from dancediff.training.run import fit_statistics
 

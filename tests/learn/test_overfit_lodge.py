@@ -10,10 +10,10 @@ import pytest
 import torch
 
 from dancediff.data.choreographed import make_choreographed
-from dancediff.lodge.foot_refine import joints_of
-from dancediff.lodge.local_diffusion import LocalConfig, LocalDenoiser
-from dancediff.lodge.losses import LodgeWeights
-from dancediff.lodge.primitives import at_origin
+from dancediff.papers.lodge.foot_refine import joints_of
+from dancediff.papers.lodge.local_diffusion import LocalConfig, LocalDenoiser
+from dancediff.papers.lodge.losses import LodgeWeights
+from dancediff.papers.lodge.primitives import at_origin
 from dancediff.training.lodge import fit_stage
 from dancediff.training.lodge_data import SoloWindows, solos_of
 from dancediff.training.lodge_losses import lodge_losses_of

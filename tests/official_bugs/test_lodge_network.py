@@ -11,13 +11,13 @@ from torch import nn
 
 from dancediff.diffusion.samplers import sample, sampling_times
 from dancediff.diffusion.schedule import cosine_abar
-from dancediff.lodge.foot_refine import FootRefine, contact_score, foot_features
-from dancediff.lodge.global_diffusion import GlobalConfig, token_frames
-from dancediff.lodge.guidance import CueGuidance, guided_steps
-from dancediff.lodge.local_diffusion import LocalConfig, LocalDenoiser
-from dancediff.lodge.losses import l_focus, l_jacc, l_jvel
-from dancediff.lodge.style import MappingNetwork
 from dancediff.motion.skeleton import FOOT_JOINTS
+from dancediff.papers.lodge.cue_guidance import CueGuidance, guided_steps
+from dancediff.papers.lodge.foot_refine import FootRefine, contact_score, foot_features
+from dancediff.papers.lodge.global_diffusion import GlobalConfig, token_frames
+from dancediff.papers.lodge.local_diffusion import LocalConfig, LocalDenoiser
+from dancediff.papers.lodge.losses import l_focus, l_jacc, l_jvel
+from dancediff.papers.lodge.style import MappingNetwork
 
 SIZES = {"d_model": 16, "num_heads": 2, "num_layers": 1, "ff_dim": 32, "num_frames": 20}
 

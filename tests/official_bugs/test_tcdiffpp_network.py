@@ -7,9 +7,9 @@ import torch
 
 from dancediff.axes import from_tokens
 from dancediff.nn.decoder import frame_of_tokens
-from dancediff.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
-from dancediff.tcdiffpp.positioning import DancerPositioning
-from dancediff.tcdiffpp.swap_mode import swap_mode
+from dancediff.papers.tcdiffpp.dancer_positioning import DancerPositioning
+from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
+from dancediff.papers.tcdiffpp.swap_mode import swap_mode
 
 
 def make():

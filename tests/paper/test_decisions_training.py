@@ -10,12 +10,12 @@ import pytest
 import torch
 
 from dancediff.diffusion.schedule import cosine_abar
+from dancediff.generation.request import Wish
 from dancediff.motion.representation import Normalizer
 from dancediff.nn import ssm
-from dancediff.tcdiffpp.long_group_sampling import iter_long_group_sample, long_group_sample
-from dancediff.tcdiffpp.losses import LossWeights, l_contact, l_dist, l_vel
-from dancediff.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
-from dancediff.tcdiffpp.wish import Wish
+from dancediff.papers.tcdiffpp.long_group_sampling import iter_long_group_sample, long_group_sample
+from dancediff.papers.tcdiffpp.losses import LossWeights, l_contact, l_dist, l_vel
+from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 from dancediff.training.ablation_config import HeldOut
 from dancediff.training.adan import Adan
 from dancediff.training.loop import TrainConfig, make_optimizer

@@ -9,14 +9,14 @@ import pytest
 import torch
 
 from dancediff.data.choreographer.choreograph import choreograph
-from dancediff.lodge.choreography import make_cues
-from dancediff.lodge.primitives import DISCRETE, LAYOUT, primitive_frames, primitives_of
-from dancediff.lodge.stitch import plan, stitch
 from dancediff.motion.beats import motion_beats
 from dancediff.motion.contact import CONTACT_HEIGHT, foot_contact
 from dancediff.motion.mirror import mirror_features
 from dancediff.motion.representation import LODGE, Normalizer, joints_of, unpack
 from dancediff.motion.skeleton import FOOT_JOINTS, SMPL24
+from dancediff.papers.lodge.choreography import make_cues
+from dancediff.papers.lodge.primitives import DISCRETE, LAYOUT, primitive_frames, primitives_of
+from dancediff.papers.lodge.stitch import plan, stitch
 
 FIXED = [32, 64, 160, 192]  # middles of 28:36, 60:68, 156:164, 188:196
 

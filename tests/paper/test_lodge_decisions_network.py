@@ -7,13 +7,13 @@ import torch
 
 from dancediff.data.finedance import GENRES as FINEDANCE
 from dancediff.diffusion.guidance import guided, off_at_the_end
-from dancediff.lodge.foot_refine import foot_features
-from dancediff.lodge.genre_discriminator import DiscriminatorConfig
-from dancediff.lodge.global_diffusion import GlobalConfig, GlobalDenoiser
-from dancediff.lodge.local_diffusion import LocalConfig, LocalDenoiser
-from dancediff.lodge.losses import LodgeWeights
 from dancediff.motion.contact import CONTACT_HEIGHT
 from dancediff.motion.skeleton import FOOT_JOINTS
+from dancediff.papers.lodge.foot_refine import foot_features
+from dancediff.papers.lodge.genre_discriminator import DiscriminatorConfig
+from dancediff.papers.lodge.global_diffusion import GlobalConfig, GlobalDenoiser
+from dancediff.papers.lodge.local_diffusion import LocalConfig, LocalDenoiser
+from dancediff.papers.lodge.losses import LodgeWeights
 
 SIZES = {"d_model": 16, "num_heads": 2, "num_layers": 1, "ff_dim": 32, "num_frames": 20}
 

@@ -9,12 +9,12 @@ import pytest
 import torch
 from safetensors.torch import load_file
 
-from dancediff.lodge.global_diffusion import GlobalConfig, GlobalDenoiser
-from dancediff.lodge.local_diffusion import LocalConfig
-from dancediff.lodge.losses import l_critic, l_genre
-from dancediff.lodge.model import Lodge, LodgeConfig
-from dancediff.lodge.parallel import GLOBALS, Sampling, sample_rows, style_tokens
 from dancediff.metrics.rows import ALIKE, METRICS
+from dancediff.papers.lodge.global_diffusion import GlobalConfig, GlobalDenoiser
+from dancediff.papers.lodge.local_diffusion import LocalConfig
+from dancediff.papers.lodge.losses import l_critic, l_genre
+from dancediff.papers.lodge.model import Lodge, LodgeConfig
+from dancediff.papers.lodge.parallel import GLOBALS, Sampling, sample_rows, style_tokens
 from dancediff.training import lodge
 from dancediff.training.lodge_data import Solo
 

@@ -5,9 +5,11 @@ import math
 import pytest
 import torch
 
-from dancediff.lodge.foot_refine import joints_of
-from dancediff.lodge.guidance import clean_borders
-from dancediff.lodge.losses import (
+from dancediff.motion.representation import Normalizer
+from dancediff.motion.rotation import matrix_to_rot6d, rotation_about
+from dancediff.papers.lodge.cue_guidance import clean_borders
+from dancediff.papers.lodge.foot_refine import joints_of
+from dancediff.papers.lodge.losses import (
     LodgeWeights,
     l_contact,
     l_critic,
@@ -18,8 +20,6 @@ from dancediff.lodge.losses import (
     l_recon,
     lodge_losses,
 )
-from dancediff.motion.representation import Normalizer
-from dancediff.motion.rotation import matrix_to_rot6d, rotation_about
 
 J = 24
 

@@ -5,9 +5,9 @@ Nothing here is read off the modules but what is compared.
 
 import torch
 
-from dancediff.lodge.genre_discriminator import DiscriminatorConfig, GenreDiscriminator
-from dancediff.lodge.global_diffusion import GlobalConfig, GlobalDenoiser
-from dancediff.lodge.local_diffusion import LocalConfig, LocalDenoiser
+from dancediff.papers.lodge.genre_discriminator import DiscriminatorConfig, GenreDiscriminator
+from dancediff.papers.lodge.global_diffusion import GlobalConfig, GlobalDenoiser
+from dancediff.papers.lodge.local_diffusion import LocalConfig, LocalDenoiser
 
 D, FF, MUSIC, MOTION, GENRES = 512, 1024, 35, 139, 16
 

@@ -6,7 +6,7 @@ Nothing here is read off the modules but what is compared.
 import pytest
 import torch
 
-from dancediff.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
+from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 
 D, FF, HIDDEN, FRAMES, MUSIC, MOTION = 512, 1024, 1024, 150, 35, 151
 

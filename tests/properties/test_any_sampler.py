@@ -7,10 +7,10 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dancediff.diffusion.constraint import Constraint
 from dancediff.diffusion.pinning import MODES, Pinning
 from dancediff.diffusion.samplers import SAMPLERS, sample, sampling_times
 from dancediff.diffusion.schedule import abar_at, cosine_abar
+from dancediff.extensions.constraint import Constraint
 
 often = settings(deadline=None, derandomize=True, max_examples=60)
 seeds = st.integers(0, 2**32 - 1)

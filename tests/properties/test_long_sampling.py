@@ -9,12 +9,16 @@ from hypothesis import strategies as st
 from dancediff.diffusion.pinning import MODES
 from dancediff.diffusion.samplers import SAMPLERS
 from dancediff.diffusion.schedule import cosine_abar
-from dancediff.lodge.choreography import make_cues
-from dancediff.lodge.primitives import Layout
-from dancediff.lodge.stitch import plan, stitch
 from dancediff.motion.representation import LODGE
-from dancediff.tcdiffpp.long_group_sampling import SEAMS, iter_long_group_sample, long_group_sample
-from dancediff.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
+from dancediff.papers.lodge.choreography import make_cues
+from dancediff.papers.lodge.primitives import Layout
+from dancediff.papers.lodge.stitch import plan, stitch
+from dancediff.papers.tcdiffpp.long_group_sampling import (
+    SEAMS,
+    iter_long_group_sample,
+    long_group_sample,
+)
+from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 
 often = settings(deadline=None, derandomize=True, max_examples=60)
 seeds = st.integers(0, 2**32 - 1)

@@ -4,11 +4,11 @@ import torch
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from dancediff.lodge.global_diffusion import GlobalConfig, GlobalDenoiser
-from dancediff.lodge.local_diffusion import LocalConfig, LocalDenoiser
 from dancediff.motion.representation import Normalizer
-from dancediff.tcdiffpp.losses import LossWeights, tcdiffpp_losses
-from dancediff.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
+from dancediff.papers.lodge.global_diffusion import GlobalConfig, GlobalDenoiser
+from dancediff.papers.lodge.local_diffusion import LocalConfig, LocalDenoiser
+from dancediff.papers.tcdiffpp.losses import LossWeights, tcdiffpp_losses
+from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 
 often = settings(deadline=None, derandomize=True, max_examples=30)
 seeds = st.integers(0, 2**32 - 1)

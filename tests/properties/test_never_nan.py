@@ -10,11 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dancediff import hub
-from dancediff.baselines.edge import EDGE, EDGEConfig
 from dancediff.data.choreographer.formations import slots
-from dancediff.lodge.group import Group
-from dancediff.lodge.losses import LodgeWeights, l_jacc, l_jvel, lodge_losses
-from dancediff.lodge.primitives import LAYOUT, Layout, expressive, primitives_of
+from dancediff.extensions.beat_phase import beat_waves
+from dancediff.extensions.collision_avoidance import Spacing
+from dancediff.extensions.foot_contact_projection import Planting
 from dancediff.metrics.collision import tif
 from dancediff.metrics.fidelity import diversity, fid
 from dancediff.metrics.geometric import geometric_features
@@ -27,8 +26,9 @@ from dancediff.metrics.rhythm import beat_alignment
 from dancediff.metrics.swaps import abrupt_swaps, final_order
 from dancediff.motion.beats import mean_speed, motion_beats
 from dancediff.motion.contact import foot_contact, foot_speed
-from dancediff.motion.foot_planting import plant_feet
+from dancediff.motion.foot_locking import plant_feet
 from dancediff.motion.ground import stand_on_floor
+from dancediff.motion.joint_speed_limit import limit_turns
 from dancediff.motion.motion import Motion
 from dancediff.motion.representation import LODGE, TCDIFFPP, Normalizer, joints_of
 from dancediff.motion.rotation import (
@@ -38,15 +38,15 @@ from dancediff.motion.rotation import (
     rotation_between,
     slerp,
 )
-from dancediff.motion.travelling import limit_travel
-from dancediff.motion.turning import limit_turns
-from dancediff.music.beat_phase import beat_waves
+from dancediff.motion.travel_speed_limit import limit_travel
 from dancediff.music.features import MusicNormalizer, music_features
 from dancediff.music.song import Music
-from dancediff.tcdiffpp.losses import LossWeights, l_vel, pair_distances, tcdiffpp_losses
-from dancediff.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
-from dancediff.tcdiffpp.planting import Planting
-from dancediff.tcdiffpp.spacing import Spacing
+from dancediff.papers.edge.model import EDGE, EDGEConfig
+from dancediff.papers.lodge.group import Group
+from dancediff.papers.lodge.losses import LodgeWeights, l_jacc, l_jvel, lodge_losses
+from dancediff.papers.lodge.primitives import LAYOUT, Layout, expressive, primitives_of
+from dancediff.papers.tcdiffpp.losses import LossWeights, l_vel, pair_distances, tcdiffpp_losses
+from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 
 often = settings(deadline=None, derandomize=True, max_examples=40)
 seeds = st.integers(0, 2**32 - 1)

@@ -10,8 +10,8 @@ import torch
 
 from dancediff import hub
 from dancediff.diffusion.samplers import sample
-from dancediff.tcdiffpp.generate import AUTOGUIDANCE, denoise_segments, largest_guess
-from dancediff.tcdiffpp.planting import Planting
+from dancediff.extensions.foot_contact_projection import Planting
+from dancediff.generation.generate import AUTOGUIDANCE, denoise_segments, largest_guess
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(1200)]
 LONG = os.environ.get("DANCEDIFF_TRUST") == "long"

@@ -134,7 +134,7 @@ def install() -> None:
 def model_of(name: str):
     """A packaged model, or one as the paper has it, small and untrained."""
     from dancediff import hub
-    from dancediff.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
+    from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 
     if name != "paper":
         return hub.load(name)

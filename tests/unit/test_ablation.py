@@ -8,11 +8,11 @@ import pytest
 import torch
 
 from dancediff import cli
-from dancediff.baselines.edge import EDGE
 from dancediff.data.windows import GroupDanceWindows
 from dancediff.motion.motion import Motion
-from dancediff.tcdiffpp.losses import LossWeights, tcdiffpp_losses
-from dancediff.tcdiffpp.model import TCDiffPP
+from dancediff.papers.edge.model import EDGE
+from dancediff.papers.tcdiffpp.losses import LossWeights, tcdiffpp_losses
+from dancediff.papers.tcdiffpp.model import TCDiffPP
 from dancediff.training import ablation
 from dancediff.training.ablation import run_ablation
 from dancediff.training.ablation_config import TRUTH, read_ablation

@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 import torch
 
-from dancediff.lodge.global_diffusion import GlobalConfig
-from dancediff.lodge.local_diffusion import LocalConfig
-from dancediff.lodge.model import LodgeConfig
 from dancediff.motion.motion import Motion
+from dancediff.papers.lodge.global_diffusion import GlobalConfig
+from dancediff.papers.lodge.local_diffusion import LocalConfig
+from dancediff.papers.lodge.model import LodgeConfig
 from dancediff.training.ablation import run_ablation
 from dancediff.training.ablation_config import read_ablation
 from dancediff.training.ablation_data import held_out_dances, held_out_genres, held_out_songs

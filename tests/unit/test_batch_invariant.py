@@ -4,8 +4,8 @@ import pytest
 import torch
 from torch.nn.functional import linear, softplus
 
-from dancediff.lodge.local_diffusion import LocalConfig, LocalDenoiser
 from dancediff.nn.batch_invariant import BatchInvariantLinear, batch_invariant_softplus
+from dancediff.papers.lodge.local_diffusion import LocalConfig, LocalDenoiser
 
 
 @pytest.mark.parametrize("b", [1, 2, 3, 7, 15])

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import torch
 
-from dancediff.music.beat_phase import beat_phase, beat_waves
+from dancediff.extensions.beat_phase import beat_phase, beat_waves
 from dancediff.music.features import MusicNormalizer
-from dancediff.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
+from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 
 SIZES = {"d_model": 16, "num_layers": 1, "num_heads": 2, "ff_dim": 32, "fusion_hidden": 32}
 

@@ -6,9 +6,9 @@ import pytest
 import torch
 
 from dancediff.data.choreographer import choreograph
-from dancediff.lodge.primitives import primitives_of
 from dancediff.motion.beats import mean_speed
 from dancediff.motion.motion import Motion
+from dancediff.papers.lodge.primitives import primitives_of
 from dancediff.viz import charts
 
 BEATS = np.arange(0.2, 36, 0.5)

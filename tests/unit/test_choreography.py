@@ -2,11 +2,17 @@ import pytest
 import torch
 
 from dancediff.data.choreographer.structure import Section
-from dancediff.lodge.choreography import arrange, chain, cue_positions, make_cues, repeat_sections
-from dancediff.lodge.primitives import DISCRETE, LAYOUT, Layout
-from dancediff.lodge.stitch import plan
 from dancediff.motion.mirror import mirror_features
 from dancediff.motion.representation import LODGE, Normalizer
+from dancediff.papers.lodge.choreography import (
+    arrange,
+    chain,
+    cue_positions,
+    make_cues,
+    repeat_sections,
+)
+from dancediff.papers.lodge.primitives import DISCRETE, LAYOUT, Layout
+from dancediff.papers.lodge.stitch import plan
 
 
 def numbered(G, layout=LAYOUT):

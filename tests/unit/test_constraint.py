@@ -3,11 +3,11 @@
 import pytest
 import torch
 
-from dancediff.diffusion.constraint import Constraint, covariance
 from dancediff.diffusion.pinning import Pinning
-from dancediff.diffusion.precondition import Preconditioning, dct_matrix
 from dancediff.diffusion.samplers import sample
 from dancediff.diffusion.schedule import abar_at, cosine_abar
+from dancediff.extensions.constraint import Constraint, covariance
+from dancediff.extensions.preconditioning import Preconditioning, dct_matrix
 
 ABAR = cosine_abar()
 F = 60

@@ -3,8 +3,7 @@ import pytest
 import torch
 
 from dancediff.data.choreographer import choreograph
-from dancediff.motion.representation import TCDIFFPP, Normalizer
-from dancediff.tcdiffpp.control import (
+from dancediff.extensions.control import (
     EndAt,
     Keep,
     StartAt,
@@ -14,6 +13,7 @@ from dancediff.tcdiffpp.control import (
     numbers_at_start,
     order_at_end,
 )
+from dancediff.motion.representation import TCDIFFPP, Normalizer
 
 X, Y, Z = range(4, 7)
 

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 import dancediff as dd
-from dancediff.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
+from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 
 PAGE = Path(__file__).parents[2] / "docs" / "control.md"
 BLOCKS = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), flags=re.DOTALL)

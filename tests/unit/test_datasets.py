@@ -81,7 +81,7 @@ def test_absent_dancers_are_zero_and_masked(data):
 
 
 def test_the_model_takes_a_batch(data):
-    from dancediff.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
+    from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 
     model = TCDiffPP(TCDiffPPConfig(d_model=16, num_layers=1, ff_dim=32, fusion_hidden=32))
     batch = next(iter(DataLoader(GroupDanceDataset(data), batch_size=3, shuffle=True)))

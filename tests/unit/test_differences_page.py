@@ -43,7 +43,7 @@ def test_every_line_names_a_test_that_exists():
 def test_numbers_in_the_table_of_weights_are_those_of_the_models():
     import torch
 
-    from dancediff.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
+    from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 
     columns = {2: 2, 5: 3}
     table = PAGE.split("## Number of weights")[1]

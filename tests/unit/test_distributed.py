@@ -24,7 +24,7 @@ run_one({out!r})
 def run_one(out, accumulate=1):
     """A tiny training in whatever world this process is in."""
     from dancediff.data.windows import GroupDanceWindows, Take
-    from dancediff.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
+    from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 
     torch.manual_seed(0)
     torch.set_num_threads(1)

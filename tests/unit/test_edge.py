@@ -6,12 +6,12 @@ import torch
 
 import dancediff as dd
 from dancediff import hub
-from dancediff.baselines.edge import EDGE, SPACING, EDGEConfig, solo_takes, start_slots
 from dancediff.cli import main
 from dancediff.data.corpus import choreographed_takes
 from dancediff.data.windows import Take
-from dancediff.tcdiffpp.losses import LossWeights, tcdiffpp_losses
-from dancediff.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
+from dancediff.papers.edge.model import EDGE, SPACING, EDGEConfig, solo_takes, start_slots
+from dancediff.papers.tcdiffpp.losses import LossWeights, tcdiffpp_losses
+from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 from dancediff.training.run import fit_statistics, read_config, train_from_config
 
 TINY = {"d_model": 16, "num_heads": 2, "num_layers": 1, "ff_dim": 32}

@@ -2,10 +2,10 @@ import numpy as np
 import torch
 
 from dancediff.data.choreographer import choreograph
+from dancediff.extensions.foot_cues import FPS, NUM_CUES, NUM_MOVING, SLOW, foot_cues
 from dancediff.motion.representation import TCDIFFPP, Normalizer
 from dancediff.motion.skeleton import FOOT_JOINTS
-from dancediff.tcdiffpp.foot_cues import FPS, NUM_CUES, NUM_MOVING, SLOW, foot_cues
-from dancediff.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
+from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 
 NORM = Normalizer(-2 * torch.ones(151), 3 * torch.ones(151))
 SIZES = {"d_model": 16, "num_layers": 1, "ff_dim": 32, "fusion_hidden": 48, "head_dim": 8}

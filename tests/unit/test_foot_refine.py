@@ -1,16 +1,16 @@
 import pytest
 import torch
 
-from dancediff.lodge.foot_refine import (
+from dancediff.motion.representation import pack
+from dancediff.motion.rotation import axis_angle_to_matrix, matrix_to_rot6d
+from dancediff.motion.skeleton import FOOT_JOINTS, SMPL24, forward_kinematics
+from dancediff.papers.lodge.foot_refine import (
     FootRefine,
     contact_score,
     foot_features,
     joints_of,
     step_of,
 )
-from dancediff.motion.representation import pack
-from dancediff.motion.rotation import axis_angle_to_matrix, matrix_to_rot6d
-from dancediff.motion.skeleton import FOOT_JOINTS, SMPL24, forward_kinematics
 
 
 def lodge_motion(f=6, seed=0):

@@ -3,7 +3,7 @@ import torch
 
 from dancediff.motion.representation import TCDIFFPP
 from dancediff.motion.skeleton import LOWER_BODY
-from dancediff.tcdiffpp.footwork_adaptor import (
+from dancediff.papers.tcdiffpp.footwork_adaptor import (
     FASTEST,
     ConcatSquashLinear,
     FootworkAdaptor,

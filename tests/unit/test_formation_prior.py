@@ -3,9 +3,9 @@
 import pytest
 import torch
 
-from dancediff.diffusion.precondition import Preconditioning, dct_matrix
-from dancediff.tcdiffpp.formation_prior import ON_FLOOR, FormationPrior
-from dancediff.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
+from dancediff.extensions.formation_prior import ON_FLOOR, FormationPrior
+from dancediff.extensions.preconditioning import Preconditioning, dct_matrix
+from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 
 FRAMES, DIM = 20, 9
 PLACES = list(range(DIM))[ON_FLOOR]

@@ -6,9 +6,8 @@ import pytest
 import torch
 
 import dancediff as dd
-from dancediff.diffusion.precondition import dct_matrix
-from dancediff.nn.decoder import MusicEncoder
-from dancediff.tcdiffpp.generate import (
+from dancediff.extensions.preconditioning import dct_matrix
+from dancediff.generation.generate import (
     AUTOGUIDANCE,
     LASTING,
     ROOT_SHARE,
@@ -16,8 +15,9 @@ from dancediff.tcdiffpp.generate import (
     denoise_segments,
     largest_guess,
 )
-from dancediff.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
-from dancediff.tcdiffpp.wish import Wish
+from dancediff.generation.request import Wish
+from dancediff.nn.decoder import MusicEncoder
+from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 
 
 @dataclass

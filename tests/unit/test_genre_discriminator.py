@@ -1,7 +1,7 @@
 import pytest
 import torch
 
-from dancediff.lodge.genre_discriminator import (
+from dancediff.papers.lodge.genre_discriminator import (
     DiscriminatorConfig,
     GenreDiscriminator,
     PlacedAttention,

@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from dancediff.diffusion.guidance import guided
-from dancediff.lodge.global_diffusion import GlobalConfig, GlobalDenoiser, token_frames
+from dancediff.papers.lodge.global_diffusion import GlobalConfig, GlobalDenoiser, token_frames
 
 SMALL = {"d_model": 16, "num_heads": 2, "num_layers": 1, "ff_dim": 32}
 

@@ -1,8 +1,8 @@
 import pytest
 import torch
 
-from dancediff.tcdiffpp.group_dance_decoder import GroupDanceDecoder
-from dancediff.tcdiffpp.model import TCDiffPPConfig
+from dancediff.papers.tcdiffpp.group_dance_decoder import GroupDanceDecoder
+from dancediff.papers.tcdiffpp.model import TCDiffPPConfig
 
 
 def make(**options):

@@ -7,7 +7,7 @@ from safetensors.torch import load_file, save_file
 
 from dancediff import hub
 from dancediff.motion.representation import Normalizer
-from dancediff.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
+from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 
 
 @pytest.fixture

@@ -10,8 +10,8 @@ import pytest
 
 SOURCE = Path(__file__).parents[2] / "src" / "dancediff"
 ORDER = [
-    *["atomic", "axes", "music", "motion", "data", "diffusion", "metrics", "nn", "tcdiffpp"],
-    *["lodge", "baselines", "training", "viz", "export", "hub", "exercises"],
+    *["atomic", "axes", "lookup", "music", "motion", "data", "diffusion", "metrics", "nn"],
+    *["extensions", "generation", "papers", "training", "viz", "export", "hub", "exercises"],
     *["grading", "nb", "cli"],
 ]
 PICTURES = {"viz", "export"}  # methods may reach for these when they are called
@@ -67,7 +67,7 @@ def test_imports_point_one_way(path):
     ("own", "text", "wrong"),
     [
         ("nn", "from dancediff.motion import Motion\nimport dancediff.axes\nimport torch", 0),
-        ("motion", "from dancediff.tcdiffpp.model import TCDiffPP", 1),
+        ("motion", "from dancediff.papers.tcdiffpp.model import TCDiffPP", 1),
         ("motion", "from dancediff import hub", 1),
         ("motion", "try:\n    import dancediff.nn\nexcept ImportError:\n    pass", 1),
         ("motion", "def save():\n    from dancediff.hub import load", 1),

@@ -7,8 +7,8 @@ import pytest
 import torch
 
 import dancediff as dd
-from dancediff.lodge.guidance import guided_steps
-from dancediff.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
+from dancediff.papers.lodge.cue_guidance import guided_steps
+from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 from dancediff.viz import lab
 
 

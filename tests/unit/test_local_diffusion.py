@@ -4,9 +4,9 @@ from dataclasses import asdict
 import pytest
 import torch
 
-from dancediff.lodge.foot_refine import joints_of
-from dancediff.lodge.local_diffusion import LocalConfig, LocalDenoiser
 from dancediff.motion.representation import Normalizer
+from dancediff.papers.lodge.foot_refine import joints_of
+from dancediff.papers.lodge.local_diffusion import LocalConfig, LocalDenoiser
 
 
 def make(**options):

@@ -1,7 +1,9 @@
 import pytest
 import torch
 
-from dancediff.lodge.losses import (
+from dancediff.motion.representation import Normalizer, pack
+from dancediff.motion.rotation import axis_angle_to_matrix
+from dancediff.papers.lodge.losses import (
     LodgeWeights,
     l_contact,
     l_critic,
@@ -10,8 +12,6 @@ from dancediff.lodge.losses import (
     l_genre,
     lodge_losses,
 )
-from dancediff.motion.representation import Normalizer, pack
-from dancediff.motion.rotation import axis_angle_to_matrix
 
 NORM = Normalizer(-2 * torch.ones(139), 3 * torch.ones(139))
 

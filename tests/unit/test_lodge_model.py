@@ -6,14 +6,14 @@ import torch
 
 import dancediff as dd
 from dancediff import hub
-from dancediff.lodge.global_diffusion import GlobalConfig
-from dancediff.lodge.group import Group, canon_delays, late, nearest, places
-from dancediff.lodge.local_diffusion import LocalConfig
-from dancediff.lodge.model import Lodge, LodgeConfig
-from dancediff.lodge.style import GENRES, genre_for
 from dancediff.motion.mirror import mirror_features
 from dancediff.motion.representation import LODGE, Normalizer
 from dancediff.music.song import Music
+from dancediff.papers.lodge.global_diffusion import GlobalConfig
+from dancediff.papers.lodge.group import Group, canon_delays, late, nearest, places
+from dancediff.papers.lodge.local_diffusion import LocalConfig
+from dancediff.papers.lodge.model import Lodge, LodgeConfig
+from dancediff.papers.lodge.style import GENRES, genre_for
 
 TINY = {"d_model": 16, "num_heads": 2, "num_layers": 1, "ff_dim": 32}
 SIZES = LodgeConfig(
@@ -197,7 +197,7 @@ def test_a_group_is_the_same_made_piece_by_piece(relation, monkeypatch):
     group = Group(x, places(3, "V"), **options)
     usual = Group(torch.zeros_like(x), places(3, "V")).home
     assert torch.equal(group.home, usual) == (relation == "unison")  # the others had to grow
-    monkeypatch.setattr("dancediff.lodge.group.PIECE", 10**6)
+    monkeypatch.setattr("dancediff.papers.lodge.group.PIECE", 10**6)
     assert torch.equal(Group(x, places(3, "V"), **options).home, group.home)
     whole = group.frames(0, 4000)
     pieces = [group.frames(start, start + 77) for start in range(0, 4000, 77)]

@@ -9,15 +9,16 @@ from safetensors.torch import load_file
 from dancediff import hub
 from dancediff.data.choreographed import make_choreographed
 from dancediff.diffusion.schedule import cosine_abar
-from dancediff.lodge.genre_discriminator import DiscriminatorConfig
-from dancediff.lodge.global_diffusion import GlobalConfig, GlobalDenoiser
-from dancediff.lodge.local_diffusion import LocalConfig, LocalDenoiser
-from dancediff.lodge.losses import LodgeWeights, lodge_losses
-from dancediff.lodge.model import Lodge
-from dancediff.lodge.primitives import LAYOUT, Layout, primitives_of
+from dancediff.extensions.metre_unit import FLOOR_UNIT
 from dancediff.motion.mirror import mirror_features
 from dancediff.motion.representation import LODGE, Normalizer
 from dancediff.music.features import CHROMA
+from dancediff.papers.lodge.genre_discriminator import DiscriminatorConfig
+from dancediff.papers.lodge.global_diffusion import GlobalConfig, GlobalDenoiser
+from dancediff.papers.lodge.local_diffusion import LocalConfig, LocalDenoiser
+from dancediff.papers.lodge.losses import LodgeWeights, lodge_losses
+from dancediff.papers.lodge.model import Lodge
+from dancediff.papers.lodge.primitives import LAYOUT, Layout, primitives_of
 from dancediff.training.checkpoint import load_extra
 from dancediff.training.lodge import (
     check_lodge_tables,
@@ -29,7 +30,6 @@ from dancediff.training.lodge_data import Solo, SoloWindows, prepared_solos, sol
 from dancediff.training.lodge_losses import Critic, lodge_losses_of
 from dancediff.training.loop import TrainConfig, level_weights
 from dancediff.training.run import read_toml, train_from_config
-from dancediff.training.units import FLOOR_UNIT
 
 GENRES = ("hiphop", "salsa")
 TINY = {"d_model": 16, "num_heads": 2, "num_layers": 1, "ff_dim": 32}

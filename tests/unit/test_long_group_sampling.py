@@ -9,7 +9,7 @@ import torch
 
 from dancediff.diffusion.pinning import MODES
 from dancediff.diffusion.schedule import cosine_abar
-from dancediff.tcdiffpp.long_group_sampling import (
+from dancediff.papers.tcdiffpp.long_group_sampling import (
     SEAMS,
     iter_long_group_sample,
     long_group_sample,

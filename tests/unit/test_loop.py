@@ -8,7 +8,7 @@ from torch import nn
 
 from dancediff.diffusion.schedule import cosine_abar
 from dancediff.motion.representation import Normalizer
-from dancediff.tcdiffpp.fusion import FusionProjection
+from dancediff.papers.tcdiffpp.fusion_projection import FusionProjection
 from dancediff.training import loop, loss_log
 from dancediff.training.distributed import World
 from dancediff.training.loop import (

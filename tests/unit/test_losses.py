@@ -4,7 +4,7 @@ import torch
 from dancediff.motion.representation import Normalizer, pack, unpack
 from dancediff.motion.rotation import axis_angle_to_matrix
 from dancediff.motion.skeleton import forward_kinematics
-from dancediff.tcdiffpp.losses import (
+from dancediff.papers.tcdiffpp.losses import (
     LossWeights,
     l_contact,
     l_dist,

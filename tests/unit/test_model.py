@@ -6,7 +6,7 @@ import torch
 
 from dancediff.diffusion.guidance import guided
 from dancediff.diffusion.schedule import cosine_abar
-from dancediff.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
+from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 
 
 def make(**options):

@@ -2,7 +2,7 @@ import pytest
 import torch
 from torch import nn
 
-from dancediff.tcdiffpp.fusion import FusionProjection
+from dancediff.papers.tcdiffpp.fusion_projection import FusionProjection
 from dancediff.training.checkpoint import load_checkpoint, save_checkpoint
 from dancediff.training.ema import EMA
 from dancediff.training.loop import TrainConfig, make_optimizer

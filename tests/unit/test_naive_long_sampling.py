@@ -7,7 +7,12 @@ import pytest
 import roma
 import torch
 
-from dancediff.baselines.naive_long_sampling import (
+from dancediff.diffusion.samplers import sample
+from dancediff.diffusion.schedule import cosine_abar, q_sample
+from dancediff.generation.request import Wish
+from dancediff.motion.representation import Normalizer, pack, unpack
+from dancediff.motion.rotation import rotation_about, slerp
+from dancediff.papers.edge.naive_long_sampling import (
     AT_ONCE,
     Consistency,
     cross_fade,
@@ -15,12 +20,7 @@ from dancediff.baselines.naive_long_sampling import (
     generate_naively,
     join,
 )
-from dancediff.diffusion.samplers import sample
-from dancediff.diffusion.schedule import cosine_abar, q_sample
-from dancediff.motion.representation import Normalizer, pack, unpack
-from dancediff.motion.rotation import rotation_about, slerp
-from dancediff.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
-from dancediff.tcdiffpp.wish import Wish
+from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 
 ABAR = cosine_abar()
 

@@ -1,8 +1,8 @@
 import pytest
 import torch
 
-from dancediff.nn.non_local_filter import HEADS, NonLocalFilter, body_parts, left_over
-from dancediff.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
+from dancediff.extensions.non_local_filter import HEADS, NonLocalFilter, body_parts, left_over
+from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 
 SIZES = {"d_model": 16, "num_heads": 2, "num_layers": 1, "ff_dim": 32, "fusion_hidden": 48}
 

@@ -2,10 +2,11 @@ import pytest
 import torch
 
 from dancediff.diffusion.schedule import gaussian
-from dancediff.lodge.choreography import make_cues
-from dancediff.lodge.global_diffusion import GlobalConfig, GlobalDenoiser
-from dancediff.lodge.local_diffusion import LocalConfig, LocalDenoiser
-from dancediff.lodge.parallel import (
+from dancediff.motion.representation import LODGE
+from dancediff.papers.lodge.choreography import make_cues
+from dancediff.papers.lodge.global_diffusion import GlobalConfig, GlobalDenoiser
+from dancediff.papers.lodge.local_diffusion import LocalConfig, LocalDenoiser
+from dancediff.papers.lodge.parallel import (
     LOCALS,
     Sampling,
     dance,
@@ -16,9 +17,8 @@ from dancediff.lodge.parallel import (
     style_tokens,
     thinned_primitives,
 )
-from dancediff.lodge.primitives import DISCRETE
-from dancediff.lodge.stitch import plan
-from dancediff.motion.representation import LODGE
+from dancediff.papers.lodge.primitives import DISCRETE
+from dancediff.papers.lodge.stitch import plan
 
 N, n = 256, 64
 TINY = {"d_model": 16, "num_heads": 2, "num_layers": 1, "ff_dim": 32}

@@ -1,7 +1,8 @@
 import pytest
 import torch
 
-from dancediff.lodge.primitives import (
+from dancediff.motion.representation import LODGE, joints_of
+from dancediff.papers.lodge.primitives import (
     DISCRETE,
     LAYOUT,
     Layout,
@@ -11,7 +12,6 @@ from dancediff.lodge.primitives import (
     primitives_of,
     spread_evenly,
 )
-from dancediff.motion.representation import LODGE, joints_of
 
 
 def swinging(frames=1024, period=40, f0=0, walk=0.0):

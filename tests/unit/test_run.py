@@ -8,7 +8,7 @@ import torch
 from dancediff.data.corpus import choreographed_takes
 from dancediff.data.windows import GroupDanceWindows
 from dancediff.music.features import CHROMA
-from dancediff.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
+from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 from dancediff.training.loop import TrainConfig, train
 from dancediff.training.run import fit_statistics, read_config, take_over, train_from_config
 

@@ -1,7 +1,7 @@
 import pytest
 import torch
 
-from dancediff.tcdiffpp.sequence_decoder import SequenceDecoder
+from dancediff.papers.tcdiffpp.sequence_decoder import SequenceDecoder
 
 
 def make(**options):

@@ -1,8 +1,8 @@
 import pytest
 import torch
 
-from dancediff.lodge.primitives import Layout
-from dancediff.lodge.stitch import plan, stitch
+from dancediff.papers.lodge.primitives import Layout
+from dancediff.papers.lodge.stitch import plan, stitch
 
 X, Y, Z = 4, 5, 6
 

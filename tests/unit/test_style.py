@@ -2,7 +2,7 @@ import pytest
 import torch
 
 from dancediff.data.choreographer.genres import GENRES as CHOREOGRAPHED
-from dancediff.lodge.style import GENRES, MappingNetwork, StyleToken, genre_number
+from dancediff.papers.lodge.style import GENRES, MappingNetwork, StyleToken, genre_number
 
 GENRE = torch.tensor([0, 2, 2])
 

@@ -4,7 +4,12 @@ import numpy as np
 import pytest
 import torch
 
-from dancediff.tcdiffpp.swap_mode import SwapModeEmbedding, check_order, left_to_right, swap_mode
+from dancediff.papers.tcdiffpp.swap_mode import (
+    SwapModeEmbedding,
+    check_order,
+    left_to_right,
+    swap_mode,
+)
 
 
 def test_nobody_swaps():

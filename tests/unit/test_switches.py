@@ -3,8 +3,8 @@
 import pytest
 import torch
 
-from dancediff.tcdiffpp.losses import LossWeights, tcdiffpp_losses
-from dancediff.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
+from dancediff.papers.tcdiffpp.losses import LossWeights, tcdiffpp_losses
+from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 
 SIZES = {"d_model": 16, "num_heads": 2, "num_layers": 2, "ff_dim": 32, "fusion_hidden": 48}
 D, PLACES = 16, 5

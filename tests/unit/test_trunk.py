@@ -1,8 +1,8 @@
 import pytest
 import torch
 
-from dancediff.lodge.trunk import SoloLayer, Trunk, check_shapes
 from dancediff.nn.decoder import DecoderLayer
+from dancediff.papers.lodge.trunk import SoloLayer, Trunk, check_shapes
 
 
 def make(**options):

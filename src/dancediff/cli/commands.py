@@ -198,7 +198,7 @@ class Train:
     def run(self) -> None:
         """Train, then save the averaged model in OUT/model."""
         from dancediff import hub
-        from dancediff.tcdiffpp.generate import usable_device
+        from dancediff.generation.generate import usable_device
         from dancediff.training.distributed import join_world
         from dancediff.training.run import train_from_config
 

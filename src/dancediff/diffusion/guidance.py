@@ -80,7 +80,8 @@ def autoguided(
     pushed further than the pose that they are about.
 
     Source: Karras et al. 2024, "Guiding a Diffusion Model with a Bad Version of Itself".  Differs:
-    the bad version is the linear guess of `dancediff.diffusion.precondition`, which costs nothing.
+    the bad version is the linear guess of `dancediff.extensions.preconditioning`, which costs
+    nothing.
 
     Shapes: denoise(x_t, t, ...), linear(x_t, t, ...) -> x0_hat (..., f, d), weight a
     number or (d,).

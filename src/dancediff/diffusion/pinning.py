@@ -44,7 +44,7 @@ class Pinning:
     noise that made the known frames to `start`. A smaller t_star pins harder.
 
     Replacing frames is not enough for a smooth seam: free frames follow the guess, and the guess
-    for the known frames is never quite right. `dancediff.diffusion.constraint` mends that.
+    for the known frames is never quite right. `dancediff.extensions.constraint` mends that.
 
     With ``hold_last`` the result ends in exactly the known frames ("init": never). The released
     code pins every step but the last.

@@ -286,7 +286,7 @@ def sample(
     - ``clamp``: guesses are cut at +- this, or by this function; None leaves them.
     - ``pin``: holds the first frames at known motion (`dancediff.diffusion.pinning.Pinning`).
     - ``bend(x0_hat, abar) -> x0_hat``: brings every guess in line with what is known
-      (`dancediff.diffusion.constraint.Constraint.bend`). It gets and gives tensors of the CPU:
+      (`dancediff.extensions.constraint.Constraint.bend`). It gets and gives tensors of the CPU:
       it is small and asks much, and for every answer of a GPU one would have to wait.
     - ``generator``: one for all noise, or a list of one for each row of the batch, so that rows are
       the same whatever others are sampled with them.

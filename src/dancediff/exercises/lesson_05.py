@@ -4,7 +4,7 @@ import torch
 
 from dancediff.exercises.exercise import Exercise
 from dancediff.exercises.shared import unlike, walks
-from dancediff.tcdiffpp.losses import l_dist
+from dancediff.papers.tcdiffpp.losses import l_dist
 
 
 def _distance_loss(p_hat, p):

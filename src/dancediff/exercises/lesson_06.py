@@ -2,9 +2,9 @@
 
 import torch
 
-from dancediff.diffusion.precondition import Preconditioning, dct_matrix
 from dancediff.exercises.exercise import Exercise
 from dancediff.exercises.shared import unlike
+from dancediff.extensions.preconditioning import Preconditioning, dct_matrix
 
 
 def _guide(denoiser, x_t, w):

@@ -4,9 +4,9 @@ import torch
 
 from dancediff.exercises.exercise import Exercise
 from dancediff.exercises.shared import unlike, walks
+from dancediff.extensions.order_constraint import in_order
 from dancediff.motion.representation import TCDIFFPP
-from dancediff.tcdiffpp.footwork_adaptor import ground_velocity
-from dancediff.tcdiffpp.order import in_order
+from dancediff.papers.tcdiffpp.footwork_adaptor import ground_velocity
 
 
 def _swap_twice(S1, S2):

@@ -5,8 +5,8 @@ import torch
 
 from dancediff.exercises.exercise import Exercise
 from dancediff.exercises.shared import NUMBERS, unlike
-from dancediff.lodge.primitives import Layout, primitive_frames
 from dancediff.motion.beats import mean_speed
+from dancediff.papers.lodge.primitives import Layout, primitive_frames
 
 
 def _valleys(v):

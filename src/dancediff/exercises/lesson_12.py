@@ -6,9 +6,9 @@ from dancediff.diffusion.samplers import sampling_times
 from dancediff.diffusion.schedule import cosine_abar
 from dancediff.exercises.exercise import Exercise
 from dancediff.exercises.shared import NUMBERS, unlike
-from dancediff.lodge.guidance import guided_steps
-from dancediff.lodge.losses import l_critic
 from dancediff.motion.rotation import rot6d_to_matrix
+from dancediff.papers.lodge.cue_guidance import guided_steps
+from dancediff.papers.lodge.losses import l_critic
 
 
 def _mirror(R, swap):

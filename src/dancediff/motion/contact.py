@@ -8,8 +8,8 @@ Symbols (axes: f frames · j joints)
 import torch
 from torch import Tensor
 
+from dancediff.lookup import table
 from dancediff.motion.skeleton import feet_of
-from dancediff.motion.table import table
 
 CONTACT_HEIGHT = (0.12, 0.12, 0.05, 0.05)  # metres above the floor: ankles, toes
 CONTACT_SPEED = 0.01  # metres a frame at 30 fps, in the floor plane

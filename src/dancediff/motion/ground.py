@@ -1,6 +1,6 @@
 r"""The floor: where it is, and that bodies stand on it unless they fly.
 
-Read first: notebook 09 · `dancediff.motion.foot_planting`.
+Read first: notebook 09 · `dancediff.motion.foot_locking`.
 
 Symbols (axes: f frames · j joints)
     h       how far the lowest joint is above where a toe stands, metres   (..., f)

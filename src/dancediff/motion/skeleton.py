@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import torch
 from torch import Tensor
 
-from dancediff.motion.table import table
+from dancediff.lookup import table
 
 # fmt: off
 _SMPL24 = [  # name, parent, rest offset from the parent in metres (SMPL axes)

@@ -15,7 +15,7 @@ import torch.nn.functional as F
 from einops import rearrange
 from torch import Tensor, nn
 
-from dancediff.motion.table import table
+from dancediff.lookup import table
 
 ROPE_BASE = 10_000.0  # EDGE and the RoPE paper
 ALIGNMENT = 8.0  # logit by which a token prefers its own frame at the start; ours

@@ -26,11 +26,11 @@ from pathlib import Path
 import torch
 
 from dancediff import __version__
-from dancediff.baselines.naive_long_sampling import generate_naively
-from dancediff.lodge.model import Lodge
+from dancediff.generation.generate import usable_device
 from dancediff.motion.motion import Motion
-from dancediff.tcdiffpp.generate import usable_device
-from dancediff.tcdiffpp.model import TCDiffPP
+from dancediff.papers.edge.naive_long_sampling import generate_naively
+from dancediff.papers.lodge.model import Lodge
+from dancediff.papers.tcdiffpp.model import TCDiffPP
 from dancediff.training.ablation_config import TRUTH, Variant, key_of, read_ablation
 from dancediff.training.ablation_data import (
     corpus,

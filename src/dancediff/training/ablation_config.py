@@ -74,7 +74,7 @@ class Sample:
     mirror: bool = True
     beat_align: bool = True
     at_once: int | None = None
-    long: str = "lgds"  # or "naive": see `dancediff.baselines.naive_long_sampling`
+    long: str = "lgds"  # or "naive": see `dancediff.papers.edge.naive_long_sampling`
 
     def __post_init__(self):
         """Check what `generate` does not."""

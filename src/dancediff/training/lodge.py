@@ -17,21 +17,21 @@ from pathlib import Path
 import torch
 
 from dancediff.data.choreographed import choreograph_jobs
-from dancediff.lodge.genre_discriminator import DiscriminatorConfig
-from dancediff.lodge.global_diffusion import GlobalConfig, GlobalDenoiser
-from dancediff.lodge.local_diffusion import LocalConfig, LocalDenoiser
-from dancediff.lodge.losses import LodgeWeights
-from dancediff.lodge.model import Lodge, LodgeConfig
-from dancediff.lodge.parallel import layout_of
+from dancediff.extensions.metre_unit import FLOOR_UNIT, MIN_SPAN
 from dancediff.motion.representation import LODGE, Normalizer
 from dancediff.music.features import MusicNormalizer
+from dancediff.papers.lodge.genre_discriminator import DiscriminatorConfig
+from dancediff.papers.lodge.global_diffusion import GlobalConfig, GlobalDenoiser
+from dancediff.papers.lodge.local_diffusion import LocalConfig, LocalDenoiser
+from dancediff.papers.lodge.losses import LodgeWeights
+from dancediff.papers.lodge.model import Lodge, LodgeConfig
+from dancediff.papers.lodge.parallel import layout_of
 from dancediff.training.checkpoint import load_average
 from dancediff.training.distributed import World
 from dancediff.training.lodge_data import Solo, SoloWindows, prepared_solos, solos_of
 from dancediff.training.lodge_losses import Critic, lodge_losses_of
 from dancediff.training.loop import TrainConfig, train
 from dancediff.training.tables import check_all, kinds_of
-from dancediff.training.units import FLOOR_UNIT, MIN_SPAN
 
 STAGES = {
     "global": LodgeWeights.coarse,

@@ -17,10 +17,10 @@ from torch import Tensor
 
 from dancediff.data.packed import PackedTakes
 from dancediff.data.take import DanceTake
-from dancediff.lodge.primitives import Layout, at_origin, primitive_frames
 from dancediff.motion.beats import motion_beats
 from dancediff.motion.mirror import mirror_features
 from dancediff.motion.representation import LODGE, joints_of
+from dancediff.papers.lodge.primitives import Layout, at_origin, primitive_frames
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,10 +14,10 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
-from dancediff.lodge.genre_discriminator import DiscriminatorConfig, GenreDiscriminator
-from dancediff.lodge.global_diffusion import GlobalDenoiser
-from dancediff.lodge.guidance import clean_borders
-from dancediff.lodge.losses import l_critic, l_diversity, l_focus, l_genre, lodge_losses
+from dancediff.papers.lodge.cue_guidance import clean_borders
+from dancediff.papers.lodge.genre_discriminator import DiscriminatorConfig, GenreDiscriminator
+from dancediff.papers.lodge.global_diffusion import GlobalDenoiser
+from dancediff.papers.lodge.losses import l_critic, l_diversity, l_focus, l_genre, lodge_losses
 from dancediff.training.checkpoint import load_extra
 from dancediff.training.noise import noised, settled, to_network
 

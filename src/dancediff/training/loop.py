@@ -21,9 +21,9 @@ from torch import Tensor, nn
 from tqdm.auto import tqdm
 
 from dancediff.atomic import sweep
-from dancediff.diffusion.precondition import Preconditioning
-from dancediff.tcdiffpp.fusion import FusionProjection
-from dancediff.tcdiffpp.losses import LossWeights, tcdiffpp_losses
+from dancediff.extensions.preconditioning import Preconditioning
+from dancediff.papers.tcdiffpp.fusion_projection import FusionProjection
+from dancediff.papers.tcdiffpp.losses import LossWeights, tcdiffpp_losses
 from dancediff.training.adan import Adan
 from dancediff.training.checkpoint import load_checkpoint, save_checkpoint
 from dancediff.training.distributed import World

@@ -7,20 +7,20 @@ from pathlib import Path
 import torch
 from torch import Tensor, nn
 
-from dancediff.baselines.edge import EDGE, EDGEConfig, solo_takes
 from dancediff.data.corpus import choreographed_corpus
 from dancediff.data.packed import PackedTakes
 from dancediff.data.windows import GroupDanceWindows, Take, ranked_windows
+from dancediff.extensions.formation_prior import ON_FLOOR
+from dancediff.extensions.metre_unit import FLOOR_UNIT, MIN_SPAN
 from dancediff.motion.representation import TCDIFFPP, Normalizer
 from dancediff.music.features import MusicNormalizer
-from dancediff.tcdiffpp.formation_prior import ON_FLOOR
-from dancediff.tcdiffpp.losses import LossWeights
-from dancediff.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
+from dancediff.papers.edge.model import EDGE, EDGEConfig, solo_takes
+from dancediff.papers.tcdiffpp.losses import LossWeights
+from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 from dancediff.training.distributed import World
 from dancediff.training.lodge import is_lodge, train_lodge
 from dancediff.training.loop import TrainConfig, train
 from dancediff.training.tables import check_all, kinds_of
-from dancediff.training.units import FLOOR_UNIT, MIN_SPAN
 
 MODELS = {"TCDiffPP": (TCDiffPP, TCDiffPPConfig), "EDGE": (EDGE, EDGEConfig)}
 _CORPUS = {

@@ -10,7 +10,7 @@ _WORDS = {int: "a whole number", float: "a number", str: "a text", bool: "true o
 def kinds_of(config_class) -> dict[str, type]:
     """What kind of value each field of a dataclass takes, by the field's name.
 
-    >>> from dancediff.tcdiffpp.losses import LossWeights
+    >>> from dancediff.papers.tcdiffpp.losses import LossWeights
     >>> kinds_of(LossWeights)["dist"]
     <class 'float'>
     """

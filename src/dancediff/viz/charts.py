@@ -27,7 +27,7 @@ def plot_energy(
     """Mean joint speed of a dancer, with the primitives or cues that lie in it.
 
     ``hard``, ``soft``: the frames of each, such as those of
-    `dancediff.lodge.primitives.primitive_frames`; ``beats`` in seconds, ``seams`` in frames.
+    `dancediff.papers.lodge.primitives.primitive_frames`; ``beats`` in seconds, ``seams`` in frames.
 
     Shapes: hard, soft (p, k) -> Axes; metres a second over seconds.
     """

@@ -12,15 +12,15 @@ import numpy as np
 import torch
 
 from dancediff.diffusion.samplers import sampling_times
-from dancediff.lodge.choreography import make_cues
-from dancediff.lodge.guidance import guided_steps
-from dancediff.lodge.parallel import layout_of
-from dancediff.lodge.song_structure import find_sections
-from dancediff.lodge.stitch import plan
 from dancediff.metrics.rhythm import beat_alignment
 from dancediff.metrics.swaps import final_order
 from dancediff.motion.representation import LODGE
 from dancediff.music.beats import beat_frames
+from dancediff.papers.lodge.choreography import make_cues
+from dancediff.papers.lodge.cue_guidance import guided_steps
+from dancediff.papers.lodge.parallel import layout_of
+from dancediff.papers.lodge.song_structure import find_sections
+from dancediff.papers.lodge.stitch import plan
 from dancediff.viz.body import body_points
 from dancediff.viz.charts import HARD, SOFT
 from dancediff.viz.palette import INK, MUTED, dancer_color

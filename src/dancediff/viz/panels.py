@@ -20,7 +20,7 @@ from dancediff.motion.motion import Motion
 from dancediff.motion.representation import Normalizer, pack, unpack
 from dancediff.motion.rotation import axis_angle_to_matrix, matrix_to_rot6d
 from dancediff.motion.skeleton import SMPL24
-from dancediff.tcdiffpp.losses import LossWeights, tcdiffpp_losses
+from dancediff.papers.tcdiffpp.losses import LossWeights, tcdiffpp_losses
 from dancediff.viz.body import body_points
 from dancediff.viz.numbers import plot_schedule, plot_waveform
 from dancediff.viz.palette import BEAT, INK, dancer_color

@@ -1,0 +1,240 @@
+r"""Control: what a caller may fix about a dance, as entries of its motion vectors.
+
+Read first: notebook 10 · `dancediff.extensions.constraint`.
+
+    model.generate(song, dancers=3, start=[(-1, 0), (0, 1), (1, 0)], constraints=[
+        WalkAlong(1, [(0, 0, 1), (2.5, 0.5, 0), (5, 0, -1)]),     # seconds, x, z
+        Keep(other, seconds=(0, 2)),                              # go on from another dance
+        Keep(other, joints="upper body"),                         # with its arms
+    ])
+
+Symbols (axes: n dancers · F frames of the dance · d motion features, in metres and matrices)
+    mask, value, slack   see `Constraint`   (n, F, d)
+
+Dancers are numbered by the caller. Where the constraints say where everybody starts, any numbers
+will do; else number k must be the k-th from the left at the start.
+"""
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from dancediff.extensions.constraint import Constraint
+from dancediff.motion.motion import Motion
+from dancediff.motion.representation import TCDIFFPP, Normalizer
+
+X, Z = TCDIFFPP.root.start, TCDIFFPP.root.start + 2
+UPPER = "belly spine chest neck head {}collar {}shoulder {}elbow {}wrist {}hand"
+LOWER = "root {}hip {}knee {}ankle {}toe"
+SAME = 1e-3  # two constraints may say the same twice
+
+
+@dataclass(frozen=True)
+class StartAt:
+    """A formation in the first frame: one (x, z) in metres for each dancer."""
+
+    places: Sequence[tuple[float, float]]
+
+    def known(self, n: int, frames: int, fps: float) -> Constraint:
+        """As entries of a dance of n dancers."""
+        return _formation(self.places, n, frames, 0, "start")
+
+
+@dataclass(frozen=True)
+class EndAt:
+    """A formation in the last frame: one (x, z) in metres for each dancer."""
+
+    places: Sequence[tuple[float, float]]
+
+    def known(self, n: int, frames: int, fps: float) -> Constraint:
+        """As entries of a dance of n dancers."""
+        return _formation(self.places, n, frames, frames - 1, "end")
+
+
+@dataclass(frozen=True)
+class WalkAlong:
+    """A path on the stage floor: points (second, x, z), at rising times, joined smoothly.
+
+    Between the first and the last of them the dancer's root is on the path, give or take a few
+    times ``slack`` metres: steps make a root sway.
+    """
+
+    dancer: int
+    points: Sequence[tuple[float, float, float]]
+    slack: float = 0.008
+
+    def known(self, n: int, frames: int, fps: float) -> Constraint:
+        """As entries of a dance of n dancers."""
+        from scipy.interpolate import PchipInterpolator
+
+        k = _dancer(self.dancer, n)
+        points = _numbers(self.points, 3, "points")
+        times = points[:, 0] * fps
+        if (times.diff() <= 0).any() or times[0] < 0 or times[-1] > frames:
+            raise ValueError(
+                f"points has the times {[round(t / fps, 2) for t in times.tolist()]}; they must "
+                f"rise from 0 or later to at most {frames / fps:g} s"
+            )
+        if not self.slack >= 0:
+            raise ValueError(f"slack={self.slack} is no length; choose metres, 0 or more")
+        at = torch.arange(math.ceil(times[0]), min(math.floor(times[-1]), frames - 1) + 1)
+        path = points[:, 1:].numpy().repeat(2 if len(points) == 1 else 1, 0)
+        if len(points) > 1:
+            path = PchipInterpolator(times.numpy(), path)(at.numpy())
+        mask, value = _nothing(n, frames)
+        for column, feature in enumerate((X, Z)):
+            mask[k, at, feature] = True
+            value[k, at, feature] = torch.as_tensor(path[: len(at), column], dtype=value.dtype)
+        return Constraint(mask, value, mask * float(self.slack))
+
+
+@dataclass(frozen=True)
+class Keep:
+    """A part of another dance, unchanged: what is not named is kept whole.
+
+    ``seconds``: (from, to), or several such pairs. ``joints``: names, or "upper body" or "lower
+    body"; with the joint "root" its place is kept, too, and with all joints the foot contacts.
+    ``dancers``: their numbers, the same in both dances.
+    """
+
+    dance: Motion
+    seconds: Sequence | None = None
+    joints: Sequence[str] | str | None = None
+    dancers: Sequence[int] | None = None
+
+    def known(self, n: int, frames: int, fps: float) -> Constraint:
+        """As entries of a dance of n dancers."""
+        if self.dance.fps != fps:
+            raise ValueError(f"dance has {self.dance.fps:g} frames a second, not {fps:g}")
+        who = range(self.dance.num_dancers) if self.dancers is None else self.dancers
+        who = [_dancer(k, min(n, self.dance.num_dancers)) for k in who]
+        f = min(frames, self.dance.num_frames)
+        when = torch.zeros(frames, dtype=torch.bool)
+        for start, stop in self._pairs():
+            when[round(start * fps) : min(round(stop * fps), f)] = True
+        what = torch.zeros(TCDIFFPP.dim, dtype=torch.bool)
+        what[self._features()] = True
+        mask, value = _nothing(n, frames)
+        value[who, :f] = self.dance.features()[who, :f]
+        mask[who] = when[:, None] & what
+        if not mask.any():
+            raise ValueError(f"seconds={self.seconds} keeps nothing of a dance of {f / fps:g} s")
+        return Constraint(mask, value)
+
+    def _pairs(self) -> list:
+        if self.seconds is None:
+            return [(0, self.dance.num_frames / self.dance.fps)]
+        pairs = [self.seconds] if isinstance(self.seconds[0], int | float) else list(self.seconds)
+        return _numbers(pairs, 2, "seconds").tolist()
+
+    def _features(self) -> list[int]:
+        if self.joints is None:
+            return list(range(TCDIFFPP.dim))
+        names = self.dance.skeleton.names
+        wanted = self.joints
+        if isinstance(wanted, str):
+            if wanted not in ("upper body", "lower body"):
+                raise ValueError(f"joints={wanted!r}: give 'upper body', 'lower body' or names")
+            wanted = (UPPER if wanted == "upper body" else LOWER).split()
+            wanted = [w.format(side) for w in wanted for side in ("lr" if "{" in w else " ")]
+        unknown = [w for w in wanted if w not in names]
+        if unknown:
+            raise ValueError(f"joints has {unknown[0]!r}, which is none of {', '.join(names)}")
+        first = TCDIFFPP.rot6d.start
+        found = [first + 6 * names.index(w) + c for w in dict.fromkeys(wanted) for c in range(6)]
+        return found + list(range(X, X + 3)) * ("root" in wanted)
+
+
+Control = StartAt | EndAt | WalkAlong | Keep
+
+
+def combine(controls: Iterable[Control], n: int, frames: int, fps: float) -> Constraint | None:
+    """All constraints as one, in metres and matrices; None when there is none.
+
+    Raises: ValueError when two ask for different things, or one does not fit the dance.
+
+    >>> both = combine([StartAt([(-1, 0), (1, 0)]), EndAt([(1, 0), (-1, 0)])], 2, 150, 30)
+    >>> both.mask.sum(dim=(0, 2)).nonzero().flatten().tolist()
+    [0, 149]
+    """
+    all_of_it = None
+    for control in controls:
+        if not isinstance(control, StartAt | EndAt | WalkAlong | Keep):
+            raise ValueError(f"constraints has {control!r}; give StartAt, EndAt, WalkAlong or Keep")
+        one = control.known(n, frames, fps)
+        if all_of_it is not None:
+            twice = one.mask & all_of_it.mask
+            apart = (one.value - all_of_it.value).abs()
+            allowed = SAME + 3 * torch.maximum(one.looseness, all_of_it.looseness)
+            if (apart > allowed)[twice].any():
+                raise ValueError(
+                    f"constraints: {type(control).__name__} and an earlier one ask for different "
+                    f"things in the same frames ({apart[twice].max():.2f} apart); leave one out"
+                )
+            one = all_of_it.over(one)
+        all_of_it = one
+    return all_of_it
+
+
+def normalized(constraint: Constraint, normalizer: Normalizer) -> Constraint:
+    """From metres and matrices to the network's units."""
+    value = normalizer.normalize(constraint.value.to(normalizer.low))
+    slack = constraint.looseness.to(value) / normalizer.scale
+    return Constraint(constraint.mask.to(value.device), value, slack)
+
+
+def numbers_at_start(constraint: Constraint) -> Tensor | None:
+    """Dancers from left to right at the first frame, if that is known of all of them.
+
+    Raises: ValueError when it is known of some whose numbers do not rise from the left.
+    """
+    known, x = constraint.mask[:, 0, X], constraint.value[:, 0, X]
+    if known.all():
+        return x.argsort(stable=True)
+    if (x[known].diff() < 0).any():
+        raise ValueError(
+            "constraints say where some dancers start, and their numbers do not rise from left to "
+            "right; number them so, or give start= for all of them"
+        )
+    return None
+
+
+def order_at_end(constraint: Constraint) -> Tensor | None:
+    """Dancers from left to right in the last frame, if that is known of all of them."""
+    known, x = constraint.mask[:, -1, X], constraint.value[:, -1, X]
+    return x.argsort(stable=True) if known.all() else None
+
+
+def _formation(places, n: int, frames: int, frame: int, name: str) -> Constraint:
+    places = _numbers(places, 2, name)
+    if len(places) != n:
+        raise ValueError(f"{name} has {len(places)} places for {n} dancers; give one (x, z) each")
+    mask, value = _nothing(n, frames)
+    for column, feature in enumerate((X, Z)):
+        mask[:, frame, feature] = True
+        value[:, frame, feature] = places[:, column]
+    return Constraint(mask, value)
+
+
+def _nothing(n: int, frames: int) -> tuple[Tensor, Tensor]:
+    mask = torch.zeros(n, frames, TCDIFFPP.dim, dtype=torch.bool)
+    return mask, torch.zeros(mask.shape)
+
+
+def _dancer(k, n: int) -> int:
+    if not (isinstance(k, int) and 0 <= k < n):
+        raise ValueError(f"dancer={k!r} must be a whole number in 0 ... {n - 1}")
+    return k
+
+
+def _numbers(rows, width: int, name: str) -> Tensor:
+    try:
+        table = torch.as_tensor([[float(v) for v in row] for row in rows], dtype=torch.float32)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name}={rows!r} must be rows of {width} numbers") from None
+    if table.ndim != 2 or table.shape[1] != width or not table.isfinite().all():
+        raise ValueError(f"{name}={rows!r} must be rows of {width} finite numbers")
+    return table

@@ -1,0 +1,104 @@
+r"""Non-local filter: denoise a frame with the help of other frames, at full resolution.
+
+Read first: notebook 05 · Buades et al. 2005 (non-local means) ·
+`dancediff.extensions.preconditioning`.
+
+Symbols (axes: b batch · n dancers · f, g frames · h heads · d motion features · p parts of a body)
+    tokens   what the decoder knows of a frame         (b, n, f, d_model)
+    guess    the linear guess of x_0, normalised       (b, n, f, d)
+    rest     what it leaves, see `left_over`           (b, n, f, d)
+    A        which frames are averaged, by head        (b, n, h, f, g)
+    u, v     how much of it a part of the body takes   (b, n, h, f, p)
+"""
+
+import torch
+from einops import rearrange
+from torch import Tensor, nn
+
+from dancediff.nn.attention import rope_angles, rotate
+
+HEADS, WIDTH = 6, 16
+REACH = (1.5, 2.5, 4.0, 6.0, 10.0, 16.0)  # frames, where training starts
+
+
+def body_parts(dim: int) -> Tensor:
+    """Which part each motion feature belongs to: contacts, root, then joint by joint.
+
+    Shapes: -> (dim,).
+
+    >>> body_parts(151).unique().numel(), body_parts(139)[[0, 5, 7, 13]].tolist()
+    (26, [0, 1, 2, 3])
+    """
+    return torch.tensor([0] * 4 + [1] * 3 + [2 + k // 6 for k in range(dim - 7)])
+
+
+def left_over(x_t: Tensor, guess: Tensor, abar: Tensor) -> Tensor:
+    r"""What a guess leaves of the noisy motion, less and less as noise takes over.
+
+    $$r = \bar\alpha\,(x_t - \sqrt{\bar\alpha}\,\hat x_0)$$
+
+    Shapes: x_t and guess (b, n, f, d), abar (b,) -> (b, n, f, d).
+    """
+    abar = abar[:, None, None, None]
+    return abar * (x_t - abar.sqrt() * guess)
+
+
+class NonLocalFilter(nn.Module):
+    r"""Average the linear guess, and what it leaves, over frames that the network chooses.
+
+    $$\Delta_{fc} = \sum_h u_{hfp(c)} \Big(\sum_g A_{hfg}\,\hat x_{gc} - \hat x_{fc}\Big)
+      + v_{hfp(c)} \sum_g A_{hfg}\, r_{gc}, \qquad
+      A_{hfg} = \underset{g}{\text{softmax}}\Big(\frac{(R_f q_{hf})^\top R_g k_{hg}}{\sqrt w}
+      - \frac{|f - g|}{\rho_h}\Big)$$
+
+    A linear filter smooths a rest and a jump alike. Here a dancer who rests is averaged with the
+    frames of her rest, and one who moves is left sharp. All features pass at full resolution: the
+    network, whose tokens are narrower than a pose, only says which frames and how much.
+
+    Source: ours, after non-local means, with attention for its weights.
+
+    Shapes: see the module's symbols; returns (b, n, f, d), zeros before training.
+
+    >>> filter = NonLocalFilter(16, 151)
+    >>> tokens, x = torch.randn(2, 3, 20, 16), torch.randn(2, 3, 20, 151)
+    >>> filter(tokens, x, x).abs().max().item()
+    0.0
+    """
+
+    def __init__(self, d_model: int, motion_dim: int):
+        """Heads start with short and long reaches and take no part."""
+        super().__init__()
+        self.norm = nn.LayerNorm(d_model)
+        self.query_key = nn.Linear(d_model, 2 * HEADS * WIDTH)
+        self.register_buffer("parts", body_parts(motion_dim), persistent=False)
+        joints = (motion_dim - 7) // 6
+        self.mix = nn.Linear(d_model, 2 * HEADS * (2 + joints))
+        for weights in self.mix.parameters():
+            nn.init.zeros_(weights)
+        self.log_reach = nn.Parameter(torch.tensor(REACH).log())
+
+    def weights(self, tokens: Tensor) -> Tensor:
+        """A, rows sum to one; (b, n, f, d_model) -> (b, n, h, f, g)."""
+        return self._weights(self.norm(tokens))
+
+    def forward(self, tokens: Tensor, guess: Tensor, rest: Tensor) -> Tensor:
+        """The correction to add to the guess."""
+        tokens = self.norm(tokens)
+        A = self._weights(tokens)
+        mix = self.mix(tokens).float()
+        u, v = rearrange(mix, "b n f (two h p) -> two b n h f p", two=2, h=HEADS)[..., self.parts]
+        with torch.autocast(guess.device.type, enabled=False):  # millimetres need float32
+            averaged = A @ torch.cat([guess, rest], dim=-1)[:, :, None]
+            smooth, kept = averaged.chunk(2, dim=-1)
+            return (u * (smooth - guess[:, :, None]) + v * kept).sum(dim=2)
+
+    def _weights(self, tokens: Tensor) -> Tensor:
+        Q, K = rearrange(
+            self.query_key(tokens), "b n f (two h w) -> two b n h f w", two=2, h=HEADS
+        ).float()
+        frames = torch.arange(tokens.shape[2], device=tokens.device)
+        angles = rope_angles(frames, WIDTH)
+        away = (frames[:, None] - frames).abs() / self.log_reach.exp()[:, None, None]
+        with torch.autocast(tokens.device.type, enabled=False):
+            logits = rotate(Q, angles) @ rotate(K, angles).mT / WIDTH**0.5
+            return (logits - away).softmax(-1)

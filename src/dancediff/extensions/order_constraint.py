@@ -1,0 +1,78 @@
+r"""Order: who was asked to change places is helped to get there while the dance is sampled.
+
+Read first: notebook 09 · `dancediff.papers.tcdiffpp.swap_mode` · `dancediff.extensions.constraint`.
+
+Symbols (axes: n dancers · f frames · d motion features)
+    S   swap mode: S[k] = the dancer, counted from the left at the first frame, who ends k-th   (n,)
+    x   lateral place of everybody in the last frame of a guess, metres; numbered as S does     (n,)
+    y   where they would stand in the order that was asked for                                  (n,)
+
+The network is told S, and mostly obeys. A guess in which it does not is bent as if somebody had
+asked for places at the end: those nearest to the guess that are in order. As with every
+`Constraint`, whole paths turn while there is much noise, and nothing is moved in the end.
+"""
+
+from dataclasses import dataclass
+
+import torch
+from scipy.optimize import isotonic_regression
+from torch import Tensor
+
+from dancediff.extensions.collision_avoidance import MORE_SIGNAL, SLACK
+from dancediff.extensions.constraint import Constraint
+from dancediff.motion.representation import TCDIFFPP, Normalizer
+
+ORDER = ("kept", "free")
+GAP = 0.45  # metres from left to right between neighbours; 95 % of the choreographed have more
+X = TCDIFFPP.root.start
+
+
+def in_order(x: Tensor, S: Tensor, gap: float = GAP) -> Tensor:
+    r"""The places nearest to x at which dancers stand in the order S.
+
+    $$y = \arg\min_y \lVert y - x \rVert^2 \quad\text{with}\quad
+      y_{S_{k+1}} - y_{S_k} \ge \text{gap}$$
+
+    Isotonic regression of x, less a gap for everybody further left.
+
+    Shapes: x (n,) metres, S (n,) -> (n,) metres.
+
+    >>> in_order(torch.tensor([-1.0, 1.0]), torch.tensor([0, 1])).tolist()     # they are
+    [-1.0, 1.0]
+    >>> in_order(torch.tensor([0.0, 1.0]), torch.tensor([1, 0]), gap=0.5).tolist()
+    [0.75, 0.25]
+    """
+    steps = gap * torch.arange(len(x), dtype=torch.float64)
+    sorted_x = x.cpu().double()[S.cpu()] - steps
+    placed = torch.from_numpy(isotonic_regression(sorted_x.numpy()).x) + steps
+    y = torch.empty_like(placed)
+    y[S.cpu()] = placed
+    return y.to(x)
+
+
+@dataclass(frozen=True)
+class Order:
+    """A rule of `Bending`: in the last frame dancers are asked to stand in the order S.
+
+    >>> rule = Order(Normalizer(-torch.ones(151), torch.ones(151)), torch.tensor([1, 0]))
+    >>> asked = rule(torch.zeros(2, 30, 151), 0.5)
+    >>> asked.mask.nonzero().tolist(), (asked.value[0, -1, X] > asked.value[1, -1, X]).item()
+    ([[0, 29, 4], [1, 29, 4]], True)
+    """
+
+    normalizer: Normalizer
+    S: Tensor
+
+    def __call__(self, x: Tensor, abar: float) -> Constraint | None:
+        """Where everybody is asked to end (n, f, d), or None if they are in order."""
+        if abar <= MORE_SIGNAL:
+            return None
+        scale = self.normalizer.scale.to(x)
+        ends = self.normalizer.unnormalize(x[:, -1])[:, X]
+        step = in_order(ends, self.S) - ends
+        if step.abs().max() < SLACK / 10:
+            return None
+        mask, value = torch.zeros_like(x, dtype=torch.bool), x.clone()
+        mask[:, -1, X] = True
+        value[:, -1, X] += step / scale[X]
+        return Constraint(mask, value, torch.full_like(x, SLACK) / scale)

@@ -1,0 +1,230 @@
+r"""Preconditioning: start from the best linear guess and let the network add what it lacks.
+
+Read first: notebooks 06 and 07 · Karras et al. 2022 (EDM) section 5 and eq. 7.
+
+Symbols (axes: b batch · n dancers · f frames · k frequencies, as many as frames · d features)
+    x_t      noisy motion, normalised                     (b, n, f, d)
+    F        what the network puts out                    (b, n, f, d)
+    abar     signal power left                            (b,)
+    mean     of each feature over the training set        (d,)
+    spread   standard deviation of each frequency         (k, d)
+    skip     share of x_t that is kept                    (b, 1 or n, k, d)
+    scale    size of the network's part                   (b, 1 or n, k, d)
+
+Dance is smooth: its slow parts are large and its fast parts tiny, while noise is as large at one
+frequency as at another. So the best linear guess (Wiener's filter) keeps the slow parts of x_t and
+drops the fast ones, and what is left to add is smooth, too. The frequencies are those of a
+discrete cosine transform over the frames, which needs no periodic motion.
+"""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from itertools import repeat
+
+import torch
+from torch import Tensor, nn
+
+from dancediff.lookup import table
+
+LARGEST = 0.5  # of `scale`: the slow parts of F stay in the units of the motion
+MOST = 4.0  # spreads that a guess may lie from the mean; real dances rarely do
+SMALLEST = 2e-4  # of `spread`: a feature that never moved can still be corrected
+
+
+def dct_matrix(f: int) -> Tensor:
+    r"""Orthonormal DCT-II over f frames, one frequency a row.
+
+    $$C_{kj} = \sqrt{\tfrac{2 - \delta_{k0}}{f}}\, \cos\frac{\pi k (2j + 1)}{2f}$$
+
+    Shapes: -> (f, f); row k turns k half-waves in f frames.
+
+    >>> C = dct_matrix(8)
+    >>> torch.allclose(C @ C.T, torch.eye(8), atol=1e-6)
+    True
+    """
+    k, j = torch.arange(f, dtype=torch.float64)[:, None], torch.arange(f, dtype=torch.float64)
+    C = torch.cos(math.pi * k * (2 * j + 1) / (2 * f)) * math.sqrt(2 / f)
+    C[0] /= math.sqrt(2)
+    return C.float()
+
+
+def linear_coefficients(abar: Tensor, spread: Tensor) -> tuple[Tensor, Tensor]:
+    r"""How much of the noisy motion to keep, and how far off that guess is.
+
+    $$c_\text{skip} = \frac{\sqrt{\bar\alpha}\,\sigma^2}{v}, \quad
+      c_\text{out} = \sigma \sqrt{\frac{1 - \bar\alpha}{v}},
+      \quad v = \bar\alpha\sigma^2 + 1 - \bar\alpha$$
+
+    Source: EDM eq. 7, for an x_0 of spread $\sigma$ under $\sqrt{\bar\alpha} x_0 +
+    \sqrt{1 - \bar\alpha}\,\epsilon$.
+
+    Shapes: abar and spread broadcast -> both like them.
+
+    >>> [c.item() for c in linear_coefficients(torch.tensor(1.0), torch.tensor(0.5))]  # no noise
+    [1.0, 0.0]
+    >>> [c.item() for c in linear_coefficients(torch.tensor(0.0), torch.tensor(0.5))]  # only noise
+    [0.0, 0.5]
+    """
+    v = abar * spread**2 + (1 - abar)  # in this order: 1 would swallow a small spread
+    return abar.sqrt() * spread**2 / v, spread * ((1 - abar) / v).sqrt()
+
+
+@dataclass
+class GroupModes:
+    r"""How dancers vary together: another basis for some features, one for each frequency.
+
+    $$\tilde c_{m} = \sum_n U_{nm}\, c_n$$
+
+    with the symbols of `dancediff.extensions.formation_prior`, which makes them:
+    ``features`` c of them, ``mean`` (b, n, f, c), ``basis`` U (b, k, c, n, n) orthonormal, and
+    ``spread`` of the modes (b, n, k, c).
+    """
+
+    features: slice
+    mean: Tensor
+    basis: Tensor
+    spread: Tensor
+
+    def turn(self, coefficients: Tensor) -> Tensor:
+        """From dancers to modes, (b, n, k, d)."""
+        return self._changed(coefficients, "bkcnm,bnkc->bmkc")
+
+    def turn_back(self, coefficients: Tensor) -> Tensor:
+        """From modes to dancers, (b, n, k, d)."""
+        return self._changed(coefficients, "bkcnm,bmkc->bnkc")
+
+    def _changed(self, coefficients: Tensor, how: str) -> Tensor:
+        changed = coefficients.clone()
+        changed[..., self.features] = torch.einsum(
+            how, self.basis.to(coefficients), coefficients[..., self.features]
+        )
+        return changed
+
+    def placed(self, mean: Tensor) -> Tensor:
+        """A mean (d,) for all, with what is expected of each: (b, n, f, d)."""
+        placed = mean.expand(*self.mean.shape[:3], -1).clone()
+        placed[..., self.features] += self.mean
+        return placed
+
+    def spreads(self, spread: Tensor) -> Tensor:
+        """Those of all features (k, d), with those of the modes: (b, n, k, d)."""
+        b, n = self.mean.shape[:2]
+        spreads = spread.expand(b, n, -1, -1).clone()
+        spreads[..., self.features] = self.spread
+        return spreads
+
+
+class Preconditioning(nn.Module):
+    r"""From the network's output to a guess of x_0, one frequency at a time.
+
+    $$\hat x_0 = \mu + C^\top\big(c_\text{skip}\, C (x_t - \sqrt{\bar\alpha}\,\mu)
+      + \min(c_\text{out}, \tfrac12)\, C F\big)$$
+
+    Source: ours, after EDM.  Differs: EDM has one spread for all data, the papers let the network
+    output x_0 itself. With one spread the network must cancel the noise of every feature in every
+    frame, which is more numbers than a narrow network can carry; the dances tremble.
+
+    Shapes: see the module's symbols.
+
+    >>> precondition = Preconditioning(num_frames=150, dim=151)  # not fitted: all frequencies alike
+    >>> x_t, abar = torch.randn(2, 3, 150, 151), torch.tensor([0.9, 0.1])
+    >>> guess = precondition.linear_guess(x_t, abar)
+    >>> torch.equal(guess, precondition(torch.zeros_like(x_t), guess, abar))
+    True
+    """
+
+    def __init__(self, num_frames: int, dim: int):
+        super().__init__()
+        self.register_buffer("mean", torch.zeros(dim))
+        self.register_buffer("spread", torch.full((num_frames, dim), LARGEST))
+
+    @torch.no_grad()
+    def fit(self, windows: Iterable[Tensor], weights: Iterable[float] | None = None) -> None:
+        """Take mean and spread from clean normalised windows, in pieces (w, f, d).
+
+        ``weights``: how much a window of each piece counts; by default all count the same.
+        """
+        mean, power, count = 0.0, 0.0, 0.0
+        for x, weight in zip(windows, weights or repeat(1.0), strict=weights is not None):
+            C = table(dct_matrix, x.shape[1], like=x)
+            mean = mean + weight * x.double().mean(1).sum(0)
+            power = power + weight * (C @ x).double().square().sum(0)
+            count += weight * len(x)
+        mean, power = mean / count, power / count
+        power[0] -= x.shape[1] * mean**2  # the mean pose is all in frequency 0
+        self.mean.copy_(mean)
+        self.spread.copy_(power.clamp_min(SMALLEST**2).sqrt())
+
+    def linear_guess(self, x_t: Tensor, abar: Tensor, group: GroupModes | None = None) -> Tensor:
+        """What can be said without a network (b, n, f, d); with a group, how it varies together."""
+        skip, _ = self._coefficients(abar, x_t.shape[2], group)
+        C = table(dct_matrix, x_t.shape[2], like=x_t)
+        mean = self.mean if group is None else group.placed(self.mean)
+        noisy = x_t - abar.sqrt()[:, None, None, None] * mean
+        with torch.autocast(x_t.device.type, enabled=False):  # millimetres need float32
+            return mean + C.T @ _scaled(skip, C @ noisy, group)
+
+    def noise(self, x_t: Tensor, guess: Tensor, abar: Tensor) -> Tensor:
+        r"""The noise there is in x_t if a guess is right: what the network listens to besides.
+
+        $$\hat\epsilon = \frac{x_t - \sqrt{\bar\alpha}\,\hat x_0}{\sqrt{1 - \bar\alpha}}$$
+
+        In x_t itself it is a thousandth beside the motion where there is little noise; in bfloat16,
+        with its three digits, nothing of it is left.
+
+        Shapes: x_t and guess (b, n, f, d), abar (b,) -> (b, n, f, d).
+        """
+        abar = abar[:, None, None, None]
+        return (x_t - abar.sqrt() * guess) / (1 - abar).sqrt()
+
+    def forward(
+        self, F: Tensor, guess: Tensor, abar: Tensor, group: GroupModes | None = None
+    ) -> Tensor:
+        """Add the network's part F to the linear guess."""
+        _, scale = self._coefficients(abar, F.shape[2], group)
+        C = table(dct_matrix, F.shape[2], like=F)
+        with torch.autocast(F.device.type, enabled=False):
+            return guess + C.T @ _scaled(scale.clamp_max(LARGEST), C @ F, group)
+
+    def within(self, x: Tensor, most: float = MOST) -> Tensor:
+        r"""Cut a guess at what the training set has, one frequency at a time.
+
+        $$\mu + C^\top \operatorname{clip}(C (x - \mu),\ -4\,\text{spread},\ 4\,\text{spread})$$
+
+        Source: ours, in place of the published cut at +-1.  Differs: that leaves fast trembling
+        alone and cuts places on the floor, which may lie far out in a long dance.
+
+        Shapes: x (..., f, d) -> the same.
+
+        >>> precondition = Preconditioning(num_frames=8, dim=1)             # spread 0.5
+        >>> round(precondition.within(torch.full((8, 1), 9.0)).max().item(), 4)
+        0.7071
+        """
+        rows = (torch.arange(x.shape[-2], device=x.device) * len(self.spread)) // x.shape[-2]
+        C, bound = table(dct_matrix, x.shape[-2], like=x), most * self.spread[rows]
+        coefficients = C @ (x - self.mean)
+        return self.mean + C.T @ torch.minimum(torch.maximum(coefficients, -bound), bound)
+
+    def error(self, abar: Tensor) -> Tensor:
+        """Mean square of what the linear guess misses, where the training set's spread is right.
+
+        Shapes: abar (b,) -> (b,).
+        """
+        return self._coefficients(abar, len(self.spread))[1].square().mean((1, 2, 3))
+
+    def _coefficients(
+        self, abar: Tensor, f: int, group: GroupModes | None = None
+    ) -> tuple[Tensor, Tensor]:
+        # A shorter window knows fewer frequencies: take those it has from the fitted ones.
+        rows = (torch.arange(f, device=abar.device) * len(self.spread)) // f
+        spread = self.spread[rows]
+        if group is not None:
+            spread = group.spreads(spread)
+        return linear_coefficients(abar[:, None, None, None], spread)
+
+
+def _scaled(by: Tensor, coefficients: Tensor, group: GroupModes | None) -> Tensor:
+    if group is None:
+        return by * coefficients
+    return group.turn_back(by * group.turn(coefficients))

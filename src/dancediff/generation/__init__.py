@@ -1,0 +1,1 @@
+"""From a song and a request to a dance."""

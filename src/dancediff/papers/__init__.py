@@ -1,0 +1,1 @@
+"""What the papers say, and nothing else: one folder a paper."""

@@ -1,0 +1,254 @@
+r"""EDGE: the transformer that TCDiff++ and Lodge build on; it knows one dancer and her music.
+
+Read first: notebook 05 · Tseng et al. 2023 (EDGE) section 3.
+
+Symbols (axes: b batch · n dancers · f frames · d motion, m music features)
+    x_t    noisy motion, normalised            (b, n, f, d)
+    x_hat  the guess                           (b, n, f, d)
+    home   where a dancer is, on the average   (n, 1, 3) metres, height left out
+
+A group is danced by n copies who neither see nor hear of each other: that is what makes it the
+baseline of a group model.
+"""
+
+from dataclasses import asdict, dataclass, replace
+
+import torch
+from torch import Tensor, nn
+
+from dancediff.data.windows import Take
+from dancediff.diffusion.schedule import cosine_abar
+from dancediff.generation.request import Wish
+from dancediff.motion.motion import Motion
+from dancediff.motion.representation import TCDIFFPP, Normalizer
+from dancediff.music.features import MusicNormalizer
+from dancediff.papers.edge.naive_long_sampling import draw_like_edge, generate_naively
+from dancediff.papers.tcdiffpp.group_dance_decoder import GroupDanceDecoder
+from dancediff.papers.tcdiffpp.model import TCDiffPPConfig
+
+SPACING = 1.2  # metres between the start slots, about as in the training data
+SEED_STRIDE = 0x9E3779B97F4A7C15  # far apart, so that seeds s and s + 1 share no dancer
+
+
+@dataclass
+class EDGEConfig:
+    """Sizes; plain values, so that it can be stored as JSON.
+
+    The defaults are as small as those of `TCDiffPPConfig`; `paper` has the published sizes.
+
+    >>> EDGEConfig.paper().d_model
+    512
+    """
+
+    d_model: int = 128
+    num_heads: int = 4
+    num_layers: int = 4
+    ff_dim: int = 512
+    max_dancers: int = 10  # who find a place on the stage; the network knows one
+    num_frames: int = 150  # 5 seconds
+    motion_dim: int = 151
+    music_dim: int = 35
+    dropout: float = 0.0
+    cond_drop: float = 0.25
+    num_steps: int = 1000
+    beat_waves: bool = False  # ours: see extensions.beat_phase; on in configs
+    non_local: bool = False  # ours: see extensions.non_local_filter; on in configs
+    precondition: bool = True  # ours: see extensions.preconditioning
+
+    @classmethod
+    def paper(cls, **changes) -> "EDGEConfig":
+        """Sizes of EDGE: 8 layers, 8 heads, width 512; 47,024,791 weights with 35-d music."""
+        sizes = {
+            "d_model": 512,
+            "num_heads": 8,
+            "num_layers": 8,
+            "ff_dim": 1024,
+            "dropout": 0.1,
+            "precondition": False,
+        }
+        return cls(**sizes | changes)
+
+
+class EDGE(nn.Module):
+    r"""A transformer decoder for one dancer: self-attention, cross-attention, feed-forward, FiLM.
+
+    $$\hat x = \text{decoder}(x_t, t, M)$$
+
+    This is the Group Dance Decoder with all that TCDiff++ added taken out, for a group of one; the
+    paper's sizes have exactly the published number of weights.
+
+    Source: EDGE section 3.  Differs: positions are rotated after the projection, head by head, as
+    everywhere here; music is the 35-d features instead of Jukebox's 4800; the contact loss counts
+    contacts above 0.5 instead of 0.95, and joints are in metres.  Trained with TCDiff++'s loop,
+    whose weights for EDGE's four losses are EDGE's; L_D is zero for one dancer.
+
+    Shapes: x_t (b, n, f, d), t (b,), M (b, f, m) standardised, S (b, n) not used; keep (b,),
+    present (b, n) -> the guess twice, both (b, n, f, d): what `TCDiffPP` calls raw and adapted.
+
+    >>> model = EDGE(EDGEConfig(d_model=16, num_layers=1, ff_dim=32))
+    >>> x_t, M, S = torch.randn(2, 3, 20, 151), torch.randn(2, 20, 35), torch.arange(3).expand(2, 3)
+    >>> model(x_t, torch.tensor([10, 900]), M, S)[1].shape
+    torch.Size([2, 3, 20, 151])
+    """
+
+    name = "edge"  # what dances made with it call it; a loaded folder puts its own name here
+
+    def __init__(self, config: EDGEConfig | None = None):
+        """Random weights; normalisers that change nothing until training fits them."""
+        super().__init__()
+        self.config = config = config or EDGEConfig()
+        self.decoder = GroupDanceDecoder(without_group(config))
+        one = torch.ones(config.motion_dim)
+        self.normalizer = Normalizer(-one, one)
+        self.music_normalizer = MusicNormalizer(
+            torch.zeros(config.music_dim), torch.ones(config.music_dim)
+        )
+        self.register_buffer("abar", cosine_abar(config.num_steps), persistent=False)
+
+    def forward(
+        self,
+        x_t: Tensor,
+        t: Tensor,
+        M: Tensor,
+        S: Tensor | None = None,
+        *,
+        keep: Tensor | None = None,
+        present: Tensor | None = None,
+    ) -> tuple[Tensor, Tensor]:
+        """Guess the clean dance; every dancer is a sample of her own."""
+        b, n = x_t.shape[:2]
+        t, M, keep = (None if a is None else a.repeat_interleave(n, 0) for a in (t, M, keep))
+        nobody_swaps = torch.zeros(b * n, 1, dtype=torch.long, device=x_t.device)
+        x_hat = self.decoder(x_t.flatten(0, 1)[:, None], t, M, nobody_swaps, keep=keep)
+        x_hat = x_hat.reshape(x_t.shape)
+        x_hat = x_hat if present is None else x_hat * present[:, :, None, None]
+        return x_hat, x_hat
+
+    def linear_guess(self, x_t: Tensor, t: Tensor, S: Tensor | None = None) -> Tensor:
+        """What a model with preconditioning guesses without its network, (b, n, f, d)."""
+        n = x_t.shape[1]
+        nobody_swaps = torch.zeros(x_t.shape[0] * n, 1, dtype=torch.long, device=x_t.device)
+        alone, t = x_t.flatten(0, 1)[:, None], t.repeat_interleave(n, 0)
+        return self.decoder.linear_guess(alone, t, nobody_swaps).reshape(x_t.shape)
+
+    def generate(
+        self,
+        song,
+        *,
+        dancers: int = 3,
+        seconds: float | None = None,
+        seed: int = 0,
+        steps: int = 20,
+        sampler: str = "dpm",
+        guidance: float = 1.0,
+        autoguidance: float | None = None,
+        eta: float = 0.0,
+        swap=None,
+        overlap: int = 75,
+        feet: str = "planted",
+        progress=False,
+        device=None,
+        dtype=None,
+    ) -> Motion:
+        """Dance to a song: each dancer alone, then placed side by side.
+
+        The arguments are those of `dancediff.papers.tcdiffpp.model.TCDiffPP.generate`.  Dancer k
+        is the
+        same whoever else dances.  Segments of 5 s are joined by
+        `dancediff.papers.edge.naive_long_sampling`; ``overlap`` is what they share, in frames.
+
+        Raises: ValueError naming the argument, its value and what is allowed; also for a ``swap``,
+        because nobody here knows of anybody, and for a silent song or one under a second.
+        """
+        if swap is not None:
+            raise ValueError(
+                f"swap={swap} is not possible with {self.name!r}: its dancers do not see each "
+                "other; leave it out or use a TCDiff++ model"
+            )
+        return generate_naively(
+            self,
+            song,
+            draw=draw_alone,
+            dancers=dancers,
+            seconds=seconds,
+            seed=seed,
+            steps=steps,
+            sampler=sampler,
+            guidance=guidance,
+            autoguidance=autoguidance,
+            eta=eta,
+            overlap=overlap,
+            feet=feet,
+            progress=progress,
+            device=device,
+            dtype=dtype,
+        )
+
+
+def without_group(config: EDGEConfig) -> TCDiffPPConfig:
+    """The configuration of a Group Dance Decoder that is EDGE.
+
+    >>> without_group(EDGEConfig()).max_dancers
+    1
+    """
+    off = dict.fromkeys(("dpe", "fp", "fa", "swap_mode", "foot_cues"), False)
+    return TCDiffPPConfig(**asdict(config) | {"max_dancers": 1, "ssm": "none"} | off)
+
+
+def solo_takes(takes: list[Take]) -> list[Take]:
+    r"""Every dancer of every take as a take of one, moved so that her home is the origin.
+
+    $$p_f \leftarrow p_f - \overline{p}, \quad \text{x and z only}$$
+
+    Without it the model would have to guess from the music where in a formation somebody stood.
+
+    Shapes: x (n, f, d) -> n times (1, f, d).
+
+    >>> solos = solo_takes([Take("trio", torch.ones(3, 9, 151), torch.zeros(9, 35))])
+    >>> [solo.name for solo in solos], solos[0].x[0, 0, 4:7].tolist()
+    (['trio-0', 'trio-1', 'trio-2'], [0.0, 1.0, 0.0])
+    """
+    return [
+        replace(take, name=f"{take.name}-{k}", x=x[None])
+        for take in takes
+        for k, x in enumerate(_moved(take.x, -take.x[..., TCDIFFPP.root].mean(1, keepdim=True)))
+    ]
+
+
+def start_slots(n: int) -> Tensor:
+    """Places in a row, left to right, (n, 1, 3) metres.
+
+    >>> start_slots(3)[:, 0, 0]
+    tensor([-1.2000,  0.0000,  1.2000])
+    """
+    slots = torch.zeros(n, 1, 3)
+    slots[:, 0, 0] = SPACING * (torch.arange(n) - (n - 1) / 2)
+    return slots
+
+
+def draw_alone(model: EDGE, song, wish: Wish, *, report=None, dtype=None) -> Tensor:
+    """Sample the dancers one after the other and place them; the ``draw`` of `generate`.
+
+    Shapes: -> (n, F, d) metres and 6-D rotations, on the CPU.
+    """
+    n, solos = wish.dancers, []
+    for k in range(n):
+        alone = replace(wish, dancers=1, seed=(wish.seed + k * SEED_STRIDE) % 2**63)
+        solos.append(
+            draw_like_edge(
+                model,
+                song,
+                alone,
+                report=report and (lambda i, total, k=k: report(k * total + i, n * total)),
+                dtype=dtype,
+            )
+        )
+    x = torch.cat(solos)
+    return _moved(x, start_slots(n) - x[:, :1, TCDIFFPP.root])
+
+
+def _moved(x: Tensor, way: Tensor) -> Tensor:
+    """Move dancers (n, f, d) over the floor by (n, 1, 3); heights stay."""
+    x = x.clone()
+    x[..., TCDIFFPP.root] += way * way.new_tensor([1.0, 0.0, 1.0])
+    return x

@@ -1,0 +1,179 @@
+r"""Naive long sampling: all segments at once, held together by copying and cross-fading.
+
+Read first: `dancediff.diffusion.samplers` · EDGE section 3.4.
+
+Symbols (axes: k segments of the same dance · n dancers · f frames of a segment · F of the dance
+         d motion features · m music features)
+    x        the segments, as one batch                        (k, n, f, d)
+    overlap  frames that a segment shares with its neighbour   75 of 150 in the paper
+    w        share of the later segment in a cross-fade        (overlap,), from 0 to 1
+
+It knows nothing of dancers who change places: each segment of a group starts from its own
+left-to-right order. Long Group Diffusion Sampling is TCDiff++'s answer to that.
+"""
+
+from dataclasses import dataclass
+from functools import partial
+from itertools import pairwise
+
+import torch
+from torch import Tensor
+
+from dancediff.diffusion.guidance import off_at_the_end, ramp_up
+from dancediff.diffusion.samplers import sample, sampling_times
+from dancediff.diffusion.schedule import cosine_abar
+from dancediff.extensions.foot_contact_projection import Planting
+from dancediff.generation.generate import (
+    autoguidance_of,
+    cut_music,
+    denoise_segments,
+    generate,
+    largest_guess,
+)
+from dancediff.generation.request import Wish
+from dancediff.motion.motion import Motion
+from dancediff.motion.representation import pack, unpack
+from dancediff.motion.rotation import slerp
+
+AT_ONCE = 8  # segments that go through the network together: memory stays that of 20 s
+
+
+@dataclass
+class Consistency:
+    r"""After every step, a segment starts with the end of the one before.
+
+    $$x_{t'}^{(i)}[0:o] \leftarrow x_{t'}^{(i-1)}[f-o:f]$$
+
+    Both sides have the same noise level, so nothing has to be noised anew. The last step is left
+    alone: what still differs there is cross-faded (`join`). Goes where `sample` takes a ``pin``.
+
+    Source: EDGE section 3.4.
+
+    Shapes: x_next (k, n, f, d) -> the same.
+
+    >>> x = torch.arange(2.0)[:, None, None, None].expand(2, 1, 4, 1)
+    >>> Consistency(overlap=3)(x, t_next=10)[1].flatten().tolist()
+    [0.0, 0.0, 0.0, 1.0]
+    """
+
+    overlap: int
+
+    def start(self, x_T: Tensor) -> Tensor:
+        """The segments begin as independent noise."""
+        return x_T
+
+    def __call__(self, x_next: Tensor, t_next: int) -> Tensor:
+        """Copy from the first segment on, so that overlaps of more than half agree as well."""
+        if t_next == -1:
+            return x_next
+        x = x_next.clone()
+        for before, after in pairwise(x):
+            after[:, : self.overlap] = before[:, -self.overlap :]
+        return x
+
+
+def cross_fade(first: Tensor, second: Tensor) -> Tensor:
+    r"""From one version of some frames to another: rotations by `slerp`, the rest in a line.
+
+    $$p_i = (1 - w_i)\,p^0_i + w_i\,p^1_i, \quad R_i = \text{slerp}(R^0_i, R^1_i, w_i), \quad
+      w_i = i / (o - 1)$$
+
+    Source: EDGE's code.  Differs: the weights and contacts of an overlap of one frame are halves.
+
+    Shapes: first, second (..., o, d), metres and 6-D rotations -> (..., o, d).
+    """
+    o = first.shape[-2]
+    w = torch.linspace(0, 1, o) if o > 1 else torch.full((1,), 0.5)
+    w = w.to(first)
+    contact_0, root_0, pose_0 = unpack(first)
+    contact_1, root_1, pose_1 = unpack(second)
+    return pack(
+        torch.lerp(contact_0, contact_1, w[:, None]),
+        torch.lerp(root_0, root_1, w[:, None]),
+        slerp(pose_0, pose_1, w[:, None]),
+    )
+
+
+def join(x: Tensor, overlap: int) -> Tensor:
+    """Make one dance of segments whose overlaps almost agree, by `cross_fade`.
+
+    Shapes: x (k, n, f, d), metres and 6-D rotations -> (n, f + (k - 1)(f - overlap), d).
+    Raises: ValueError for an overlap outside 1 ... f - 1.
+
+    >>> join(torch.randn(3, 2, 150, 151), overlap=75).shape
+    torch.Size([2, 300, 151])
+    """
+    f = x.shape[2]
+    if not 1 <= overlap < f:
+        raise ValueError(f"overlap={overlap} must lie in 1 ... {f - 1}: a segment has {f} frames")
+    dance, *others = x
+    for segment in others:
+        shared = cross_fade(dance[:, -overlap:], segment[:, :overlap])
+        dance = torch.cat([dance[:, :-overlap], shared, segment[:, overlap:]], dim=1)
+    return dance
+
+
+def draw_naively(model, song, wish: Wish, *, report=None, dtype=None, ramp: bool = False) -> Tensor:
+    """Sample all segments of a dance as one batch and join them; the ``draw`` of `generate`.
+
+    ``ramp``: in long dances guidance rises over the first half of the DDIM steps, as in EDGE's
+    code. A swap is asked of the segment that carries it out; the others are told to stay.
+
+    Shapes: -> (n, F, d) metres and 6-D rotations, on the CPU.
+    Raises: ValueError for "kept" spacing or order, which belong to Long Group Diffusion Sampling.
+    """
+    for name in ("spacing", "order"):
+        if getattr(wish, name) == "kept":
+            raise ValueError(f"{name}='kept' is not possible with naive long sampling; use 'free'")
+        setattr(wish, name, "free")
+    device, k, n = model.abar.device, wish.segments, wish.dancers
+    M = model.music_normalizer.normalize(song.features().to(device))
+    M = cut_music(M, k, length=wish.num_frames, stride=wish.stride)
+    targets = wish.target_orders() or [None] * k
+    S = torch.stack([torch.arange(n) if order is None else order for order in targets]).to(device)
+    weight = _guidance(wish, ramp=ramp and k > 1)
+    denoise = denoise_segments(model, weight, dtype, autoguidance_of(model, wish))
+
+    def denoise_in_parts(x_t, t):
+        parts = zip(x_t.split(AT_ONCE), M.split(AT_ONCE), S.split(AT_ONCE), strict=True)
+        return torch.cat([denoise(x, t, music, order) for x, music, order in parts])
+
+    x = sample(
+        denoise_in_parts,
+        (k, n, wish.num_frames, model.config.motion_dim),
+        abar=model.abar,
+        sampler=wish.sampler,
+        steps=wish.steps,
+        eta=wish.eta,
+        clamp=largest_guess(model),
+        generator=torch.Generator().manual_seed(wish.seed),
+        pin=Consistency(wish.overlap),
+        bend=Planting(model.normalizer.on_cpu()) if wish.feet == "planted" else None,
+        callback=report and (lambda i, total, _: report(i + 1, total)),
+        device=device,
+    )
+    return join(model.normalizer.unnormalize(x), wish.overlap)[:, : wish.frames].cpu()
+
+
+def generate_naively(model, song, *, draw=None, **options) -> Motion:
+    """`dancediff.generation.generate.generate` with naive long sampling, for any model.
+
+    With a `TCDiffPP` it is the row "w/o LGDS" of the paper's ablation.
+    """
+    motion = generate(model, song, draw=draw or draw_naively, **options)
+    del motion.meta["pinning"]  # nothing was pinned
+    motion.meta["long"] = "naive"
+    return motion
+
+
+draw_like_edge = partial(draw_naively, ramp=True)
+
+
+def _guidance(wish: Wish, *, ramp: bool):
+    if wish.sampler == "ddpm":
+        return off_at_the_end(wish.guidance, wish.num_steps)
+    if ramp:
+        return ramp_up(
+            wish.guidance, sampling_times(wish.sampler, wish.steps, cosine_abar(wish.num_steps))
+        )
+    return wish.guidance

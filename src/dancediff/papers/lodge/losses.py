@@ -1,0 +1,302 @@
+r"""The losses of Lodge's two stages, of its fine-tuning, and of its discriminator.
+
+Read first: notebook 12 · Lodge section 3.4, eq. 3 to 10.
+
+Symbols (axes: b batch · f frames · d motion features · j joints · g genres)
+    x_0       the true motion, normalised                          (b, f, d)
+    x_raw     the guess before the Foot Refine Block               (b, f, d)
+    x_hat     the guess                                            (b, f, d)
+    joints    forward kinematics of a guess (eq. 3), metres        (b, f, j, 3)
+    contact   predicted contact, about 0..1                        (b, f, 4)
+    real, made   the discriminator's logits for true and made dances   (b,)
+
+Every function takes any axes in front of f. Primitives come as (b, 13, 8, d), so that nothing is
+compared across the seconds between one primitive and the next.
+"""
+
+from dataclasses import asdict, dataclass
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor
+
+from dancediff.lookup import table
+from dancediff.motion.representation import Normalizer
+from dancediff.motion.skeleton import feet_of
+from dancediff.papers.lodge.foot_refine import joints_of
+from dancediff.papers.tcdiffpp.losses import l_contact as l_foot
+from dancediff.papers.tcdiffpp.losses import l_vel, mean_over
+
+FPS = 30
+PLANTED_HEIGHT = (0.08, 0.08, 0.05, 0.05)  # metres: ankles, toes; Lodge's code for eq. 7
+CONTACTS = ("label", "soft", "height")
+FORMS = ("hinge", "log")
+
+
+@dataclass(frozen=True)
+class LodgeWeights:
+    """Weight of each term; the three ways of training are `coarse`, `local` and `fine_tune`.
+
+    >>> LodgeWeights.local().terms()["foot"]
+    20.0
+    >>> LodgeWeights.fine_tune(jacc=0.0).jacc
+    0.0
+    """
+
+    recon: float = 0.636  # eq. 2 and 10; Lodge's code, as are the next three
+    vel: float = 2.964  # EDGE's, not in the paper
+    joint: float = 1.0  # eq. 4
+    foot: float = 20.0  # EDGE's form of eq. 7
+    jvel: float = 0.0  # eq. 5, (m/s)^2
+    jacc: float = 0.0  # eq. 6, (m/s^2)^2
+    contact: float = 0.0  # eq. 7, (m/s)^2
+    root_vel: float = 0.0  # the code's "trans", (m/s)^2
+    root_acc: float = 0.0  # the same, (m/s^2)^2
+    slide: float = 0.0  # ours: foot speed where the TRUE foot is planted, (m/s)^2
+    relative: bool = True  # eq. 4 on joints relative to the root, as in the code's second stage
+    contact_by: str = "label"  # see `l_contact`
+    genre: float = 0.01  # eq. 9, for the generator
+    critic: float = 0.1  # eq. 9, for the discriminator
+    diversity: float = 0.01
+    focus: float = 0.01
+
+    @classmethod
+    def coarse(cls, **changes) -> "LodgeWeights":
+        """The first stage; the code has 0.636 for the joints where EDGE has 0.646."""
+        return cls(**{"joint": 0.636, "foot": 10.942, "relative": False} | changes)
+
+    @classmethod
+    def local(cls, **changes) -> "LodgeWeights":
+        """The second stage, as in the code."""
+        return cls(**changes)
+
+    @classmethod
+    def fine_tune(cls, **changes) -> "LodgeWeights":
+        """The second stage with clean borders.
+
+        Differs: eq. 5, 6 and 7, of which the paper gives no weights, weigh 0 in the code; here
+        they are on, and small. The code's root acceleration is its velocity once more.
+        """
+        weights = {
+            "foot": 10.0,
+            "jvel": 0.05,
+            "jacc": 0.05 / FPS**2,
+            "contact": 0.05,
+            "root_vel": 0.15,
+            "root_acc": 0.3 / FPS**2,
+        }
+        return cls(**weights | changes)
+
+    def terms(self) -> dict[str, float]:
+        """The weights of `lodge_losses`, by the name of their term."""
+        other = ("relative", "contact_by", "genre", "critic", "diversity", "focus")
+        return {k: v for k, v in asdict(self).items() if k not in other}
+
+
+def l_recon(x_hat: Tensor, x_0: Tensor) -> Tensor:
+    r"""Plain reconstruction: $\mathbb E \lVert x_0 - \hat x_0 \rVert^2$.
+
+    Source: Lodge eq. 2; in fine-tuning eq. 10, which is the same for an input with clean borders
+    (`dancediff.papers.lodge.cue_guidance.clean_borders`).  Shapes: (..., f, d) normalised ->
+    scalar.
+
+    >>> l_recon(torch.ones(2, 3, 4), torch.zeros(2, 3, 4)).item()
+    1.0
+    """
+    return (x_hat - x_0).square().mean()
+
+
+def l_joint(joints_hat: Tensor, joints_0: Tensor, *, relative: bool = False) -> Tensor:
+    r"""Where the joints are: $\frac1n \sum_i \lVert J_i - \hat J_i \rVert^2$.
+
+    Source: Lodge eq. 4.  Differs: a mean over joints and axes, too, as in all code; ``relative``
+    takes positions from the root's, as the code does in the second stage.
+    Shapes: (..., f, j, 3) metres -> scalar.
+
+    >>> joints = torch.randn(2, 5, 24, 3)
+    >>> l_joint(joints + 1, joints, relative=True).item() < 1e-12
+    True
+    """
+    if relative:
+        joints_hat, joints_0 = (J - J[..., :1, :] for J in (joints_hat, joints_0))
+    return (joints_hat - joints_0).square().mean()
+
+
+def l_jvel(joints_hat: Tensor, joints_0: Tensor) -> Tensor:
+    r"""How fast the joints move: $\frac1{n-1} \sum_i \lVert \dot J_i - \hat{\dot J}_i \rVert^2$.
+
+    Source: Lodge eq. 5 (weight 0 in its code).  Shapes: (..., f, j, 3) metres -> scalar, (m/s)^2.
+
+    >>> joints = torch.zeros(4, 24, 3)
+    >>> moving = joints + torch.arange(4.0)[:, None, None] / FPS
+    >>> round(l_jvel(moving, joints).item(), 5)
+    1.0
+    """
+    return mean_over((FPS * (joints_hat - joints_0).diff(dim=-3)).square(), None)
+
+
+def l_jacc(joints_hat: Tensor, joints_0: Tensor) -> Tensor:
+    r"""How their speed changes: $\frac1{n-2} \sum_i \lVert \ddot J_i - \hat{\ddot J}_i \rVert^2$.
+
+    It is what makes a dance run smoothly into its pinned borders.
+
+    Source: Lodge eq. 6 (weight 0 in its code).
+    Shapes: (..., f, j, 3) metres -> scalar, (m/s^2)^2.
+
+    >>> joints = torch.zeros(4, 24, 3)
+    >>> l_jacc(joints + torch.arange(4.0)[:, None, None], joints).item()       # no acceleration
+    0.0
+    """
+    return mean_over((FPS**2 * (joints_hat - joints_0).diff(n=2, dim=-3)).square(), None)
+
+
+def l_contact(joints_hat: Tensor, contact: Tensor, *, by: str = "label") -> Tensor:
+    r"""A planted foot neither slides nor sinks.
+
+    $$\frac1{n-1} \sum_i \lVert (\hat f_{hv} + \hat f_{dv})\, \hat b_i \rVert^2$$
+
+    $f_{hv}$ is the horizontal part of a foot's velocity, $f_{dv}$ its downward part: a foot may
+    rise off the floor, but not go through it.
+
+    Source: Lodge eq. 7, after LEMO.  ``by`` "label": b is 1 where the predicted contact is above
+    0.5; "soft": the predicted contact itself, as printed; "height": 1 where the foot is low (ankles
+    0.08 m, toes 0.05 m), as in the code, whose weight for it is 0.
+
+    Shapes: joints_hat (..., f, j, 3) metres, contact (..., f, 4) -> scalar, (m/s)^2.
+    Raises: ValueError for another ``by``.
+
+    >>> rising = torch.zeros(3, 24, 3)
+    >>> rising[..., 1] = torch.arange(3.0)[:, None]
+    >>> l_contact(rising, torch.ones(3, 4)).item(), l_contact(-rising, torch.ones(3, 4)).item()
+    (0.0, 300.0)
+    """
+    if by not in CONTACTS:
+        raise ValueError(f"by={by!r} is not one of {', '.join(map(repr, CONTACTS))}")
+    feet = feet_of(joints_hat)
+    lateral, up, depth = (FPS * feet.diff(dim=-3)).unbind(-1)
+    velocity = torch.stack([lateral, up.clamp(max=0), depth], dim=-1)
+    if by == "height":
+        b = (feet[..., 1] <= table(torch.tensor, PLANTED_HEIGHT, like=feet)).to(feet)
+    else:
+        b = contact if by == "soft" else (contact > 0.5).to(feet)
+    return mean_over((velocity * b[..., :-1, :, None]).square(), None)
+
+
+def lodge_losses(
+    x_hat: Tensor,
+    x_0: Tensor,
+    normalizer: Normalizer,
+    *,
+    weights: LodgeWeights,
+    x_raw: Tensor | None = None,
+    weight: Tensor | None = None,
+) -> dict[str, Tensor]:
+    r"""All terms of eq. 8 but the discriminator's, unweighted and by name, and their sum "total".
+
+    Source: Lodge eq. 8.  With ``x_raw`` the reconstruction is the mean of both guesses', so that
+    the Foot Refine Block starts from a dance and not from anything it likes; the other terms are
+    taken on x_hat. A term of weight 0 is reported and costs no backward pass.
+
+    Shapes: (..., f, d) normalised; weight (b,) of each row in every term, see
+    `dancediff.training.loop.level_weights` -> dict of scalars.
+
+    >>> norm = Normalizer(-torch.ones(139), torch.ones(139))
+    >>> x = torch.rand(2, 8, 139)
+    >>> losses = lodge_losses(x, x, norm, weights=LodgeWeights.local(foot=0))
+    >>> losses["total"].item()
+    0.0
+    """
+    contact, root, joints = joints_of(normalizer.unnormalize(x_hat.float()))
+    with torch.no_grad():  # the truth needs no graph
+        contact_0, root_0, joints_0 = joints_of(normalizer.unnormalize(x_0.float()))
+    if weight is not None:  # every term is quadratic in these; heights alone are not
+        if weights.contact_by == "height":
+            raise ValueError("weight= does not go with contact_by='height'; use 'label'")
+        parts = (x_hat, x_0, x_hat if x_raw is None else x_raw, root, root_0, joints, joints_0)
+        scaled = [x * weight.sqrt().reshape(-1, *(1,) * (x.ndim - 1)) for x in parts]
+        x_hat, x_0, x_raw, root, root_0, joints, joints_0 = scaled
+    recon = l_recon(x_hat, x_0)
+    if x_raw is not None:
+        recon = 0.5 * (recon + l_recon(x_raw, x_0))
+    terms = {
+        "recon": recon,
+        "vel": l_vel(x_hat, x_0),
+        "joint": l_joint(joints, joints_0, relative=weights.relative),
+        "foot": l_foot(joints, contact),
+        "jvel": l_jvel(joints, joints_0),
+        "jacc": l_jacc(joints, joints_0),
+        "contact": l_contact(joints, contact, by=weights.contact_by),
+        "root_vel": l_jvel(root[..., None, :], root_0[..., None, :]),
+        "root_acc": l_jacc(root[..., None, :], root_0[..., None, :]),
+        "slide": l_foot(FPS * joints, contact_0),
+    }
+    used = {name: weight for name, weight in weights.terms().items() if weight}
+    terms["total"] = sum((w * terms[name] for name, w in used.items()), x_hat.new_zeros(()))
+    return terms
+
+
+def l_critic(real: Tensor, made: Tensor, *, form: str = "hinge") -> Tensor:
+    r"""What the discriminator minimises: call true dances real, and made ones not.
+
+    $$\tfrac12\,\mathbb E \max(0, 1 - D(x)) + \tfrac12\,\mathbb E \max(0, 1 + D(\hat x))$$
+
+    Source: Lodge's code (hinge); ``form="log"`` is its eq. 9 with $MGD = \sigma(D)$.
+
+    Shapes: real, made (b,) logits of the asked genre -> scalar.
+    Raises: ValueError for another form.
+
+    >>> l_critic(torch.tensor([1.0]), torch.tensor([-1.0])).item()        # both told apart
+    0.0
+    """
+    _known(form)
+    if form == "log":
+        return (F.softplus(-real) + F.softplus(made)).mean()
+    return 0.5 * (F.relu(1 - real) + F.relu(1 + made)).mean()
+
+
+def l_genre(made: Tensor, *, form: str = "hinge") -> Tensor:
+    r"""What the generator minimises: be called a real dance of the genre, $-\mathbb E\,D(\hat x)$.
+
+    Source: Lodge's code; ``form="log"``: $-\log \sigma(D)$, the form of eq. 9 whose gradient does
+    not vanish while the discriminator is right.
+
+    Shapes: made (b,) -> scalar.
+
+    >>> l_genre(torch.tensor([2.0])).item()
+    -2.0
+    """
+    _known(form)
+    return F.softplus(-made).mean() if form == "log" else -made.mean()
+
+
+def l_diversity(z_a: Tensor, z_b: Tensor, style_a: Tensor, style_b: Tensor) -> Tensor:
+    r"""Other noise should be another style.
+
+    $$\frac{\lVert z_a - z_b \rVert_1}{\lVert s_a - s_b \rVert_1}$$
+
+    Source: Lodge's code, after MNET.  Shapes: z (b, z), style (b, d_model) -> scalar.
+
+    >>> l_diversity(torch.zeros(1, 4), torch.ones(1, 4), torch.zeros(1, 4), torch.ones(1, 4)).item()
+    1.0
+    """
+    apart = (style_a - style_b).abs().mean(-1).clamp_min(1e-5)
+    return ((z_a - z_b).abs().mean(-1) / apart).mean()
+
+
+def l_focus(made: Tensor, as_other: Tensor) -> Tensor:
+    r"""Look like the genre and like no other: $\tfrac12\,\mathbb E[-D_g(\hat x) + D_{g'}(\hat x)]$.
+
+    Source: Lodge's code, after MNET; g' is another genre, drawn at random.  Differs: the released
+    code has -D for the other genre too, which asks a dance to look like everything.
+
+    Shapes: made, as_other (b,) -> scalar.
+
+    >>> l_focus(torch.tensor([3.0]), torch.tensor([-1.0])).item()
+    -2.0
+    """
+    return 0.5 * (as_other - made).mean()
+
+
+def _known(form: str) -> None:
+    if form not in FORMS:
+        raise ValueError(f"form={form!r} is not one of 'hinge', 'log'")

@@ -1,0 +1,282 @@
+r"""TCDiff++: a song in, a group dance out.
+
+Read first: notebook 10 · TCDiff++ sections 3 and 4.
+
+Symbols (axes: b batch · n dancers · f frames · d motion, m music features)
+    x_raw, x_hat   the guess before and after the Footwork Adaptor   (b, n, f, d)
+    abar           $\bar\alpha_t$, signal kept after t steps         (T,)
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
+from functools import partial
+
+import torch
+from torch import Tensor, nn
+
+from dancediff.diffusion.schedule import cosine_abar
+from dancediff.extensions.foot_cues import NUM_MOVING, foot_cues
+from dancediff.generation.generate import generate, stream
+from dancediff.motion.motion import Motion
+from dancediff.motion.representation import Normalizer
+from dancediff.music.features import MusicNormalizer
+from dancediff.papers.tcdiffpp.footwork_adaptor import FootworkAdaptor
+from dancediff.papers.tcdiffpp.group_dance_decoder import GroupDanceDecoder
+
+LARGEST, MOST_LAYERS = 8192, 64  # a size beyond is a slip; such a network is never done building
+
+
+@dataclass
+class TCDiffPPConfig:
+    """Sizes and switches; plain values, so that it can be stored as JSON.
+
+    The defaults are a small model which two CPU cores can train; `paper` has the published sizes.
+
+    >>> TCDiffPPConfig.paper(max_dancers=3).d_model
+    512
+    """
+
+    d_model: int = 128
+    num_heads: int = 4
+    num_layers: int = 4
+    ff_dim: int = 512
+    max_dancers: int = 5
+    num_frames: int = 150  # 5 seconds
+    motion_dim: int = 151
+    music_dim: int = 35
+    fusion_hidden: int = 512
+    footwork_hidden: int = 128
+    ssm: str = "ssd"  # or "mamba" (the paper's), or "none"
+    d_state: int = 16
+    expand: int = 2
+    head_dim: int = 64  # only for "ssd"
+    bidirectional: bool = False
+    layer: str = "paper"  # or "released": see nn.decoder.DecoderLayer
+    dropout: float = 0.0
+    cond_drop: float = 0.25
+    num_steps: int = 1000
+    dpe: bool = True
+    fp: bool = True
+    fa: bool = True
+    swap_mode: bool = True
+    fusion_residual: bool = True  # ours: see FusionProjection
+    footwork_residual: bool = True  # ours: see FootworkAdaptor
+    foot_cues: bool = False  # ours: see foot_cues; on in configs
+    beat_waves: bool = False  # ours: see extensions.beat_phase; on in configs
+    non_local: bool = False  # ours: see extensions.non_local_filter; on in configs
+    formation_prior: bool = False  # ours: see formation_prior; on in configs
+    precondition: bool = True  # ours: see extensions.preconditioning
+
+    def __post_init__(self):
+        """Refuse sizes that no network can have.
+
+        Raises: ValueError naming the size, its value and what is allowed.
+        """
+        for one in fields(self):
+            value = getattr(self, one.name)
+            most = MOST_LAYERS if one.name == "num_layers" else LARGEST
+            if type(one.default) is int and not 1 <= value <= most:
+                raise ValueError(f"{one.name}={value} must lie in 1 ... {most}")
+
+    @classmethod
+    def paper(cls, **changes) -> "TCDiffPPConfig":
+        """Sizes of TCDiff++ section 5.1: 8 layers, 8 heads, width 512, Mamba."""
+        sizes = {
+            "d_model": 512,
+            "num_heads": 8,
+            "num_layers": 8,
+            "ff_dim": 1024,
+            "fusion_hidden": 1024,
+            "ssm": "mamba",
+            "dropout": 0.1,
+            "fusion_residual": False,
+            "footwork_residual": False,
+            "foot_cues": False,
+            "beat_waves": False,
+            "non_local": False,
+            "formation_prior": False,
+            "precondition": False,
+        }
+        return cls(**sizes | changes)
+
+
+class TCDiffPP(nn.Module):
+    r"""The whole model: Group Dance Decoder, Footwork Adaptor, normalisers and noise schedule.
+
+    $$\hat x_r = \text{GDD}(x_t, t, M, S), \qquad \hat x = \text{FA}(\hat x_r)$$
+
+    Source: TCDiff++ section 4.  Differs: one model serves 1 to ``max_dancers`` dancers, and one
+    pair of normalisers, fitted on the training set, serves every clip.
+
+    Shapes: x_t (b, n, f, d), t (b,), M (b, f, m) standardised, S (b, n); keep (b,), present (b, n)
+    -> x_raw, x_hat, both (b, n, f, d).  Dancers come in left-to-right order of the first frame.
+
+    >>> model = TCDiffPP(TCDiffPPConfig(d_model=16, num_layers=1, ff_dim=32, fusion_hidden=32))
+    >>> x_t, M, S = torch.randn(2, 3, 20, 151), torch.randn(2, 20, 35), torch.arange(3).expand(2, 3)
+    >>> x_raw, x_hat = model(x_t, torch.tensor([10, 900]), M, S)
+    >>> x_hat.shape
+    torch.Size([2, 3, 20, 151])
+    """
+
+    name = "tcdiffpp"  # what dances made with it call it; a loaded folder puts its own name here
+
+    def __init__(self, config: TCDiffPPConfig | None = None):
+        """Random weights; normalisers that change nothing until training fits them."""
+        super().__init__()
+        self.config = config = config or TCDiffPPConfig()
+        self.decoder = GroupDanceDecoder(config)
+        self.footwork = (
+            FootworkAdaptor(
+                config.footwork_hidden,
+                residual=config.footwork_residual,
+                cues=NUM_MOVING if config.foot_cues else 0,
+            )
+            if config.fa
+            else None
+        )
+        one = torch.ones(config.motion_dim)
+        self.normalizer = Normalizer(-one, one)
+        self.music_normalizer = MusicNormalizer(
+            torch.zeros(config.music_dim), torch.ones(config.music_dim)
+        )
+        self.register_buffer("abar", cosine_abar(config.num_steps), persistent=False)
+
+    @property
+    def spread(self) -> Tensor | None:
+        """Of each frequency in the training set (k, d), known to a model with preconditioning."""
+        return None if self.decoder.precondition is None else self.decoder.precondition.spread
+
+    def forward(
+        self,
+        x_t: Tensor,
+        t: Tensor,
+        M: Tensor,
+        S: Tensor,
+        *,
+        keep: Tensor | None = None,
+        present: Tensor | None = None,
+    ) -> tuple[Tensor, Tensor]:
+        """Guess the clean dance, without and with the Footwork Adaptor."""
+        cues = partial(foot_cues, normalizer=self.normalizer) if self.config.foot_cues else None
+        x_raw = self.decoder(x_t, t, M, S, keep=keep, present=present, foot_cues=cues)
+        if self.footwork is None:
+            return x_raw, x_raw
+        x_hat = self.footwork(x_raw, None if cues is None else cues(x_raw)[..., -NUM_MOVING:])
+        if (precondition := self.decoder.precondition) is not None:
+            group = self.decoder.group_modes(S, present, x_t.shape[2])
+            x_hat = precondition(x_hat - x_raw, x_raw, self.abar[t].float(), group)
+        return x_raw, x_hat if present is None else x_hat * present[:, :, None, None]
+
+    def linear_guess(self, x_t: Tensor, t: Tensor, S: Tensor) -> Tensor:
+        """What a model with preconditioning guesses without its network, (b, n, f, d)."""
+        return self.decoder.linear_guess(x_t, t, S)
+
+    def generate(
+        self,
+        song,
+        *,
+        dancers: int = 3,
+        seconds: float | None = None,
+        seed: int = 0,
+        steps: int = 12,
+        sampler: str = "dpm",
+        guidance: float = 1.0,
+        autoguidance: float | None = None,
+        eta: float = 0.0,
+        swap=None,
+        swap_at: float | None = None,
+        overlap: int = 75,
+        pinning: str | None = None,
+        seam: str = "copy",
+        feet: str = "planted",
+        spacing: str | None = None,
+        order: str | None = None,
+        start=None,
+        end=None,
+        constraints=(),
+        progress=False,
+        watch=None,
+        device=None,
+        dtype=None,
+    ) -> Motion:
+        """Dance to a song.
+
+        - ``song``: a `Music`.  ``seconds``: how much of it, from its start; default all.
+        - ``dancers``: 1 to ``config.max_dancers``.  ``seed``: the same seed on the same machine
+          gives the same bits.
+        - ``sampler`` "dpm" or "ddim" (``steps``, ``eta``: 0 = no fresh noise, 1 = as in the
+          papers, which take 50 steps of "ddim"), or "ddpm" (all 1000 steps).  Changes of order
+          need "dpm": see "Why nobody swapped" in docs/training_log.md.
+        - ``guidance``: 0 ignores the music, 1 listens, 2 exaggerates (the papers' value) and takes
+          twice as long.
+        - ``autoguidance``: 1 takes the network's guesses as they are, more pushes them away from
+          the mean of all dances (`dancediff.diffusion.guidance.autoguided`); default 1.5, and 1
+          for a model without preconditioning, which knows nothing else. The root is pushed 0.7
+          times as far.
+        - ``swap[k]``: the dancer, counted 0.. from the left at the first frame, who stands k-th
+          from the left in the end; ``swap_at``: when, in seconds (default: at the end).
+        - ``overlap``, ``pinning``, ``seam``: how segments of 5 s are joined, see
+          `dancediff.papers.tcdiffpp.long_group_sampling`; by default known frames keep their noise
+          where
+          the sampler adds none, and get fresh noise where it does.
+        - ``feet``: "planted" keeps feet in place that stand (`dancediff.motion.foot_locking`);
+          "free" leaves them as the network draws them.
+        - ``spacing``: "kept" makes room between dancers who would run into each other
+          (`dancediff.extensions.collision_avoidance`), as is usual; "free" leaves that to the
+          network, and a
+          model without preconditioning knows nothing else.
+        - ``order``: "kept" helps dancers who were asked to change places to get there
+          (`dancediff.extensions.order_constraint`), "free" leaves that to the network; default as
+          for spacing.
+        - ``start``, ``end``: formations, one (x, z) in metres a dancer.  ``constraints``: what
+          else must hold (`dancediff.extensions.control`): paths, parts of another dance.
+        - ``progress``: True for a bar, or a function (done, total).
+        - ``watch``: a function (done, total, guess) that gets to see what the model takes the
+          segment for after every step, a `Motion` (dancers as the network numbers them); an
+          exception it raises stops the dance.
+        - ``device``: move the model there first.
+        - ``dtype``: torch.bfloat16 computes with half the digits, which some processors do much
+          faster; "fastest" tries that out (`dancediff.nn.precision`); default: all digits.
+
+        Raises: ValueError naming the argument, its value and what is allowed; also for a silent
+        song or one under a second.
+        """
+        return generate(
+            self,
+            song,
+            dancers=dancers,
+            seconds=seconds,
+            seed=seed,
+            steps=steps,
+            sampler=sampler,
+            guidance=guidance,
+            autoguidance=autoguidance,
+            eta=eta,
+            swap=swap,
+            swap_at=swap_at,
+            overlap=overlap,
+            pinning=pinning,
+            seam=seam,
+            feet=feet,
+            spacing=spacing,
+            order=order,
+            start=start,
+            end=end,
+            constraints=constraints,
+            progress=progress,
+            watch=watch,
+            device=device,
+            dtype=dtype,
+        )
+
+    def stream(self, song, **options) -> Iterator[Motion]:
+        """The dance that `generate` makes of the same arguments, piece by piece as it is ready.
+
+        >>> import dancediff as dd
+        >>> pieces = dd.load("tcdiffpp").stream(dd.packaged_song(), dancers=2, seconds=8, steps=2)
+        >>> [piece.num_frames for piece in pieces]
+        [75, 75, 75, 15]
+
+        Raises: ValueError as `generate`.
+        """
+        return stream(self, song, **options)

@@ -1,0 +1,128 @@
+"""Spacing: who would run into somebody is asked to make room, and nobody else."""
+
+import pytest
+import torch
+
+import dancediff as dd
+from dancediff.extensions.collision_avoidance import ROOM, SLACK, Spacing, X, Z, girths, pushes
+from dancediff.extensions.constraint import Bending, Constraint
+from dancediff.generation.generate import generate
+from dancediff.metrics.collision import tif
+from dancediff.motion.representation import Normalizer, pack
+from dancediff.papers.edge.naive_long_sampling import draw_naively
+from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
+
+F = 30
+
+
+def standing(*places) -> torch.Tensor:
+    """Dancers in the rest pose at (x, z), metres (n, f, 151)."""
+    root = torch.tensor([[x, 0.95, z] for x, z in places], dtype=torch.float32)
+    root = root[:, None].expand(-1, F, -1)
+    n = len(places)
+    return pack(torch.ones(n, F, 4), root, torch.eye(3).expand(n, F, 24, 3, 3))
+
+
+def joints(x):
+    return dd.Motion.from_features(x).joints()
+
+
+def spacing(told=None):
+    norm = Normalizer(-torch.ones(151), torch.ones(151))
+    spread = 4.0 / (1 + torch.arange(F, dtype=torch.float32)[:, None]) ** 1.5
+    return Bending(spread.expand(F, 151), told, (Spacing(norm),))
+
+
+def gap(x):
+    """Between the nearest joints of two dancers, less their girths."""
+    a, b = joints(x)
+    size = girths()
+    return (torch.cdist(a, b) - size[:, None] - size).amin().item()
+
+
+def test_girths_are_those_of_the_bodies_that_collide():
+    size = girths()
+    assert size.min() == pytest.approx(0.03) and size.max() == pytest.approx(0.12)
+
+
+def test_who_has_room_is_left_alone():
+    x = standing((-1.5, 0), (1.5, 0))
+    assert not pushes(joints(x)).any()
+    assert torch.equal(spacing()(x[None], 0.5), x[None])
+
+
+def test_both_step_aside_by_half_of_what_is_lacking():
+    x = standing((-0.75, 0), (0.75, 0.2))  # arms stretched out to the sides
+    push = pushes(joints(x))
+    assert torch.allclose(push[0], -push[1])
+    apart = torch.tensor([-1.5, -0.2]) / torch.tensor([-1.5, -0.2]).norm()
+    lack = ROOM - gap(x)
+    assert torch.allclose(push[0], apart * lack / 2, atol=1e-5)
+
+
+def test_who_passes_by_steps_across_not_back():
+    w = torch.linspace(-1, 1, F)
+    x = standing((0, 0), (0, 0.1))
+    x[0, :, X], x[1, :, X] = 2 * w, -2 * w  # at 4 m/s past each other, nearly in one line
+    push = pushes(joints(x))
+    middle = push[:, F // 2]
+    assert middle[0, 1] < 0 < middle[1, 1], "the one in front steps forward, the other back"
+    assert middle[:, 0].abs().max() < 0.05 * middle[:, 1].abs().max()
+
+
+def test_a_noisy_guess_is_moved_as_a_whole_and_a_sure_one_not():
+    x = standing((-0.8, 0), (0.8, 0))[None]
+    early, late = spacing()(x, 0.3), spacing()(x, 1 - 1e-7)
+    assert gap(early[0]) > gap(x[0]) + 0.5 * (ROOM - gap(x[0]))
+    step = early[0, :, :, X] - x[0, :, :, X]
+    assert step.std(dim=1).max() < 0.1 * step.abs().min(), "it is one step aside, not a wobble"
+    others = [c for c in range(151) if c not in (X, Z)]
+    assert torch.equal(early[..., others], x[..., others])
+    assert (late - x).abs().max() < SLACK / 10
+
+
+def test_what_is_told_is_kept():
+    x = standing((-0.8, 0), (0.8, 0))
+    mask = torch.zeros_like(x, dtype=torch.bool)
+    mask[0, :, [X, Z]] = True  # the left one may not move
+    bent = spacing(Constraint(mask, x.clone()))(x[None], 0.3)[0]
+    assert torch.allclose(bent[0], x[0], atol=1e-4)
+    assert bent[1, :, X].mean() > x[1, :, X].mean() + 0.02
+
+
+def test_five_dancers_touch_less():
+    song, model = dd.packaged_song(), dd.load("tcdiffpp")
+    ask = {"dancers": 5, "seconds": 5, "steps": 10, "guidance": 2}
+    touched = {
+        kind: sum(
+            tif(model.generate(song, seed=seed, spacing=kind, **ask).joints()) for seed in (0, 1)
+        )
+        for kind in ("free", "kept")
+    }
+    assert touched["free"] > 0.1, "nobody met: choose other seeds"
+    assert touched["kept"] < 0.5 * touched["free"], touched
+
+
+def test_arguments():
+    song, model = dd.packaged_song(), dd.load("tcdiffpp")
+    with pytest.raises(ValueError, match="spacing='wide' is not one of"):
+        model.generate(song, spacing="wide")
+    plain = TCDiffPP(TCDiffPPConfig(d_model=16, num_layers=1, ff_dim=32, precondition=False))
+    with pytest.raises(ValueError, match="spacing='kept' bends guesses"):
+        plain.generate(song, spacing="kept")
+
+
+def test_naive_sampling_keeps_nobody_apart_and_says_so():
+    song, model = dd.packaged_song(), dd.load("tcdiffpp")
+    with pytest.raises(ValueError, match="not possible with naive long sampling"):
+        generate(model, song, draw=draw_naively, seconds=5, steps=2, spacing="kept")
+    naive = generate(model, song, draw=draw_naively, seconds=5, steps=2)
+    assert naive.meta["spacing"] == "free"
+
+
+def test_room_is_kept_where_the_model_can():
+    song, model = dd.packaged_song(), dd.load("tcdiffpp")
+    plain = TCDiffPP(TCDiffPPConfig(d_model=16, num_layers=1, ff_dim=32, precondition=False))
+    ask = {"seconds": 5, "steps": 1}
+    made = [m.generate(song, **ask).meta["spacing"] for m in (model, plain)]
+    assert made == ["kept", "free"]

@@ -1,0 +1,98 @@
+"""Order: who was asked to change places is helped there, and nobody else is moved."""
+
+import pytest
+import torch
+
+import dancediff as dd
+from dancediff.extensions.collision_avoidance import SLACK
+from dancediff.extensions.constraint import Bending, Constraint
+from dancediff.extensions.order_constraint import GAP, Order, X, in_order
+from dancediff.generation.generate import generate
+from dancediff.metrics.swaps import obeys
+from dancediff.motion.representation import Normalizer
+from dancediff.papers.edge.naive_long_sampling import draw_naively
+from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
+
+F = 60
+
+
+def ending_at(*places) -> torch.Tensor:
+    """A guess whose dancers stand still at these x, metres (1, n, f, d)."""
+    x = torch.zeros(1, len(places), F, 151)
+    x[0, :, :, X] = torch.tensor(places, dtype=torch.float32)[:, None]
+    return x
+
+
+def bending(S, told=None):
+    norm = Normalizer(-torch.ones(151), torch.ones(151))
+    spread = 4.0 / (1 + torch.arange(F, dtype=torch.float32)[:, None]) ** 1.5
+    return Bending(spread.expand(F, 151), told, (Order(norm, torch.tensor(S)),))
+
+
+def test_places_are_the_nearest_in_order():
+    """Checked against many other places that are in order."""
+    draw = torch.Generator().manual_seed(0)
+    for S in torch.tensor([[0, 1, 2], [2, 0, 1], [1, 2, 0]]):
+        x = torch.randn(3, generator=draw).double()
+        y = in_order(x, S)
+        assert y[S].diff().min() > GAP - 1e-9
+        others = y[S] + 0.2 * torch.randn(2000, 3, generator=draw).double()
+        others = others[(others.diff(dim=1) >= GAP).all(1)]
+        assert len(others) > 50
+        assert ((others - x[S]) ** 2).sum(1).min() > ((y - x) ** 2).sum()
+
+
+def test_who_is_in_order_is_left_alone():
+    x = ending_at(1.0, -1.0, 0.0)
+    assert torch.equal(bending([1, 2, 0])(x, 0.5), x)
+
+
+def test_a_noisy_guess_ends_in_order_and_its_path_turns_slowly():
+    x = ending_at(-1.0, 1.0)
+    bent = bending([1, 0])(x, 0.3)
+    ends = bent[0, :, -1, X]
+    assert ends[0] - ends[1] > GAP - 2 * SLACK
+    steps = bent[0, :, :, X].diff(dim=1)
+    assert steps.abs().max() < 0.12, "nobody is pasted to the other side in a frame"
+    others = [c for c in range(151) if c != X]
+    assert torch.equal(bent[..., others], x[..., others])
+
+
+def test_pure_noise_and_a_sure_guess_are_not_moved():
+    x = ending_at(-1.0, 1.0)
+    assert torch.equal(bending([1, 0])(x, 0.01), x)
+    assert (bending([1, 0])(x, 1 - 1e-7) - x).abs().max() < SLACK
+
+
+def test_what_is_told_is_kept():
+    x = ending_at(-1.0, 1.0)
+    mask = torch.zeros_like(x[0], dtype=torch.bool)
+    mask[0, :, X] = True  # the left one may not move
+    bent = bending([1, 0], Constraint(mask, x[0].clone()))(x, 0.3)
+    assert torch.allclose(bent[0, 0], x[0, 0], atol=1e-3)
+    assert bent[0, 1, -1, X] < x[0, 1, -1, X] - 0.5
+
+
+def test_the_packaged_model_obeys_more_often():
+    song, model = dd.packaged_song(), dd.load("tcdiffpp")
+    ask = {"dancers": 3, "seconds": 5, "steps": 10, "swap": [2, 1, 0]}
+    obeyed = {
+        kind: sum(
+            obeys(model.generate(song, seed=seed, order=kind, **ask).root, ask["swap"])
+            for seed in range(8)
+        )
+        for kind in ("free", "kept")
+    }
+    assert obeyed["kept"] >= 7 and obeyed["kept"] >= obeyed["free"], obeyed
+
+
+def test_arguments():
+    song, model = dd.packaged_song(), dd.load("tcdiffpp")
+    with pytest.raises(ValueError, match="order='sorted' is not one of"):
+        model.generate(song, order="sorted")
+    plain = TCDiffPP(TCDiffPPConfig(d_model=16, num_layers=1, ff_dim=32, precondition=False))
+    with pytest.raises(ValueError, match="order='kept' bends guesses"):
+        plain.generate(song, order="kept")
+    with pytest.raises(ValueError, match="order='kept' is not possible with naive"):
+        generate(model, song, draw=draw_naively, seconds=5, steps=2, order="kept")
+    assert model.generate(song, seconds=5, steps=1).meta["order"] == "kept"
