@@ -77,7 +77,8 @@ def api_pages(
     for module in modules.values():
         below = [m for m in modules.values() if m.name.rpartition(".")[0] == module.name]
         if module.name == "dancediff":
-            below.sort(key=lambda m: order.index(m.name.split(".")[1]))
+            rank = {name: k for k, name in enumerate(order)}
+            below.sort(key=lambda m: (rank.get(m.name.split(".")[1], len(rank)), m.name))
         page = _page(module, below, modules, names)
         pages[f"api/{module.name}"] = re.sub(r"\bnotebook (\d\d)\b", to_lesson, page)
     return pages

@@ -16,6 +16,7 @@ ORDER = [
 ]
 PICTURES = {"viz", "export"}  # methods may reach for these when they are called
 HEAVY = ["torch", "librosa", "matplotlib", "ipywidgets", "pythreejs", "av"]
+SETTLING = {"extensions", "generation", "papers"}  # still being taken apart
 FILES = sorted(SOURCE.rglob("*.py"))
 
 
@@ -48,7 +49,7 @@ def wrong_imports(own: str, text: str) -> list[str]:
         if part in PICTURES:
             allowed = lazy or own in ("nb", "cli", *PICTURES)
         else:
-            allowed = ORDER.index(part) < ORDER.index(own)
+            allowed = ORDER.index(part) < ORDER.index(own) or {part, own} <= SETTLING
         if not allowed:
             wrong.append(module)
     return wrong
