@@ -1,0 +1,63 @@
+"""Presets: what an option is where nobody says otherwise, for each family of models.
+
+``PAPER`` dances as the papers say, with nothing of ours while sampling; ``PACKAGED`` is what the
+packaged models dance best with. Options that both leave out have their default in
+`dancediff.generation.request`, where each is described.
+"""
+
+_PAPERS = {  # TCDiff++, Lodge and EDGE take the same sampler
+    "sampler": "ddim",
+    "steps": 50,
+    "eta": 1.0,
+    "guidance": 2.0,
+    "autoguidance": 1.0,
+    "foot_contact": False,
+}
+_OURS = {
+    "sampler": "dpm",
+    "eta": 0.0,
+    "guidance": 1.0,
+    "foot_contact": True,
+}
+
+PAPER = {
+    "tcdiffpp": _PAPERS
+    | {
+        "frequency_clip": False,
+        "collision_avoidance": False,
+        "order_constraint": False,
+        "pinning": "init",  # eq. 19
+        "seam": "fade",
+    },
+    "lodge": _PAPERS
+    | {
+        "return_to_origin": False,
+        "border_smoothing": False,
+        "repeat_sections": False,
+        "smooth_primitives": False,
+    },
+    "edge": _PAPERS | {"frequency_clip": False},
+}
+PACKAGED = {
+    "tcdiffpp": _OURS
+    | {
+        "steps": 12,
+        "autoguidance": 1.5,  # docs/drift.md
+        "frequency_clip": True,
+        "collision_avoidance": True,
+        "order_constraint": True,
+        "pinning": "auto",
+        "seam": "copy",
+    },
+    "lodge": _OURS
+    | {
+        "steps": 20,
+        "autoguidance": 1.3,  # more makes dances too varied: docs/training_log.md
+        "return_to_origin": True,
+        "border_smoothing": True,
+        "repeat_sections": True,
+        "smooth_primitives": True,
+    },
+    "edge": _OURS | {"steps": 20, "autoguidance": 1.5, "frequency_clip": True},
+}
+PRESETS = {"packaged": PACKAGED, "paper": PAPER}
