@@ -23,7 +23,7 @@ _HOME = {
     "Motion": "dancediff.motion.motion",
     "choreograph": "dancediff.data.choreographer",
     "evaluate": "dancediff.metrics.report",
-    "genres": "dancediff.papers.lodge.style",
+    "genres": "dancediff.genre",
     "load": "dancediff.hub",
     "packaged_models": "dancediff.hub",
     "packaged_song": "dancediff.hub",

@@ -90,8 +90,8 @@ def test_l14_hard_primitives_lie_across_the_borders(clip):
 
 def test_l15_key_motions_are_found_on_the_body_in_metres(clip, normalizer):
     """Released: on normalised vectors, whose root has no metres."""
-    ours = motion_beats(joints_of(clip, LODGE), sigma=5)
-    released = motion_beats(joints_of(normalizer.normalize(clip), LODGE), sigma=5)
+    ours = motion_beats(joints_of(clip, LODGE))
+    released = motion_beats(joints_of(normalizer.normalize(clip), LODGE))
     frames = primitives_of(clip)[1]
     assert torch.equal(frames, primitive_frames(ours))
     assert not torch.equal(frames, primitive_frames(released))

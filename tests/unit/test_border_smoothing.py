@@ -4,9 +4,9 @@ import pytest
 import torch
 
 from dancediff.extensions.border_smoothing import run_in
+from dancediff.extensions.smooth_primitives import smooth_primitives
 from dancediff.motion.representation import LODGE
 from dancediff.motion.rotation import matrix_to_rot6d, rot6d_to_matrix
-from dancediff.papers.lodge.primitives import smooth_primitives
 
 
 def wave(f=64):

@@ -8,8 +8,9 @@ import pytest
 import torch
 
 from dancediff.data.choreographer import choreograph
-from dancediff.data.finedance import ALL, GENRES, IGNORED, LEGS, SKIP, finedance_jobs, split_of
+from dancediff.data.finedance import ALL, IGNORED, LEGS, SKIP, finedance_jobs, split_of
 from dancediff.data.prepared import PreparedData
+from dancediff.genre import FINEDANCE
 from dancediff.motion.ground import TOE_CLEARANCE
 from dancediff.motion.rotation import matrix_to_rot6d
 from dancediff.motion.skeleton import FOOT_JOINTS
@@ -164,7 +165,7 @@ def test_the_floor_follows_the_first_frame(data, dance):
 def test_genres_have_one_name(data, dance, style, genre):
     take = data.make(data.add("001", content(dance[0]), music=False, style=style))
     assert (take.genre, take.notes["style2"]) == (genre, style)
-    assert len(GENRES) == len(set(GENRES)) == 16
+    assert len(FINEDANCE) == len(set(FINEDANCE)) == 16
 
 
 def test_missing_music_and_labels(data, dance):

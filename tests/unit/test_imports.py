@@ -10,7 +10,7 @@ import pytest
 
 SOURCE = Path(__file__).parents[2] / "src" / "dancediff"
 ORDER = [
-    *["atomic", "axes", "lookup", "music", "motion", "data", "diffusion", "metrics", "nn"],
+    *["atomic", "axes", "lookup", "genre", "music", "motion", "data", "diffusion", "metrics", "nn"],
     *["extensions", "generation", "papers", "training", "viz", "export", "hub", "exercises"],
     *["grading", "nb", "cli"],
 ]

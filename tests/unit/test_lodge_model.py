@@ -6,6 +6,7 @@ import torch
 
 import dancediff as dd
 from dancediff import hub
+from dancediff.genre import GENRES, genre_for
 from dancediff.motion.mirror import mirror_features
 from dancediff.motion.representation import LODGE, Normalizer
 from dancediff.music.song import Music
@@ -13,7 +14,6 @@ from dancediff.papers.lodge.global_diffusion import GlobalConfig
 from dancediff.papers.lodge.group import Group, canon_delays, late, nearest, places
 from dancediff.papers.lodge.local_diffusion import LocalConfig
 from dancediff.papers.lodge.model import Lodge, LodgeConfig
-from dancediff.papers.lodge.style import GENRES, genre_for
 
 TINY = {"d_model": 16, "num_heads": 2, "num_layers": 1, "ff_dim": 32}
 SIZES = LodgeConfig(

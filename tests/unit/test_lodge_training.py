@@ -114,7 +114,7 @@ def test_primitives_are_those_of_the_clip(solos):
     data = windows([whole], num_frames=1024, layout=LAYOUT)
     primitives, M, _ = data.batch(0)
     assert primitives.shape == (4, 104, 139) and M.shape == (4, 1024, 35)
-    expected, _ = primitives_of(x, sigma=1.5, max_shift=0)
+    expected, _ = primitives_of(x)
     assert torch.allclose(primitives[0].unflatten(0, (13, 8)), expected)
     thin = windows([whole], num_frames=1024, layout=Layout(stride=4)).batch(0)[0]
     assert torch.equal(thin[0], x[::4])

@@ -15,9 +15,8 @@ from dancediff.papers.lodge.parallel import (
     sample_primitives,
     sample_rows,
     style_tokens,
-    thinned_primitives,
 )
-from dancediff.papers.lodge.primitives import DISCRETE
+from dancediff.papers.lodge.primitives import DISCRETE, thinned_primitives
 from dancediff.papers.lodge.stitch import plan
 
 N, n = 256, 64

@@ -1,13 +1,13 @@
 import pytest
 import torch
 
-from dancediff.motion.representation import LODGE, joints_of
+from dancediff.motion.representation import LODGE
 from dancediff.papers.lodge.primitives import (
     DISCRETE,
     LAYOUT,
     Layout,
     at_origin,
-    expressive,
+    beside_joins,
     primitive_frames,
     primitives_of,
     spread_evenly,
@@ -71,30 +71,31 @@ def test_primitives_are_pieces_of_the_clip_and_start_at_the_origin():
     assert torch.allclose(steps, torch.tensor([0.01, -0.02]).expand_as(steps), atol=1e-5)
 
 
-def test_one_shift_for_all_soft_primitives_and_none_for_hard_ones():
-    x, seen = swinging(), set()
-    _, still = primitives_of(x)
-    for seed in range(40):
-        _, frames = primitives_of(x, torch.Generator().manual_seed(seed))
-        moved = (frames - still)[:, 0]
-        assert (moved[::3] == 0).all()
-        (shift,) = {int(m) for k, m in enumerate(moved) if k % 3}
-        seen.add(shift)
-    assert seen == {-2, -1, 0, 1, 2}
-    unmoved = [primitives_of(x, torch.Generator().manual_seed(k), max_shift=0)[1] for k in range(9)]
-    assert all(torch.equal(frames, unmoved[0]) for frames in unmoved)
+def test_known_beats_are_used():
+    x = swinging()
+    _, frames = primitives_of(x, [100, 150])
+    assert frames[1:3, 4].tolist() == [100, 150]
+
+
+def test_no_primitive_lies_across_a_join():
+    joins = [3, 60, 100, 256, 1021]
+    _, frames = primitives_of(swinging(), [60, 103], joins=joins)
+    for join in joins:
+        assert not ((frames[:, 0] < join) & (join <= frames[:, -1])).any()
+    assert frames.min() >= 0 and frames.max() < 1024 and (frames.diff(dim=1) == 1).all()
+    apart = beside_joins(frames, [])
+    assert torch.equal(apart, frames)
 
 
 @pytest.mark.parametrize("layout", [LAYOUT, DISCRETE, Layout(512, 128), Layout(512, 256)])
-@pytest.mark.parametrize("shift", [-2, 0, 2])
-def test_no_frame_is_taken_twice(layout, shift):
+def test_no_frame_is_taken_twice(layout):
     generator = torch.Generator().manual_seed(3)
     for share in (0.0, 0.005, 0.02, 0.2, 1.0):
         beats = (torch.rand(layout.global_frames, generator=generator) < share).nonzero()[:, 0]
         # the tightest places: right after the first hard primitive, right before the last one
         close = int(1.5 * layout.span)
         beats = [close, *beats.tolist(), layout.global_frames - close]
-        frames = primitive_frames(beats, layout, shift=shift)
+        frames = primitive_frames(beats, layout)
         low, high = frames[:, 0], frames[:, -1]
         assert frames.min() >= 0 and frames.max() < layout.global_frames
         assert (low[1:] > high[:-1]).all()  # in order of time, and apart
@@ -105,16 +106,6 @@ def test_few_and_many_candidates():
     assert spread_evenly([30, 200], 4, 0, 256, margin=8, apart=8) == [30, 72, 115, 200]
     assert spread_evenly([100, 103, 106, 109], 2, 0, 256, margin=8, apart=8) == [100, 109]
     assert spread_evenly([3, 253], 2, 0, 256, margin=8, apart=8) == [64, 192]  # all too close
-
-
-def test_expressive_frames_are_those_around_rests():
-    x = swinging(200, f0=10)
-    mask = expressive(joints_of(x, LODGE), sigma=2)
-    rests = [30, 50, 70, 90, 110, 130, 150, 170]
-    for b in rests:
-        assert mask[b - 4 : b + 4].all() and not mask[b + 4] and not mask[b - 5]
-    assert 0.3 < mask.float().mean() < 0.5
-    assert not expressive(torch.zeros(50, 24, 3)).any()
 
 
 def test_a_clip_of_another_length_is_refused():

@@ -31,6 +31,7 @@ from dancediff.data.formats import (
     read_json,
 )
 from dancediff.data.take import DanceTake, Job
+from dancediff.genre import FINEDANCE
 from dancediff.motion.ground import TOE_CLEARANCE
 from dancediff.motion.motion import Motion
 from dancediff.motion.rotation import rot6d_to_matrix
@@ -65,12 +66,8 @@ SKIP = {  # frames at the start: three broken ones, or an intro in which little 
     **{"004": 240, "005": 300, "067": 180, "105": 570, "110": 420, "113": 870, "153": 1560},
     "211": 660,
 }
-GENRES = (  # in the order of Lodge's genre ids 0 to 15
-    "Breaking", "Popping", "Locking", "Hiphop", "Urban", "Jazz", "Dai", "Wei", "Miao", "HanTang",
-    "ShenYun", "Kun", "DunHuang", "Korean", "Choreography", "Chinese",
-)  # fmt: skip
 _SAME = {"tai": "Dai", "uighur": "Wei", "hmong": "Miao"}
-_GENRE = {**{genre.lower(): genre for genre in GENRES}, **_SAME}
+_GENRE = {**{genre.lower(): genre for genre in FINEDANCE}, **_SAME}
 
 
 def finedance_jobs(src, *, split: str = "genre") -> list[Job]:

@@ -28,8 +28,8 @@ from dancediff.extensions.constraint import Constraint
 from dancediff.extensions.foot_contact_projection import FEET
 from dancediff.extensions.order_constraint import ORDER
 from dancediff.generation.presets import PRESETS
+from dancediff.genre import genre_for, genre_number
 from dancediff.papers.lodge.group import RELATIONS, places
-from dancediff.papers.lodge.style import genre_for, genre_number
 from dancediff.papers.tcdiffpp.long_group_sampling import HOLDING, SEAMS
 from dancediff.papers.tcdiffpp.swap_mode import check_order
 

@@ -9,9 +9,9 @@ from pathlib import Path
 from dancediff.data.choreographed import choreograph_jobs, genre_and_tempo
 from dancediff.data.corpus import choreographed_corpus, choreographed_takes
 from dancediff.data.windows import Take
+from dancediff.genre import GENRES
 from dancediff.motion.motion import Motion
 from dancediff.music.synth import synth_song
-from dancediff.papers.lodge.style import GENRES
 from dancediff.training.ablation_config import Variant
 from dancediff.training.lodge import is_lodge
 from dancediff.training.lodge_data import Solo, prepared_solos, solos_of

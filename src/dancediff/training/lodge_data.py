@@ -20,7 +20,7 @@ from dancediff.data.take import DanceTake
 from dancediff.motion.beats import motion_beats
 from dancediff.motion.mirror import mirror_features
 from dancediff.motion.representation import LODGE, joints_of
-from dancediff.papers.lodge.primitives import Layout, at_origin, primitive_frames
+from dancediff.papers.lodge.primitives import Layout, at_origin, primitives_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,17 +96,6 @@ def repeated(solo: Solo, num_frames: int) -> Solo:
     walked = (solo.x[-1, LODGE.root] - solo.x[0, LODGE.root]) * x.new_tensor([1.0, 0.0, 1.0])
     x[:, LODGE.root] += torch.arange(times).repeat_interleave(f)[:, None] * walked
     return replace(solo, x=x, songs=solo.songs.repeat(1, times, 1), period=f)
-
-
-def not_across(frames: Tensor, start: int, period: int) -> Tensor:
-    """Move primitives (p, k) of the window at ``start`` to before a join that they lie across.
-
-    >>> not_across(torch.tensor([[0, 7], [96, 103], [98, 105]]), start=500, period=300).tolist()
-    [[0, 7], [92, 99], [92, 99]]
-    """
-    last = (start + frames[:, -1:]) % period
-    span = frames[:, -1:] - frames[:, :1]
-    return frames - torch.where(last < span, last + 1, 0)
 
 
 class SoloWindows:
@@ -201,11 +190,14 @@ class SoloWindows:
             return at_origin(x)
         if self.layout.stride > 1:
             return at_origin(x[:: self.layout.stride])
-        # as `primitives_of`, with sigma 1.5, but the beats of the whole take are found only once
-        frames = primitive_frames(solo.beats - start, self.layout, max_shift=0)
-        if solo.period is not None:
-            frames = not_across(frames, start, solo.period)
-        return at_origin(x[frames]).flatten(0, 1)
+        joins = range(0, len(solo.x), solo.period or len(solo.x))
+        primitives, _ = primitives_of(
+            x,
+            solo.beats - start,  # found once, in the whole take
+            joins=[join - start for join in joins if start < join < start + self.num_frames],
+            layout=self.layout,
+        )
+        return primitives.flatten(0, 1)
 
     def pieces(self) -> Iterator[Tensor]:
         """All windows of each solo, every half window, and their mirror images; (w, f, d)."""

@@ -64,7 +64,7 @@ def style_of(model, genre: Tensor, g: torch.Generator) -> tuple[Tensor | None, T
     if model.style is None:
         return None, None
     z = torch.randn(len(genre), model.style.noise, generator=g).to(genre.device)
-    return model.style(genre, z), None if model.style.mapping is None else z
+    return model.style(genre, z), z
 
 
 class Critic:

@@ -72,12 +72,12 @@ def contact_score(height: Tensor, speed: Tensor) -> Tensor:
     return near * torch.sigmoid(STEEPNESS * (SCORE_SPEED - speed) / SCORE_SPEED)
 
 
-def foot_features(joints: Tensor, *, floor: float = 0.0) -> Tensor:
+def foot_features(joints: Tensor) -> Tensor:
     """What the feet do: on the floor or not, how surely, where, and how fast.
 
     Source: Lodge section 3.4 (contact score, foot position, foot velocity) and its code, which adds
-    the label.  Differs: heights are above ``floor`` (metres, default 0, as the data have it);
-    velocity is in m/s and cut at 3, where the code has metres a frame, that is, thousandths.
+    the label.  Differs: the floor is at height 0, as in the data, not at -1.2 m; velocity is in
+    m/s and cut at 3, where the code has metres a frame, that is, thousandths.
     Label and score of a joint stand there three times, as in the code, so that all four quantities
     are 3-vectors and the map that reads them has the published number of weights.
 
@@ -86,7 +86,6 @@ def foot_features(joints: Tensor, *, floor: float = 0.0) -> Tensor:
     >>> foot_features(torch.zeros(5, 24, 3)).shape
     torch.Size([5, 48])
     """
-    joints = joints - table(torch.tensor, (0.0, floor, 0.0), like=joints)
     feet = feet_of(joints)
     step = step_of(feet)
     label = feet_low(joints).to(feet)

@@ -16,9 +16,9 @@ import torch.nn.functional as F
 from einops import rearrange
 from torch import Tensor, nn
 
-from dancediff.data.finedance import GENRES as FINEDANCE
+from dancediff.genre import FINEDANCE, GENRES
 from dancediff.nn.decoder import FeedForward
-from dancediff.papers.lodge.style import GENRES, MappingNetwork
+from dancediff.papers.lodge.style import MappingNetwork
 
 NEAREST = 6.0  # logit by which a token prefers its own frame at the start; ours
 NEIGHBOURS = 2.0  # frames over which it falls off

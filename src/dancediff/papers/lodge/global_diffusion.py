@@ -22,9 +22,10 @@ from torch import Tensor, nn
 
 from dancediff.diffusion.schedule import cosine_abar
 from dancediff.extensions.preconditioning import Preconditioning
+from dancediff.genre import GENRES
 from dancediff.motion.representation import Normalizer
 from dancediff.music.features import MusicNormalizer
-from dancediff.papers.lodge.style import GENRES, StyleToken
+from dancediff.papers.lodge.style import StyleToken
 from dancediff.papers.lodge.trunk import Trunk, check_shapes
 
 VARIANTS = ("continuous", "discrete")
@@ -51,7 +52,6 @@ class GlobalConfig:
     every: int = 4
     pool: int = 1  # frames of music that share a token
     genres: tuple[str, ...] = GENRES  # none: the music alone decides
-    style: str = "mapping"  # or "embedding": see papers.lodge.style
     style_noise: int = 64
     style_film: bool = True  # ours: the style joins the FiLM condition, too
     motion_dim: int = 139
@@ -171,7 +171,7 @@ class GlobalDenoiser(nn.Module):
         )
         self.style = None
         if c.genres:
-            self.style = StyleToken(c.d_model, len(c.genres), c.style_noise, c.style)
+            self.style = StyleToken(c.d_model, len(c.genres), c.style_noise)
         self.precondition = None
         if c.precondition:
             self.precondition = Preconditioning(c.num_frames // c.clips, c.motion_dim)

@@ -16,15 +16,15 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor, nn
 
-from dancediff.data.finedance import GENRES as FINEDANCE
 from dancediff.diffusion.schedule import cosine_abar
 from dancediff.extensions.beat_phase import NUM_WAVES, beat_waves
 from dancediff.extensions.non_local_filter import NonLocalFilter, left_over
 from dancediff.extensions.preconditioning import Preconditioning
+from dancediff.genre import FINEDANCE, GENRES
 from dancediff.motion.representation import Normalizer
 from dancediff.music.features import MusicNormalizer
 from dancediff.papers.lodge.foot_refine import FootRefine, foot_features, joints_of
-from dancediff.papers.lodge.style import GENRES, StyleToken
+from dancediff.papers.lodge.style import StyleToken
 from dancediff.papers.lodge.trunk import Trunk, check_shapes
 
 
@@ -44,13 +44,11 @@ class LocalConfig:
     motion_dim: int = 139
     music_dim: int = 35
     genres: tuple[str, ...] = GENRES
-    style: str = "mapping"  # or "embedding": see papers.lodge.style
     style_noise: int = 64
     style_film: bool = True  # ours: the style joins the FiLM condition, too
     foot_refine: bool = True
     beat_waves: bool = False  # ours: see extensions.beat_phase; on in configs
     non_local: bool = False  # ours: see extensions.non_local_filter; on in configs
-    floor: float = 0.0  # metres
     dropout: float = 0.0
     cond_drop: float = 0.25
     num_steps: int = 1000
@@ -115,7 +113,7 @@ class LocalDenoiser(nn.Module):
             dropout=c.dropout,
             with_guess=c.precondition,
         )
-        self.style = StyleToken(c.d_model, len(c.genres), c.style_noise, c.style)
+        self.style = StyleToken(c.d_model, len(c.genres), c.style_noise)
         self.embed_beat = None
         if c.beat_waves:
             self.embed_beat = nn.Linear(NUM_WAVES, c.d_model, bias=False)
@@ -201,7 +199,7 @@ class LocalDenoiser(nn.Module):
         """`foot_features` of normalised motion (b, f, d), in float32: they are millimetres."""
         with torch.autocast(x_raw.device.type, enabled=False):
             _, _, joints = joints_of(self.normalizer.unnormalize(x_raw.float()))
-            return foot_features(joints, floor=self.config.floor)
+            return foot_features(joints)
 
     def _added(self, F: Tensor, to: Tensor | None, abar: Tensor) -> Tensor:
         """Add what a network says to what is there, at the sizes that are due at this noise."""

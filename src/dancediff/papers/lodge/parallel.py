@@ -27,19 +27,14 @@ from dancediff.diffusion.guidance import autoguided, guided, off_at_the_end
 from dancediff.diffusion.samplers import sample, sampling_times
 from dancediff.diffusion.schedule import cosine_abar
 from dancediff.extensions.foot_contact_projection import Planting, one_after_the_other
-from dancediff.motion.beats import motion_beats
-from dancediff.motion.representation import LODGE, cut_to_range, joints_of
+from dancediff.extensions.smooth_primitives import smooth_primitives
+from dancediff.motion.representation import LODGE, cut_to_range
 from dancediff.music.beats import beat_frames
 from dancediff.papers.lodge.choreography import Cues, arrange
 from dancediff.papers.lodge.cue_guidance import CueGuidance
 from dancediff.papers.lodge.global_diffusion import GlobalDenoiser
 from dancediff.papers.lodge.local_diffusion import LocalDenoiser
-from dancediff.papers.lodge.primitives import (
-    DISCRETE,
-    Layout,
-    primitive_frames,
-    smooth_primitives,
-)
+from dancediff.papers.lodge.primitives import Layout, thinned_primitives
 from dancediff.papers.lodge.song_structure import find_sections
 from dancediff.papers.lodge.stitch import Plan, plan, stitch
 
@@ -178,20 +173,6 @@ def sample_primitives(
     if model.config.variant == "continuous":
         return smooth_primitives(model.clips(x))
     return torch.stack([thinned_primitives(part, layout_of(model)) for part in x])
-
-
-def thinned_primitives(x: Tensor, layout: Layout = DISCRETE) -> Tensor:
-    """Primitives of a dance of which only every fourth frame was made.
-
-    Source: Lodge appendix D.1, which does not say how; here as in training on whole clips.
-
-    Shapes: x (N / 4, d) metres -> (p, 8, d).
-
-    >>> thinned_primitives(torch.randn(256, 139)).shape
-    torch.Size([13, 8, 139])
-    """
-    beats = motion_beats(joints_of(x, LODGE), sigma=1.0) * layout.stride
-    return x[primitive_frames(beats, layout, max_shift=0) // layout.stride]
 
 
 def sample_locals(

@@ -24,11 +24,8 @@ from torch import Tensor
 
 from dancediff.motion.beats import motion_beats
 from dancediff.motion.representation import LODGE, MotionSpec, joints_of
-from dancediff.motion.rotation import matrix_to_rot6d, rot6d_to_matrix
 
 SOFT_PER_LOCAL = 2
-SIGMA = 5.0  # frames; smooths the joints' mean speed before its minima are taken
-MAX_SHIFT = 2  # frames by which the soft primitives of a training clip are moved, all alike
 
 
 @dataclass(frozen=True)
@@ -103,24 +100,26 @@ DISCRETE = Layout(stride=4)
 
 def primitives_of(
     x: Tensor,
-    generator: torch.Generator | None = None,
+    beats: Iterable[int] | None = None,
     *,
+    joins: Iterable[int] = (),
     layout: Layout = LAYOUT,
-    sigma: float = SIGMA,
-    max_shift: int = MAX_SHIFT,
     spec: MotionSpec = LODGE,
 ) -> tuple[Tensor, Tensor]:
-    r"""The primitives of a training clip: what global diffusion learns to make.
+    r"""The primitives of a clip: what global diffusion learns to make.
 
-    $$h_k = x[kn - 4 : kn + 4], \qquad r = x[b - 4 + \delta : b + 4 + \delta]$$
+    $$h_k = x[kn - 4 : kn + 4], \qquad r = x[b - 4 : b + 4]$$
 
-    where b are kinematic beats, two in each local, and $\delta$ is drawn once for the clip from
-    -2 ... 2 (not without a generator). The first and the last hard primitive begin and end with the
-    clip. Each primitive's root starts at x = z = 0; heights stay.
+    where b are kinematic beats, two in each local. The first and the last hard primitive begin and
+    end with the clip. Each primitive's root starts at x = z = 0; heights stay.
 
-    Source: Lodge section 3.3.  Differs: the released code looks for beats on normalised vectors,
-    cuts h_k at multiples of 128 k / 4 wherever the borders are, trains on 25 primitives and dances
-    with 13, and moves the root in views, which damages the clip they were cut from.
+    - ``beats``: kinematic beats of x where they are known already; default `motion_beats`.
+    - ``joins``: frames at which a clip was put together; no primitive lies across one.
+
+    Source: Lodge section 3.3.  Differs: the released code smooths with sigma 5, which merges beats
+    above 120 a minute, moves the soft primitives of a clip by up to 2 frames at random, looks for
+    beats on normalised vectors, cuts h_k at multiples of 128 k / 4 wherever the borders are, trains
+    on 25 primitives and dances with 13, and moves the root in views, which damages the clip.
 
     Shapes: x (N, d) metres and 6-D rotations -> primitives (p, 8, d), their frames in x (p, 8).
     Raises: ValueError when x is no clip of N frames.
@@ -133,20 +132,16 @@ def primitives_of(
         raise ValueError(
             f"x has shape {tuple(x.shape)}; expected one clip ({layout.global_frames}, {spec.dim})"
         )
-    shift = 0
-    if generator is not None and max_shift:
-        shift = int(torch.randint(-max_shift, max_shift + 1, (), generator=generator))
-    beats = motion_beats(joints_of(x.detach().cpu().float(), spec), sigma=sigma)
-    frames = primitive_frames(beats, layout, shift=shift, max_shift=max_shift)
+    if beats is None:
+        beats = motion_beats(joints_of(x.detach().cpu().float(), spec))
+    frames = beside_joins(primitive_frames(beats, layout), joins)
     return at_origin(x[frames.to(x.device)], spec), frames
 
 
-def primitive_frames(
-    beats: Iterable[int], layout: Layout = LAYOUT, *, shift: int = 0, max_shift: int = MAX_SHIFT
-) -> Tensor:
+def primitive_frames(beats: Iterable[int], layout: Layout = LAYOUT) -> Tensor:
     """Which frames of a clip its primitives take, given its kinematic beats; int (p, 8).
 
-    Soft primitives overlap no other one, whatever the shift.
+    Soft primitives overlap no other one.
 
     >>> primitive_frames([70, 200])[1:3].tolist()[0]
     [66, 67, 68, 69, 70, 71, 72, 73]
@@ -154,16 +149,44 @@ def primitive_frames(
     N, n, half = layout.global_frames, layout.local_frames, layout.span // 2
     beats, centres = list(beats), [half]
     for border in range(0, N, n):
-        soft = spread_evenly(
+        centres += spread_evenly(
             beats,
             SOFT_PER_LOCAL,
             border,
             border + n,
-            margin=layout.span + half + max_shift,
+            margin=layout.span + half,
             apart=layout.span,
         )
-        centres += [b + shift for b in soft] + [min(border + n, N - half)]
+        centres.append(min(border + n, N - half))
     return torch.tensor(centres)[:, None] + layout.offsets
+
+
+def beside_joins(frames: Tensor, joins: Iterable[int]) -> Tensor:
+    """Move primitives (p, k) that lie across a join to before it, or behind it near the start.
+
+    >>> beside_joins(torch.tensor([[0, 7], [96, 103], [98, 105]]), [3, 100]).tolist()
+    [[3, 10], [92, 99], [92, 99]]
+    """
+    for join in joins:
+        first, last = frames[:, :1], frames[:, -1:]
+        to_before, to_behind = join - 1 - last, join - first
+        move = torch.where(first + to_before >= 0, to_before, to_behind)
+        frames = frames + torch.where((first < join) & (join <= last), move, 0)
+    return frames
+
+
+def thinned_primitives(x: Tensor, layout: Layout = DISCRETE) -> Tensor:
+    """Primitives of a dance of which only every fourth frame was made.
+
+    Source: Lodge appendix D.1, which does not say how; here as in training on whole clips.
+
+    Shapes: x (N / 4, d) metres -> (p, 8, d).
+
+    >>> thinned_primitives(torch.randn(256, 139)).shape
+    torch.Size([13, 8, 139])
+    """
+    beats = motion_beats(joints_of(x, LODGE)) * layout.stride
+    return x[primitive_frames(beats, layout) // layout.stride]
 
 
 def spread_evenly(
@@ -197,51 +220,6 @@ def spread_evenly(
         k = gaps.index(max(gaps))
         chosen.insert(k, (fences[k] + fences[k + 1]) // 2)
     return chosen
-
-
-def expressive(joints: Tensor, *, sigma: float = SIGMA, length: int = 8) -> Tensor:
-    r"""Which frames are key motions, the rest being transitions between them.
-
-    $$\{\,i : b - 4 \le i < b + 4 \text{ for a kinematic beat } b\,\}$$
-
-    Source: Lodge section 3.3, which calls motion near the minima of velocity expressive.
-
-    Shapes: joints (f, 24, 3) metres -> bool (f,).
-
-    >>> path = torch.cos(torch.arange(60) / 60 * 4 * torch.pi)      # turns round every 15 frames
-    >>> expressive(path[:, None, None] * torch.ones(60, 24, 3), sigma=1).sum().item()
-    24
-    """
-    mask = torch.zeros(len(joints), dtype=torch.bool)
-    for b in motion_beats(joints.detach().cpu(), sigma=sigma).tolist():
-        mask[max(0, b - length // 2) : b + length // 2] = True
-    return mask
-
-
-def smooth_primitives(x: Tensor, spec: MotionSpec = LODGE) -> Tensor:
-    r"""The parabola through the rotations of each primitive, by least squares; the rest stays.
-
-    $$x_k \leftarrow a + b\,\tau_k + c\,\tau_k^2$$
-
-    A primitive tells a pose, a velocity and whether that changes. What eight frames of a network
-    say beyond it is unrest, and local diffusion would have to repeat it at every seam.
-
-    Source: ours.
-
-    Shapes: x (..., 8, d) -> (..., 8, d), rotations orthonormal again.
-
-    >>> x = torch.randn(3, 8, 139)
-    >>> twice = smooth_primitives(smooth_primitives(x))
-    >>> twice.shape, torch.equal(twice[..., :7], x[..., :7])
-    (torch.Size([3, 8, 139]), True)
-    """
-    tau = torch.linspace(-1, 1, x.shape[-2], dtype=torch.float64)
-    powers = torch.stack([tau**0, tau, tau**2], dim=-1)
-    fit = (powers @ torch.linalg.pinv(powers)).to(x)
-    smooth = fit @ x[..., spec.rot6d]
-    y = x.clone()
-    y[..., spec.rot6d] = matrix_to_rot6d(rot6d_to_matrix(smooth.unflatten(-1, (-1, 6)))).flatten(-2)
-    return y
 
 
 def at_origin(x: Tensor, spec: MotionSpec = LODGE) -> Tensor:

@@ -14,13 +14,13 @@ from torch import Tensor
 
 from dancediff.generation.generate import facts_of
 from dancediff.generation.request import Wish, one_of
+from dancediff.genre import GENRES, genre_for, genre_number
 from dancediff.motion.representation import with_hands
 from dancediff.music.beats import beat_frames
 from dancediff.papers.lodge.cue_guidance import guided_steps
 from dancediff.papers.lodge.group import PIECE, RELATIONS, Group, canon_delays, places
 from dancediff.papers.lodge.parallel import Sampling, dance, layout_of
 from dancediff.papers.lodge.stitch import plan
-from dancediff.papers.lodge.style import GENRES, genre_for, genre_number
 
 AUTOGUIDANCE = 1.3  # more makes dances too varied: docs/training_log.md
 

@@ -8,57 +8,10 @@ Symbols (axes: b batch · g genres · d channels)
     style   the token                                        (b, d_model)
 """
 
-import math
-
 import torch
 from torch import Tensor, nn
 
-from dancediff.data.choreographer.genres import GENRES as CHOREOGRAPHED
 from dancediff.nn.batch_invariant import BatchInvariantLinear
-
-GENRES = (*CHOREOGRAPHED, "indian")  # those of the choreographer, and of the captured solos
-STYLES = ("mapping", "embedding")
-
-
-def genres() -> list[str]:
-    """Names of the genres that a Lodge model with default sizes knows.
-
-    >>> genres()[:3]
-    ['hiphop', 'popping', 'locking']
-    """
-    return list(GENRES)
-
-
-def genre_for(tempo: float, genres: tuple[str, ...]) -> str:
-    """The genre whose usual tempos have their middle nearest, as a ratio, to the song's.
-
-    Genres whose tempo nobody wrote down are not chosen, unless there is no other; without a beat
-    (``tempo`` nan) it is the first.
-
-    >>> genre_for(125.0, GENRES), genre_for(80.0, GENRES), genre_for(float("nan"), GENRES)
-    ('house', 'contemporary', 'hiphop')
-    """
-    known = [name for name in genres if name in CHOREOGRAPHED]
-    if not known or math.isnan(tempo):
-        return (known or genres)[0]
-
-    def far(name: str) -> float:
-        return abs(math.log(tempo / (sum(CHOREOGRAPHED[name].tempo) / 2)))
-
-    return min(known, key=far)
-
-
-def genre_number(name: str, genres: tuple[str, ...]) -> int:
-    """Number of a genre.
-
-    Raises: ValueError naming the genre and those there are.
-
-    >>> genre_number("salsa", ("hiphop", "salsa"))
-    1
-    """
-    if name not in genres:
-        raise ValueError(f"genre={name!r} is unknown; choose one of {', '.join(genres)}")
-    return genres.index(name)
 
 
 class MappingNetwork(nn.Module):
@@ -104,35 +57,28 @@ class StyleToken(nn.Module):
 
     $$s = \text{map}_g(z), \qquad z \sim \mathcal N(0, I)$$
 
-    Source: Lodge's code (mapping network); ``style="embedding"`` is the paper's plain embedding of
-    the genre, where z has no say.  Differs: the released code draws z anew in every call of the
-    network, 50 times a dance and without a seed; here the caller draws it once.
+    Source: Lodge's code; the paper speaks of an embedding of the genre.  Differs: the released code
+    draws z anew in every call of the network, 50 times a dance and without a seed; here the caller
+    draws it once.
 
     Shapes: genre (b,) int, z (b, z) -> (b, d_model).
-    Raises: ValueError for another style, a genre out of range, or missing or misshapen noise.
+    Raises: ValueError for a genre out of range, or misshapen noise.
 
     >>> token = StyleToken(16, num_genres=3, noise=8)
     >>> token(torch.tensor([0, 2]), torch.randn(2, 8)).shape
     torch.Size([2, 16])
     """
 
-    def __init__(self, d_model: int, num_genres: int, noise: int, style: str = "mapping"):
-        """A `MappingNetwork` or one vector for each genre."""
+    def __init__(self, d_model: int, num_genres: int, noise: int):
+        """A `MappingNetwork`."""
         super().__init__()
-        if style not in STYLES:
-            raise ValueError(f"style={style!r} is not one of {', '.join(map(repr, STYLES))}")
         self.num_genres, self.noise = num_genres, noise
-        self.mapping = MappingNetwork(noise, d_model, num_genres) if style == "mapping" else None
-        self.table = nn.Embedding(num_genres, d_model) if style == "embedding" else None
+        self.mapping = MappingNetwork(noise, d_model, num_genres)
 
-    def forward(self, genre: Tensor, z: Tensor | None = None) -> Tensor:
+    def forward(self, genre: Tensor, z: Tensor) -> Tensor:
         """One token for each row of the batch."""
         if genre.numel() and not 0 <= int(genre.min()) <= int(genre.max()) < self.num_genres:
             raise ValueError(f"genre={genre.tolist()} must lie in 0 ... {self.num_genres - 1}")
-        if self.mapping is None:
-            return self.table(genre)
-        if z is None or z.shape != (len(genre), self.noise):
-            shape = None if z is None else tuple(z.shape)
-            raise ValueError(f"z has shape {shape}; expected {(len(genre), self.noise)}")
-        rows = torch.arange(len(genre), device=genre.device)
-        return self.mapping(z)[rows, genre]
+        if z.shape != (len(genre), self.noise):
+            raise ValueError(f"z has shape {tuple(z.shape)}; expected {(len(genre), self.noise)}")
+        return self.mapping(z)[torch.arange(len(genre), device=genre.device), genre]

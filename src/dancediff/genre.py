@@ -1,0 +1,61 @@
+"""Genres: their names, in the order of the numbers that models know them by, and their tempos.
+
+The file is not called ``genres``, because `dancediff.genres` is the function `genres`.
+"""
+
+import math
+
+TEMPOS = {  # beats a minute, slowest and fastest; the choreographer's genres
+    "hiphop": (82, 112),
+    "popping": (88, 118),
+    "locking": (98, 122),
+    "house": (112, 132),
+    "waacking": (112, 130),
+    "jazz": (100, 142),
+    "salsa": (84, 116),
+    "contemporary": (60, 108),
+    "bollywood": (88, 128),
+    "kpop": (98, 138),
+}
+GENRES = (*TEMPOS, "indian")  # those of the choreographer, and of the recorded solos
+FINEDANCE = (  # those of the FineDance data set, in the order of Lodge's genre ids 0 to 15
+    "Breaking", "Popping", "Locking", "Hiphop", "Urban", "Jazz", "Dai", "Wei", "Miao", "HanTang",
+    "ShenYun", "Kun", "DunHuang", "Korean", "Choreography", "Chinese",
+)  # fmt: skip
+
+
+def genres() -> list[str]:
+    """Names of the genres that a Lodge model with default sizes knows.
+
+    >>> genres()[:3]
+    ['hiphop', 'popping', 'locking']
+    """
+    return list(GENRES)
+
+
+def genre_for(tempo: float, genres: tuple[str, ...]) -> str:
+    """The genre whose usual tempos have their middle nearest, as a ratio, to the song's.
+
+    Genres without a known tempo are chosen only if there is no other; without a beat (``tempo``
+    nan) it is the first.
+
+    >>> genre_for(125.0, GENRES), genre_for(80.0, GENRES), genre_for(float("nan"), GENRES)
+    ('house', 'contemporary', 'hiphop')
+    """
+    known = [name for name in genres if name in TEMPOS]
+    if not known or math.isnan(tempo):
+        return (known or genres)[0]
+    return min(known, key=lambda name: abs(math.log(tempo / (sum(TEMPOS[name]) / 2))))
+
+
+def genre_number(name: str, genres: tuple[str, ...]) -> int:
+    """Number of a genre.
+
+    Raises: ValueError naming the genre and those there are.
+
+    >>> genre_number("salsa", ("hiphop", "salsa"))
+    1
+    """
+    if name not in genres:
+        raise ValueError(f"genre={name!r} is unknown; choose one of {', '.join(genres)}")
+    return genres.index(name)
