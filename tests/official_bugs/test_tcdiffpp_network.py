@@ -6,10 +6,10 @@ import pytest
 import torch
 
 from dancediff.axes import from_tokens
+from dancediff.motion.order import swap_mode
 from dancediff.nn.decoder import frame_of_tokens
 from dancediff.papers.tcdiffpp.dancer_positioning import DancerPositioning
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
-from dancediff.papers.tcdiffpp.swap_mode import swap_mode
 
 
 def make():

@@ -12,6 +12,7 @@ import torch
 from dancediff.axes import from_tokens, to_tokens
 from dancediff.data.windows import GroupDanceWindows, Take, rank_left_to_right
 from dancediff.generation.generate import denoise_segments
+from dancediff.motion.order import swap_mode
 from dancediff.motion.representation import TCDIFFPP, MotionSpec
 from dancediff.motion.skeleton import LOWER_BODY, SMPL24
 from dancediff.music.features import FPS, music_features
@@ -21,7 +22,6 @@ from dancediff.papers.tcdiffpp.dancer_positioning import DancerPositioning
 from dancediff.papers.tcdiffpp.footwork_adaptor import ConcatSquashLinear, FootworkAdaptor
 from dancediff.papers.tcdiffpp.long_group_sampling import long_group_sample
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
-from dancediff.papers.tcdiffpp.swap_mode import swap_mode
 from dancediff.training.loop import TrainConfig, losses_of
 
 SIZES = {"d_model": 16, "num_heads": 2, "num_layers": 1, "ff_dim": 32, "fusion_hidden": 48}

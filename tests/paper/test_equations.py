@@ -4,13 +4,13 @@ import torch
 
 from dancediff.data.windows import rank_left_to_right
 from dancediff.diffusion.schedule import cosine_abar, q_sample
+from dancediff.motion.order import left_to_right
 from dancediff.motion.representation import TCDIFFPP
 from dancediff.motion.skeleton import LOWER_BODY
 from dancediff.nn.ssm import selective_scan_ref
 from dancediff.papers.tcdiffpp import footwork_adaptor
 from dancediff.papers.tcdiffpp.dancer_positioning import DancerPositioning
 from dancediff.papers.tcdiffpp.footwork_adaptor import FootworkAdaptor, ground_velocity
-from dancediff.papers.tcdiffpp.swap_mode import left_to_right
 
 A, B, C = torch.tensor([[-0.7, -3.0]]), torch.tensor([1.5, 0.4]), torch.tensor([0.8, -1.1])
 X = TCDIFFPP.root.start

@@ -13,7 +13,6 @@ from dancediff.papers.tcdiffpp.long_group_sampling import (
     SEAMS,
     iter_long_group_sample,
     long_group_sample,
-    relative_order,
 )
 
 ABAR = cosine_abar()
@@ -225,12 +224,6 @@ def test_dancers_are_numbered_from_the_left_at_the_first_frame():
     x = run(unsorted, 1)
     assert torch.equal(x[:, 0, 0], PLACES)
     assert torch.equal(x[:, 0, 1], FACES)
-
-
-def test_relative_order():
-    for _ in range(20):
-        order, target = torch.randperm(5), torch.randperm(5)
-        assert torch.equal(order[relative_order(target, order)], target)
 
 
 # ---- what reaches the network ----

@@ -16,6 +16,7 @@ from torch import Tensor
 
 from dancediff.data.augment import rotate_features, shift_features
 from dancediff.motion.mirror import mirror_features
+from dancediff.motion.order import left_to_right, swap_mode
 from dancediff.motion.representation import TCDIFFPP
 
 
@@ -47,8 +48,7 @@ class Take:
 def rank_left_to_right(x: Tensor) -> tuple[Tensor, Tensor]:
     r"""Put dancers in left-to-right order of the first frame, and tell their order in the last.
 
-    Source: TCDiff++ eq. 5 to 7.  Differs: the released code sorts by the last frame and by depth,
-    and then trains on the unsorted dancers.
+    Source: TCDiff++ eq. 5 to 7, see `dancediff.motion.order`.
 
     Shapes: x (n, f, d) not normalised -> sorted x (n, f, d), S (n,): S[k] is the rank at the first
     frame of the dancer who stands k-th from the left in the last frame.
@@ -59,8 +59,8 @@ def rank_left_to_right(x: Tensor) -> tuple[Tensor, Tensor]:
     [1, 0]
     """
     lateral = TCDIFFPP.root.start
-    x = x[x[:, 0, lateral].argsort(stable=True)]
-    return x, x[:, -1, lateral].argsort(stable=True)
+    x = x[left_to_right(x[:, 0, lateral])]
+    return x, swap_mode(x[:, 0, lateral], x[:, -1, lateral])
 
 
 def ranked_windows(x: Tensor, num_frames: int, stride: int) -> tuple[Tensor, Tensor]:
@@ -91,9 +91,7 @@ def order_changes(takes: list[Take], num_frames: int, every: int = 5) -> list[np
     for k, take in enumerate(takes):
         lateral = take.x[:, :, TCDIFFPP.root.start]
         starts = torch.arange(0, lateral.shape[1] - num_frames + 1, every)
-        before = lateral[:, starts].argsort(dim=0, stable=True)
-        after = lateral[:, starts + num_frames - 1].gather(0, before)
-        orders = after.argsort(dim=0, stable=True).T.tolist()
+        orders = swap_mode(lateral[:, starts].T, lateral[:, starts + num_frames - 1].T).tolist()
         for start, order in zip(starts.tolist(), orders, strict=True):
             if order != sorted(order):
                 found.setdefault(tuple(order), []).append((k, start))

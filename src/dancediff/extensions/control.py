@@ -24,6 +24,7 @@ from torch import Tensor
 
 from dancediff.extensions.constraint import Constraint
 from dancediff.motion.motion import Motion
+from dancediff.motion.order import left_to_right
 from dancediff.motion.representation import TCDIFFPP, Normalizer
 
 X, Z = TCDIFFPP.root.start, TCDIFFPP.root.start + 2
@@ -193,7 +194,7 @@ def numbers_at_start(constraint: Constraint) -> Tensor | None:
     """
     known, x = constraint.mask[:, 0, X], constraint.value[:, 0, X]
     if known.all():
-        return x.argsort(stable=True)
+        return left_to_right(x)
     if (x[known].diff() < 0).any():
         raise ValueError(
             "constraints say where some dancers start, and their numbers do not rise from left to "
@@ -205,7 +206,7 @@ def numbers_at_start(constraint: Constraint) -> Tensor | None:
 def order_at_end(constraint: Constraint) -> Tensor | None:
     """Dancers from left to right in the last frame, if that is known of all of them."""
     known, x = constraint.mask[:, -1, X], constraint.value[:, -1, X]
-    return x.argsort(stable=True) if known.all() else None
+    return left_to_right(x) if known.all() else None
 
 
 def _formation(places, n: int, frames: int, frame: int, name: str) -> Constraint:

@@ -1,6 +1,6 @@
 r"""Order: who was asked to change places is helped to get there while the dance is sampled.
 
-Read first: notebook 09 · `dancediff.papers.tcdiffpp.swap_mode` · `dancediff.extensions.constraint`.
+Read first: notebook 09 · `dancediff.motion.order` · `dancediff.extensions.constraint`.
 
 Symbols (axes: n dancers · f frames · d motion features)
     S   swap mode: S[k] = the dancer, counted from the left at the first frame, who ends k-th   (n,)

@@ -29,9 +29,9 @@ from dancediff.extensions.foot_contact_projection import FEET
 from dancediff.extensions.order_constraint import ORDER
 from dancediff.generation.presets import PRESETS
 from dancediff.genre import genre_for, genre_number
+from dancediff.motion.order import check_order
 from dancediff.papers.lodge.group import RELATIONS, places
 from dancediff.papers.tcdiffpp.long_group_sampling import HOLDING, SEAMS
-from dancediff.papers.tcdiffpp.swap_mode import check_order
 
 FPS = 30
 SHORTEST_SONG = 1.0  # seconds; less holds no beat

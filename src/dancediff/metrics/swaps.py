@@ -15,6 +15,8 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
+from dancediff.motion.order import check_order, swap_mode
+
 JUMP_SPEED = 0.12 * 30  # metres a second: 12 cm in a frame of 1/30 s
 SEAM_REACH = 3 / 30  # seconds before and after a seam: 3 frames
 LEFT_TO_RIGHT = 0  # the lateral axis of the stage
@@ -135,13 +137,13 @@ def obeys(root: Tensor, swap) -> bool:
     >>> obeys(torch.tensor([[[0.0, 0, 0]], [[1.0, 0, 0]]]), [0, 1])
     True
     """
-    return final_order(root) == _check_swap(swap, len(root))
+    return final_order(root) == tuple(check_order(swap, len(root)).tolist())
 
 
 def final_order(root: Tensor) -> tuple[int, ...]:
     """Who ends where: entry k is the start rank of the dancer who ends k-th from the left.
 
-    Two on one x keep the order they are numbered in.
+    `swap_mode` of the first and the last frame.
 
     Shapes: root (n, f, 3) metres -> n numbers.
 
@@ -149,8 +151,7 @@ def final_order(root: Tensor) -> tuple[int, ...]:
     (1, 0)
     """
     x = _check_root(root, frames=1)[..., LEFT_TO_RIGHT]
-    rank = x[:, 0].argsort(stable=True).argsort()
-    return tuple(rank[x[:, -1].argsort(stable=True)].tolist())
+    return tuple(swap_mode(x[:, 0], x[:, -1]).tolist())
 
 
 def permutation_kind(swap) -> str:
@@ -164,7 +165,7 @@ def permutation_kind(swap) -> str:
     >>> [permutation_kind(s) for s in ((0, 1, 2), (0, 2, 1), (2, 1, 0), (2, 0, 1))]
     ['identity', 'neighbours', 'outer', 'rotation']
     """
-    swap = _check_swap(swap, 3)
+    swap = check_order(swap, 3).tolist()
     kept = [k for k, dancer in enumerate(swap) if k == dancer]
     if len(kept) == 1:
         return "outer" if kept == [1] else "neighbours"
@@ -193,14 +194,3 @@ def _check_seams(seams, num_frames: int) -> list[int]:
             f"seams={list(seams)} must be frames of 1..{num_frames - 1}, the first of each segment"
         )
     return sorted(set(frames))
-
-
-def _check_swap(swap, n: int) -> tuple[int, ...]:
-    values = swap.tolist() if isinstance(swap, Tensor) else list(swap)
-    try:
-        whole = tuple(map(operator.index, values))
-    except TypeError:  # 1.0 is no dancer
-        whole = ()
-    if sorted(whole) != list(range(n)):
-        raise ValueError(f"swap={values} must hold each of 0..{n - 1} exactly once")
-    return whole

@@ -28,8 +28,8 @@ from dancediff.extensions.collision_avoidance import Spacing
 from dancediff.extensions.constraint import Bending, Constraint
 from dancediff.extensions.foot_contact_projection import Planting, held, one_after_the_other
 from dancediff.extensions.order_constraint import Order
+from dancediff.motion.order import check_order, left_to_right, relative_order
 from dancediff.motion.representation import Normalizer
-from dancediff.papers.tcdiffpp.swap_mode import check_order, left_to_right
 
 
 def long_group_sample(denoise_segment: Callable, segments_music: Tensor, **options) -> Tensor:
@@ -222,19 +222,6 @@ def _plant(told, plant_with: Normalizer | None, known: Tensor | None, shape: tup
     if plant_with is None:
         return None
     return Planting(plant_with, **held(told, 0 if known is None else known.shape[1], *shape))
-
-
-def relative_order(target: Tensor, order: Tensor) -> Tensor:
-    r"""Turn a wanted order of dancers into the swap mode of one segment.
-
-    $$S_k = \text{rank of dancer } \text{target}_k \text{ at the segment's first frame}$$
-
-    Shapes: target, order (n,), both dancers from left to right -> S (n,).
-
-    >>> relative_order(target=torch.tensor([1, 0, 2]), order=torch.tensor([1, 0, 2]))
-    tensor([0, 1, 2])
-    """
-    return order.argsort()[target]
 
 
 def _orders(
