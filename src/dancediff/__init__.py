@@ -38,5 +38,10 @@ def __getattr__(name: str):
     return getattr(import_module(_HOME[name]), name)
 
 
+def import_io() -> None:
+    """Let `Motion` save, load and draw itself; see `dancediff.motion.files`."""
+    import_module("dancediff.io")
+
+
 def __dir__():
     return sorted(__all__)

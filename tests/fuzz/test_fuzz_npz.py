@@ -9,7 +9,8 @@ import pytest
 import torch
 from fuzzing import Outcome, fuzz, num_inputs, put
 
-from dancediff.motion.motion import Motion, read_arrays
+from dancediff.arrays import read_arrays
+from dancediff.motion.motion import Motion
 
 NASTY = [b"\x00", b"\xff", b"9", b"-", b"(", b")", b"{", b"'", b"\\", b",", b"O", b"e", b"\x80"]
 

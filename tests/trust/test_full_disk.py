@@ -14,7 +14,7 @@ import pytest
 from tiny_training import tiny_config
 
 from dancediff import cli
-from dancediff.motion.motion import read_arrays
+from dancediff.arrays import read_arrays
 
 resource = pytest.importorskip("resource", reason="limits on files are of Unix")
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]

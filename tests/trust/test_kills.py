@@ -15,7 +15,7 @@ from PIL import Image
 from safetensors import safe_open
 from tiny_training import tiny_config
 
-from dancediff.motion.motion import read_arrays
+from dancediff.arrays import read_arrays
 
 pytestmark = [
     pytest.mark.slow,

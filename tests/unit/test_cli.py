@@ -208,7 +208,7 @@ def test_the_bar_is_closed_before_an_error_is_told(songs, capsys, monkeypatch):
         next(iter(pieces))
         raise OSError(28, "No space left on device", str(path))
 
-    monkeypatch.setattr("dancediff.motion.pieces.save_pieces", full)
+    monkeypatch.setattr("dancediff.io.pieces.save_pieces", full)
     options = ["--seconds", "2", "--steps", "1", "--formats", "npz", "--out", str(songs / "full")]
     assert main(["generate", str(songs / "noise.wav"), *options]) == 2
     last = capsys.readouterr().err.splitlines()[-1]

@@ -12,10 +12,10 @@ import torch
 
 from dancediff.data.choreographer import choreograph
 from dancediff.export.gltf import load_glb, save_glb
-from dancediff.export.skin import body_skin, skinned_points
-from dancediff.export.solids import body_solids
 from dancediff.motion.motion import Motion
 from dancediff.viz.palette import dancer_color
+from dancediff.viz.skin import body_skin, skinned_points
+from dancediff.viz.solids import body_solids
 
 pygltflib = pytest.importorskip("pygltflib")
 TOOLS = Path(__file__).parents[1] / "js"

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 import torch
 
-from dancediff.motion.motion import Motion, read_arrays
+from dancediff.arrays import read_arrays
+from dancediff.motion.motion import Motion
 from dancediff.motion.rotation import axis_angle_to_matrix
 
 

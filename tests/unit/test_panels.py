@@ -9,6 +9,7 @@ from dancediff.diffusion.schedule import cosine_abar
 from dancediff.motion.representation import Normalizer
 from dancediff.music.song import Music
 from dancediff.viz import panels
+from dancediff.viz.style import as_png
 
 widgets = pytest.importorskip("ipywidgets")
 
@@ -39,7 +40,7 @@ def test_pose_panel_shows_the_six_numbers():
     figure = panels.pose_panel("lknee", x=90)
     widths = [bar.get_width() for bar in figure.axes[1].patches]
     np.testing.assert_allclose(widths, [1, 0, 0, 0, 0, -1], atol=1e-6)
-    assert panels.as_png(figure) != panels.as_png(panels.pose_panel("lknee", x=0))
+    assert as_png(figure) != as_png(panels.pose_panel("lknee", x=0))
 
 
 def test_pose_panel_refuses_an_unknown_joint():
@@ -60,8 +61,8 @@ def test_peaks_panel_near_the_end_of_the_song(song):
 
 
 def test_noise_panel_starts_clean_and_is_seeded(noisy):
-    assert panels.as_png(noisy(t=300)) == panels.as_png(noisy(t=300))
-    assert panels.as_png(noisy(t=300)) != panels.as_png(noisy(t=300, seed=1))
+    assert as_png(noisy(t=300)) == as_png(noisy(t=300))
+    assert as_png(noisy(t=300)) != as_png(noisy(t=300, seed=1))
     assert "100.0%" in noisy(t=0).axes[1].get_title("left")
     assert "0.0%" in noisy(t=999).axes[1].get_title("left")
 

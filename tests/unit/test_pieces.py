@@ -7,8 +7,8 @@ import pytest
 
 from dancediff import hub
 from dancediff.data.choreographer import choreograph
+from dancediff.io.pieces import save_pieces
 from dancediff.motion.motion import Motion
-from dancediff.motion.pieces import save_pieces
 
 
 @pytest.fixture(scope="module")

@@ -71,7 +71,7 @@ class Generate:
         import torch
 
         from dancediff import hub
-        from dancediff.motion.pieces import save_pieces
+        from dancediff.io.pieces import save_pieces
 
         formats = check_formats(self.formats)
         check_folder(self.out)

@@ -16,9 +16,10 @@ from pathlib import Path
 import numpy as np
 import torch
 
+from dancediff.arrays import read_arrays
 from dancediff.atomic import writing
 from dancediff.data.take import DanceTake
-from dancediff.motion.motion import Motion, read_arrays
+from dancediff.motion.motion import Motion
 from dancediff.music.features import NUM_FEATURES
 
 SCRATCH = ".part-"  # prefix of folders in which files are written before they are moved in place

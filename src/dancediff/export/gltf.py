@@ -15,12 +15,12 @@ import torch
 
 from dancediff import __version__
 from dancediff.atomic import atomic_write
-from dancediff.export.skin import body_skin, rest_joints
-from dancediff.export.solids import body_solids
 from dancediff.motion.motion import Motion
 from dancediff.motion.skeleton import SMPL24
 from dancediff.viz.mannequin import lighter, steady_quaternions
 from dancediff.viz.palette import dancer_color
+from dancediff.viz.skin import body_skin, rest_joints
+from dancediff.viz.solids import body_solids
 
 FORMAT = "dancediff-gltf-1"
 FLOAT, UINT16 = 5126, 5123

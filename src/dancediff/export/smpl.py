@@ -16,8 +16,9 @@ from pathlib import Path
 import numpy as np
 import torch
 
+from dancediff.arrays import read_arrays
 from dancediff.atomic import atomic_write
-from dancediff.motion.motion import Motion, read_arrays
+from dancediff.motion.motion import Motion
 from dancediff.motion.representation import whole_pose
 from dancediff.motion.rotation import axis_angle_to_matrix, matrix_to_axis_angle, rotation_about
 from dancediff.motion.skeleton import SMPL24

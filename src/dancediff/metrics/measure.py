@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 from torch import Tensor
 
+from dancediff.arrays import read_arrays
 from dancediff.data.take import KINDS, DanceTake
 from dancediff.metrics.collision import tif
 from dancediff.metrics.geometric import geometric_features
@@ -26,7 +27,7 @@ from dancediff.metrics.posture import POSTURE
 from dancediff.metrics.rhythm import SMOOTH, beat_alignment
 from dancediff.metrics.swaps import abrupt_swaps, obeys, permutation_kind
 from dancediff.motion.beats import motion_beats
-from dancediff.motion.motion import Motion, read_arrays
+from dancediff.motion.motion import Motion
 
 LONGEST_GMC = 3000  # frames; every one is compared with every other, which takes 0.5 GiB
 SHORTEST_WINDOW = 3  # frames; what an acceleration needs

@@ -1,4 +1,4 @@
-r"""`Motion`: a dance of one or more people, and its file format.
+r"""`Motion`: a dance of one or more people.
 
 Symbols (axes: n dancers · f frames · j joints)
     pose     rotation of each joint relative to its parent   (n, f, j, 3, 3)
@@ -6,31 +6,20 @@ Symbols (axes: n dancers · f frames · j joints)
     contact  foot on the floor, 0..1                         (n, f, 4)
 """
 
-import io
-import json
-import math
-import struct
-import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-import numpy as np
 import torch
 from torch import Tensor
 
-from dancediff.atomic import atomic_write
 from dancediff.motion.contact import foot_contact
+from dancediff.motion.files import files
 from dancediff.motion.representation import pack, spec_named, unpack, whole_pose
-from dancediff.motion.rotation import matrix_to_rot6d, rot6d_to_matrix
 from dancediff.motion.skeleton import SMPL24, Skeleton, forward_kinematics
 
-FORMAT = "dancediff-motion-1"
 TOLD = ("model", "song", "seed", "genre", "kind")  # of a dance's meta, in its one line
 MOST_FPS = 1000.0  # no camera for motion capture is faster; metrics smooth over seconds of frames
-PER_DANCER = (".bvh", ".smpl.npz")
-SUFFIXES = (".npz", ".mp4", ".gif", ".png", ".html", ".glb", *PER_DANCER)
-_PARTS = ("rot6d", "root", "fps", "offsets", "header", "contact")
 
 
 @dataclass(eq=False, repr=False)
@@ -88,9 +77,7 @@ class Motion:
 
     def _repr_mimebundle_(self, include=None, exclude=None) -> dict:
         """What a notebook shows: that line, and a small picture."""
-        from dancediff.viz.still import dance_html
-
-        return {"text/plain": repr(self), "text/html": dance_html(self)}
+        return {"text/plain": repr(self), "text/html": files().picture(self)}
 
     @property
     def people(self) -> str:
@@ -168,45 +155,7 @@ class Motion:
         Raises: ValueError for another suffix, or a body where the format has no choice of one;
         ImportError naming the extra that is missing.
         """
-        path = Path(path)
-        kind = suffix_of(path)
-        if kind not in SUFFIXES:
-            raise ValueError(f"suffix {kind!r} of {path} is unknown; use {' '.join(SUFFIXES)}")
-        if body != "mannequin" and kind != ".glb":
-            raise ValueError(f"body={body!r} goes with .glb only, not with {path}; leave it out")
-        if kind in PER_DANCER:
-            return self._save_dancers(path, kind)
-        if kind == ".npz":
-            with atomic_write(path) as part, part.open("wb") as file:
-                np.savez(file, **npz_arrays(self))
-        elif kind in (".mp4", ".gif"):
-            from dancediff.viz.video import save_video
-
-            save_video(self, path, song=song)
-        elif kind == ".png":
-            from dancediff.viz.plots import save_filmstrip
-
-            save_filmstrip(self, path, song=song)
-        elif kind == ".html":
-            from dancediff.viz.player import save_player
-
-            save_player(self, path, song=song)
-        else:
-            from dancediff.export.gltf import save_glb
-
-            save_glb(self, path, body=body)
-        return path
-
-    def _save_dancers(self, path: Path, kind: str) -> Path:
-        from dancediff.export import bvh, smpl
-
-        write = {".bvh": bvh.save_bvh, ".smpl.npz": smpl.save_smpl}[kind]
-        if self.num_dancers == 1:
-            return write(self, path)
-        numbered = [path.with_suffix(f".{k + 1}{path.suffix}") for k in range(self.num_dancers)]
-        for k, name in enumerate(numbered):
-            write(self.dancer(k), name)
-        return numbered[0]
+        return files().save(self, path, song, body=body)
 
     @classmethod
     def load(cls, path, *more) -> "Motion":
@@ -215,8 +164,7 @@ class Motion:
         Several files, such as those of a group's dancers, are put side by side.
         Raises: FileNotFoundError, or ValueError naming the file when it is no such motion.
         """
-        motions = [_load(Path(name)) for name in (path, *more)]
-        return motions[0] if len(motions) == 1 else cls.side_by_side(motions)
+        return files().load(path, *more)
 
     @classmethod
     def side_by_side(cls, motions: Sequence["Motion"]) -> "Motion":
@@ -246,122 +194,5 @@ class Motion:
         )
 
 
-def suffix_of(path: Path) -> str:
-    """``.smpl.npz`` for SMPL arrays, else what pathlib says.
-
-    >>> suffix_of(Path("dance.smpl.npz")), suffix_of(Path("my.dance.npz"))
-    ('.smpl.npz', '.npz')
-    """
-    two = "".join(path.suffixes[-2:])
-    return two if two in SUFFIXES else path.suffix
-
-
-def _load(path: Path) -> Motion:
-    if path.suffix == ".bvh":
-        from dancediff.export.bvh import load_bvh
-
-        return load_bvh(path)
-    if path.suffix == ".glb":
-        from dancediff.export.gltf import load_glb
-
-        return load_glb(path)
-    return _read_npz(path)
-
-
 def _plain(x: Tensor) -> Tensor:
     return torch.as_tensor(x).detach().to("cpu", torch.float32)
-
-
-def npz_arrays(motion: Motion) -> dict[str, np.ndarray]:
-    """What an .npz of a motion holds, in this order."""
-    arrays = {
-        "rot6d": matrix_to_rot6d(motion.pose).numpy(),
-        "root": motion.root.numpy(),
-        "fps": np.float64(motion.fps),
-        "offsets": motion.skeleton.offsets.numpy(),
-        "header": np.array(
-            json.dumps(
-                {
-                    "format": FORMAT,
-                    "meta": motion.meta,
-                    "names": motion.skeleton.names,
-                    "parents": motion.skeleton.parents,
-                }
-            )
-        ),
-    }
-    if motion.contact is not None:
-        arrays["contact"] = motion.contact.numpy()
-    return arrays
-
-
-def _read_npz(path: Path) -> Motion:
-    try:
-        data = read_arrays(path, (*_PARTS, "poses"))
-        if "poses" in data:
-            from dancediff.export.smpl import load_smpl
-
-            return load_smpl(path)
-        header = json.loads(str(data["header"]))
-        if header.get("format") != FORMAT:
-            raise ValueError(f"format is {header.get('format')!r}, not {FORMAT!r}")
-        if data["rot6d"].shape[3:] != (6,):
-            raise ValueError(f"rot6d has shape {data['rot6d'].shape}; expected (n, f, j, 6)")
-        skeleton = _skeleton(header["names"], header["parents"], data["offsets"])
-        return Motion(
-            pose=rot6d_to_matrix(torch.from_numpy(data["rot6d"])),
-            root=torch.from_numpy(data["root"]),
-            fps=float(data["fps"]),
-            skeleton=SMPL24 if skeleton.names == SMPL24.names else skeleton,
-            contact=torch.from_numpy(data["contact"]) if "contact" in data else None,
-            meta=dict(header["meta"]),
-        )
-    except FileNotFoundError:
-        raise
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, RuntimeError) as err:
-        raise ValueError(
-            f"{path} is no dancediff motion (.npz written by Motion.save): {err}"
-        ) from err
-
-
-def _skeleton(names: list, parents: list, offsets: np.ndarray) -> Skeleton:
-    tree = all(type(p) is int and -1 <= p < j for j, p in enumerate(parents))
-    if not tree or len(names) != len(parents) or offsets.shape != (len(parents), 3):
-        raise ValueError(f"{len(names)} joints with parents {parents} are no tree")
-    return Skeleton(tuple(map(str, names)), tuple(parents), torch.from_numpy(offsets))
-
-
-def read_arrays(path, names: tuple[str, ...] = ()) -> dict[str, np.ndarray]:
-    """The arrays of an uncompressed .npz, all or those with the ``names`` that are there.
-
-    No memory is taken for more than the file holds, whatever its headers promise.
-
-    Raises: FileNotFoundError, or ValueError telling what is broken.
-    """
-    path = Path(path)
-    size = path.stat().st_size
-    try:
-        with zipfile.ZipFile(path) as archive:
-            members = archive.infolist()
-            if sum(max(m.file_size, m.compress_size) for m in members) > size or any(
-                m.compress_type != zipfile.ZIP_STORED for m in members
-            ):
-                raise ValueError("its arrays are compressed, or larger than the file itself")
-            named = {m.filename.removesuffix(".npy"): m for m in members}
-            keys = [name for name in named if name in names] if names else named
-            return {name: _array(archive.read(named[name])) for name in keys}
-    except (OSError, zipfile.BadZipFile, EOFError, SyntaxError, RuntimeError, struct.error) as err:
-        # a broken zip may even ask for a place before the file's first byte (OSError)
-        raise ValueError(f"{type(err).__name__}: {err}") from err
-
-
-def _array(content: bytes) -> np.ndarray:
-    """An array from the bytes of an .npy file."""
-    file = io.BytesIO(content)
-    if np.lib.format.read_magic(file) != (1, 0):
-        raise ValueError("it has an array of another version than 1.0")
-    shape, fortran, dtype = np.lib.format.read_array_header_1_0(file)
-    if dtype.hasobject or math.prod(shape) * dtype.itemsize != len(content) - file.tell():
-        raise ValueError(f"it has an array {shape} of {dtype} that does not fill its place")
-    flat = np.frombuffer(bytearray(content), dtype, offset=file.tell())
-    return flat.reshape(shape, order="F" if fortran else "C")

@@ -9,8 +9,8 @@ import inspect
 import threading
 from html import escape
 
-from dancediff.viz.panels import as_png
 from dancediff.viz.still import as_output, show_with_still
+from dancediff.viz.style import as_png
 
 _WIDE = {"max_width": "100%", "align_self": "flex-start"}  # else a picture is blown up
 

@@ -7,9 +7,7 @@
 No server is needed, and nothing is fetched: the folder can be zipped and sent.
 """
 
-import base64
 import html
-import io
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,6 +19,7 @@ from dancediff.metrics.report import evaluate_dances
 from dancediff.motion.motion import Motion
 from dancediff.viz.player import PAGE, SHOWN, save_player
 from dancediff.viz.plots import filmstrip_page
+from dancediff.viz.style import as_png, data_url
 
 SUFFIXES = (".npz", ".glb", ".bvh")
 
@@ -94,9 +93,7 @@ def _number(value) -> str:
 
 def _strip(motion: Motion) -> str:
     """A filmstrip as a data address."""
-    file = io.BytesIO()
-    filmstrip_page(motion, count=4).savefig(file, format="png", dpi=60)
-    return f"data:image/png;base64,{base64.b64encode(file.getvalue()).decode()}"
+    return data_url(as_png(filmstrip_page(motion, count=4), dpi=60))
 
 
 def _page(title: str, rows: list[str], made: Gallery, song) -> str:

@@ -4,7 +4,6 @@ The functions know nothing of widgets, so that tests and static pages call them 
 `explore` puts sliders on any of them.
 """
 
-import io
 from functools import partial
 
 import numpy as np
@@ -238,10 +237,3 @@ def choice(options, value, label: str):
 
     style = {"description_width": "initial"}
     return widgets.Dropdown(options=list(options), value=value, description=label, style=style)
-
-
-def as_png(figure) -> bytes:
-    """A figure as the bytes of a PNG file."""
-    file = io.BytesIO()
-    figure.savefig(file, format="png")
-    return file.getvalue()

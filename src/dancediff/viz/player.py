@@ -19,6 +19,7 @@ from dancediff.motion.motion import Motion
 from dancediff.motion.skeleton import SMPL24
 from dancediff.viz.mannequin import EGGS, FACE, SKULL, TUBES, steady_quaternions
 from dancediff.viz.palette import BEAT, FLOOR, GRID, MUTED, WALL, dancer_color
+from dancediff.viz.style import data_url
 
 PAGE = Path(__file__).parents[1] / "assets" / "player"
 SHOWN = ("TIF", "BAS", "MMC", "PFC", "FSR", "joint speed")  # metrics that need no reference set
@@ -125,7 +126,7 @@ def _sound(song, seconds: float) -> str:
     part = song.slice(0, min(seconds, song.duration))
     sound = io.BytesIO()
     soundfile.write(sound, part.audio[:, :2], part.rate, format="MP3")
-    return f"data:audio/mpeg;base64,{base64.b64encode(sound.getvalue()).decode()}"
+    return data_url(sound.getvalue(), "audio/mpeg")
 
 
 def _text(array: np.ndarray) -> str:

@@ -7,12 +7,12 @@ Of body="mesh" joints are bones, and one skin beside them follows them all.
 
 import numpy as np
 
-from dancediff.export.skin import body_skin
-from dancediff.export.solids import body_solids, capsule, egg, joined
 from dancediff.motion.motion import Motion
 from dancediff.motion.skeleton import SMPL24, Skeleton
 from dancediff.viz.mannequin import SKULL, lighter, steady_quaternions
 from dancediff.viz.palette import INK, dancer_color
+from dancediff.viz.skin import body_skin
+from dancediff.viz.solids import body_solids, capsule, egg, joined
 
 BODIES = ("mannequin", "stick", "mesh")
 SKIN = "skin"  # its name among the shapes

@@ -10,9 +10,9 @@ import io
 
 import numpy as np
 
-from dancediff.export.skin import rest_joints
 from dancediff.viz.in_page import in_page
 from dancediff.viz.palette import BEAT, MUTED
+from dancediff.viz.skin import rest_joints
 
 SPEEDS = ("0.25", "0.5", "1")
 EDGE = 6  # pixels from the side of the slider to the middle of its handle in frame 0

@@ -4,11 +4,11 @@ A saved notebook keeps the name of a widget, not the widget: opened again, Jupyt
 displaying widget: model not found". With a still the picture is seen in its place, and what to do.
 """
 
-import base64
-import io
 from html import escape
 
 from dancediff.motion.motion import Motion
+from dancediff.viz.plots import plot_filmstrip
+from dancediff.viz.style import as_png, data_url
 
 MOMENTS, DPI = 5, 60  # of the picture of a dance: small, as it is stored with the notebook
 NOTE = "A still picture: run this cell to move the controls."
@@ -27,13 +27,10 @@ def dance_png(motion: Motion, song=None) -> bytes:
     """Some moments of a dance as a small PNG."""
     import matplotlib.pyplot as plt
 
-    from dancediff.viz.plots import plot_filmstrip
-
     figure = plot_filmstrip(motion, count=MOMENTS, song=song).figure
-    file = io.BytesIO()
-    figure.savefig(file, format="png", dpi=DPI)
+    png = as_png(figure, DPI)
     plt.close(figure)
-    return file.getvalue()
+    return png
 
 
 def dance_html(motion: Motion) -> str:
@@ -43,8 +40,7 @@ def dance_html(motion: Motion) -> str:
 
 
 def _image(png: bytes, words: str) -> str:
-    source = base64.b64encode(png).decode()
-    return f'<img src="data:image/png;base64,{source}" alt="{words}" style="max-width:100%">'
+    return f'<img src="{data_url(png)}" alt="{words}" style="max-width:100%">'
 
 
 def still_html(png: bytes, note: str = NOTE) -> str:

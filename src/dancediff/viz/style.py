@@ -1,5 +1,8 @@
 """The look that all figures share: small grey axes, and a finding as the title."""
 
+import base64
+import io
+
 from dancediff.viz.palette import GRID, INK, MUTED
 
 
@@ -28,3 +31,19 @@ def set_title(ax, title: str | None):
     if title:
         ax.set_title(title, loc="left", fontsize=10, color=INK, fontweight="bold")
     return ax
+
+
+def as_png(figure, dpi: float | str = "figure") -> bytes:
+    """A figure as the bytes of a PNG file."""
+    file = io.BytesIO()
+    figure.savefig(file, format="png", dpi=dpi)
+    return file.getvalue()
+
+
+def data_url(content: bytes, kind: str = "image/png") -> str:
+    """Bytes as an address that a page needs no file for.
+
+    >>> data_url(b"png")
+    'data:image/png;base64,cG5n'
+    """
+    return f"data:{kind};base64,{base64.b64encode(content).decode()}"

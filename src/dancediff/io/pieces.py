@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from dancediff.atomic import atomic_write
-from dancediff.motion.motion import Motion, npz_arrays
+from dancediff.io.npz import npz_arrays
+from dancediff.motion.motion import Motion
 
 _ALONG_TIME = ("rot6d", "root", "contact")  # (n, f, ...); the other arrays are those of one piece
 

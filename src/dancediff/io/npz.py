@@ -1,0 +1,89 @@
+r"""All of a `Motion` in one uncompressed .npz.
+
+Symbols (axes: n dancers · f frames · j joints)
+    rot6d    rotations of the joints, six numbers each       (n, f, j, 6)
+    root     pelvis positions, metres, y up                  (n, f, 3)
+    contact  foot on the floor, 0..1; may be missing         (n, f, 4)
+    offsets  of the joints from their parents, metres        (j, 3)
+    header   format, meta, names and parents of the joints   JSON text
+"""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from dancediff.arrays import read_arrays
+from dancediff.atomic import atomic_write
+from dancediff.export.smpl import load_smpl
+from dancediff.motion.motion import Motion
+from dancediff.motion.rotation import matrix_to_rot6d, rot6d_to_matrix
+from dancediff.motion.skeleton import SMPL24, Skeleton
+
+FORMAT = "dancediff-motion-1"
+_PARTS = ("rot6d", "root", "fps", "offsets", "header", "contact")
+
+
+def save_npz(motion: Motion, path: Path) -> None:
+    """Write a dance; the file appears whole or not at all."""
+    with atomic_write(path) as part, part.open("wb") as file:
+        np.savez(file, **npz_arrays(motion))
+
+
+def npz_arrays(motion: Motion) -> dict[str, np.ndarray]:
+    """What an .npz of a motion holds, in this order."""
+    header = {
+        "format": FORMAT,
+        "meta": motion.meta,
+        "names": motion.skeleton.names,
+        "parents": motion.skeleton.parents,
+    }
+    arrays = {
+        "rot6d": matrix_to_rot6d(motion.pose).numpy(),
+        "root": motion.root.numpy(),
+        "fps": np.float64(motion.fps),
+        "offsets": motion.skeleton.offsets.numpy(),
+        "header": np.array(json.dumps(header)),
+    }
+    if motion.contact is not None:
+        arrays["contact"] = motion.contact.numpy()
+    return arrays
+
+
+def load_npz(path: Path) -> Motion:
+    """Read a dance that `save_npz` wrote, or one dancer's SMPL arrays.
+
+    Raises: FileNotFoundError, or ValueError naming the file when it is no such motion.
+    """
+    try:
+        data = read_arrays(path, (*_PARTS, "poses"))
+        if "poses" in data:
+            return load_smpl(path)
+        header = json.loads(str(data["header"]))
+        if header.get("format") != FORMAT:
+            raise ValueError(f"format is {header.get('format')!r}, not {FORMAT!r}")
+        if data["rot6d"].shape[3:] != (6,):
+            raise ValueError(f"rot6d has shape {data['rot6d'].shape}; expected (n, f, j, 6)")
+        skeleton = _skeleton(header["names"], header["parents"], data["offsets"])
+        return Motion(
+            pose=rot6d_to_matrix(torch.from_numpy(data["rot6d"])),
+            root=torch.from_numpy(data["root"]),
+            fps=float(data["fps"]),
+            skeleton=SMPL24 if skeleton.names == SMPL24.names else skeleton,
+            contact=torch.from_numpy(data["contact"]) if "contact" in data else None,
+            meta=dict(header["meta"]),
+        )
+    except FileNotFoundError:
+        raise
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RuntimeError) as err:
+        raise ValueError(
+            f"{path} is no dancediff motion (.npz written by Motion.save): {err}"
+        ) from err
+
+
+def _skeleton(names: list, parents: list, offsets: np.ndarray) -> Skeleton:
+    tree = all(type(p) is int and -1 <= p < j for j, p in enumerate(parents))
+    if not tree or len(names) != len(parents) or offsets.shape != (len(parents), 3):
+        raise ValueError(f"{len(names)} joints with parents {parents} are no tree")
+    return Skeleton(tuple(map(str, names)), tuple(parents), torch.from_numpy(offsets))
