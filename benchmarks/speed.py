@@ -31,7 +31,8 @@ from dancediff.diffusion.guidance import guided
 from dancediff.nn import ssm
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 from dancediff.training import run
-from dancediff.training.loop import TrainConfig, level_weights, make_optimizer, train_step
+from dancediff.training.config import TrainConfig
+from dancediff.training.trainer import Trainer
 
 PARTS = ("start", "features", "group", "paper", "lodge", "training", "scan", "video")
 RECIPE = Path(__file__).parent.parent / "configs" / "tcdiffpp_small.toml"
@@ -201,12 +202,12 @@ def training(args: Args) -> list[dict]:
         run.fit_statistics(model, takes)
         data = Timed(GroupDanceWindows(takes, swaps=0.3, mirror=0.5))
         settings = TrainConfig(**config["train"] | {"steps": 1000, "precision": precision})
-        optimizer = make_optimizer(model, settings)
-        levels = level_weights(model.decoder.precondition.error(model.abar), settings.level_power)
+        trainer = Trainer(model, data, settings)
+        model.train()
         for step in range(WARM_UP + STEPS):
             if step == WARM_UP:
                 data.seconds, data.clips, begun = 0.0, 0, time.perf_counter()
-            train_step(model, model, optimizer, data, step, settings, levels=levels)
+            trainer.step(step)
         took = time.perf_counter() - begun
         rows.append(
             {

@@ -12,8 +12,9 @@ from dancediff.papers.tcdiffpp.losses import LossWeights
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 from dancediff.training.ablation_config import read_ablation
 from dancediff.training.checkpoint import load_checkpoint, save_checkpoint
+from dancediff.training.config import TrainConfig
 from dancediff.training.ema import EMA
-from dancediff.training.loop import TrainConfig, make_optimizer
+from dancediff.training.optimizer import make_optimizer
 from dancediff.training.run import MODELS, read_config
 
 CONFIGS = Path(__file__).parents[2] / "configs"

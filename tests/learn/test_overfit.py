@@ -16,8 +16,9 @@ from dancediff.data.windows import rank_left_to_right
 from dancediff.motion.representation import unpack
 from dancediff.motion.skeleton import forward_kinematics
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
-from dancediff.training.loop import TrainConfig, train
+from dancediff.training.config import TrainConfig
 from dancediff.training.run import fit_statistics
+from dancediff.training.trainer import Trainer
 
 pytestmark = pytest.mark.slow
 
@@ -53,7 +54,7 @@ def learn(song_seeds, folder, **switches):
     frames = torch.cat([take.x.flatten(0, 1) for take in takes + others])
     data.mean_pose = model.normalizer.normalize(frames).mean(0)
     config = TrainConfig(steps=STEPS, lr=6e-3, warmup=10, ema=0.9)
-    trained = train(model, data, config, folder)
+    trained = Trainer(model, data, config, folder).run()
     losses = list(csv.DictReader((folder / "losses.csv").read_text().splitlines()))
     return trained, data, losses
 

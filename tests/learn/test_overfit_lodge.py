@@ -14,10 +14,11 @@ from dancediff.papers.lodge.foot_refine import joints_of
 from dancediff.papers.lodge.local_diffusion import LocalConfig, LocalDenoiser
 from dancediff.papers.lodge.losses import LodgeWeights
 from dancediff.papers.lodge.primitives import at_origin
+from dancediff.training.config import TrainConfig
 from dancediff.training.lodge import fit_stage
 from dancediff.training.lodge_data import SoloWindows, solos_of
-from dancediff.training.lodge_losses import lodge_losses_of
-from dancediff.training.loop import TrainConfig, train
+from dancediff.training.lodge_losses import LodgeObjective
+from dancediff.training.trainer import Trainer
 
 pytestmark = pytest.mark.slow
 
@@ -58,7 +59,8 @@ def learn(solos, folder, *, same_music):
         genre = torch.tensor([0, 0])
     data = FewClips(x, M, genre)
     config = TrainConfig(steps=STEPS, lr=6e-3, warmup=10, ema=0.9, weights=LodgeWeights.local())
-    trained = train(model, data, config, folder, losses=lodge_losses_of())
+    objective = LodgeObjective(model, config)
+    trained = Trainer(model, data, config, folder, objective=objective).run()
     losses = list(csv.DictReader((folder / "losses.csv").read_text().splitlines()))
     mean = torch.cat([model.normalizer.normalize(solo.x) for solo in solos]).mean(0)
     still = (model.normalizer.normalize(x) - mean).square().mean().item()

@@ -22,7 +22,8 @@ from dancediff.papers.tcdiffpp.dancer_positioning import DancerPositioning
 from dancediff.papers.tcdiffpp.footwork_adaptor import ConcatSquashLinear, FootworkAdaptor
 from dancediff.papers.tcdiffpp.long_group_sampling import long_group_sample
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
-from dancediff.training.loop import TrainConfig, losses_of
+from dancediff.training.config import TrainConfig
+from dancediff.training.objective import GroupObjective
 
 SIZES = {"d_model": 16, "num_heads": 2, "num_layers": 1, "ff_dim": 32, "fusion_hidden": 48}
 
@@ -50,7 +51,7 @@ def seen_in_training(model, data):
     """What a training step hands to the network: x_t, M, S."""
     seen = []
     model.register_forward_pre_hook(lambda _, args: seen.append(args))
-    losses_of(model, model, data.batch(0), 0, TrainConfig())
+    GroupObjective(model, TrainConfig()).losses(model, data.batch(0), 0)
     x_t, _, M, S = seen[0]
     return x_t, M, S
 

@@ -18,7 +18,8 @@ from dancediff.papers.tcdiffpp.losses import LossWeights, l_contact, l_dist, l_v
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 from dancediff.training.ablation_config import HeldOut
 from dancediff.training.adan import Adan
-from dancediff.training.loop import TrainConfig, make_optimizer
+from dancediff.training.config import TrainConfig
+from dancediff.training.optimizer import make_optimizer
 
 
 def test_t16_a_misplaced_dancer_costs_the_papers_weight():

@@ -93,12 +93,13 @@ def test_l22_diversity_is_right_where_the_reference_has_it():
 def test_l23_fine_tuning_sees_whole_locals(solos, tmp_path, monkeypatch):
     shapes, started_from = {}, {}
 
-    def train(model, data, config, out, **options):
-        shapes[out.name] = tuple(data.batch(0)[0].shape[1:])
-        started_from[out.name] = model
-        return model
+    class Trainer(lodge.Trainer):
+        def run(self):
+            shapes[self.out.name] = tuple(self.data.batch(0)[0].shape[1:])
+            started_from[self.out.name] = self.model
+            return self.model
 
-    monkeypatch.setattr(lodge, "train", train)
+    monkeypatch.setattr(lodge, "Trainer", Trainer)
     lodge.train_lodge(TABLES, tmp_path, solos=solos)
     assert shapes == {"global": (104, 139), "local": (64, 139), "fine_tune": (64, 139)}
     assert started_from["fine_tune"] is started_from["local"]

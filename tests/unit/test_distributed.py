@@ -9,8 +9,9 @@ import pytest
 import torch
 from safetensors.torch import load_file
 
+from dancediff.training.config import TrainConfig
 from dancediff.training.distributed import World, join_world
-from dancediff.training.loop import TrainConfig, train
+from dancediff.training.trainer import Trainer
 
 ROOT = Path(__file__).parents[2]
 SCRIPT = """
@@ -34,7 +35,7 @@ def run_one(out, accumulate=1):
     data = GroupDanceWindows(takes, num_frames=20, dancers_per_batch=4)
     with join_world() as world:
         config = TrainConfig(steps=3, warmup=0, lr=1e-2, accumulate=accumulate)
-        train(model, data, config, Path(out), world=world)
+        Trainer(model, data, config, Path(out), world=world).run()
 
 
 def test_shares_cover_every_batch_once():

@@ -1,4 +1,5 @@
 import csv
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ from safetensors.torch import load_file
 from dancediff import hub
 from dancediff.data.choreographed import make_choreographed
 from dancediff.diffusion.schedule import cosine_abar
+from dancediff.extensions.level_weights import level_weights
 from dancediff.extensions.metre_unit import FLOOR_UNIT
 from dancediff.motion.mirror import mirror_features
 from dancediff.motion.representation import LODGE, Normalizer
@@ -20,6 +22,7 @@ from dancediff.papers.lodge.losses import LodgeWeights, lodge_losses
 from dancediff.papers.lodge.model import Lodge
 from dancediff.papers.lodge.primitives import LAYOUT, Layout, primitives_of
 from dancediff.training.checkpoint import load_extra
+from dancediff.training.config import TrainConfig
 from dancediff.training.lodge import (
     check_lodge_tables,
     fit_stage,
@@ -27,8 +30,7 @@ from dancediff.training.lodge import (
     train_lodge,
 )
 from dancediff.training.lodge_data import Solo, SoloWindows, prepared_solos, solos_of
-from dancediff.training.lodge_losses import Critic, lodge_losses_of
-from dancediff.training.loop import TrainConfig, level_weights
+from dancediff.training.lodge_losses import Critic, LodgeObjective
 from dancediff.training.run import read_toml, train_from_config
 
 GENRES = ("hiphop", "salsa")
@@ -204,12 +206,9 @@ def test_fine_tuning_sees_clean_borders(solos):
     config = TrainConfig(weights=LodgeWeights.fine_tune())
     batch, seen = windows(solos).batch(0), []
 
-    def forward(x_t, t, M, style, *, keep):
-        seen.append(x_t)
-        return model(x_t, t, M, style, keep=keep)
-
+    model.register_forward_pre_hook(lambda _, args: seen.append(args[0]))
     for clean in (False, True):
-        lodge_losses_of(clean=clean)(forward, model, batch, 0, config)
+        LodgeObjective(model, config, clean=clean).losses(model, batch, 0)
     x_0 = model.normalizer.normalize(batch[0])
     noisy, mixed = seen
     assert torch.equal(mixed[:, :4, 7:], x_0[:, :4, 7:])
@@ -234,7 +233,7 @@ def test_weights_of_levels_scale_every_term():
 def test_levels_count_as_often_as_they_are_drawn_too_rarely(solos):
     """Both stages: a row's weight makes up for the odds of its level."""
     model = LocalDenoiser(LocalConfig(**TINY, num_frames=64, genres=GENRES))
-    data, config = windows(solos), TrainConfig(level_power=0.5, weights=LodgeWeights.local())
+    data, even = windows(solos), TrainConfig(weights=LodgeWeights.local())
     fit_stage(model, data)
     levels = level_weights(model.precondition.error(model.abar), 0.5)
     seen = []
@@ -244,9 +243,13 @@ def test_levels_count_as_often_as_they_are_drawn_too_rarely(solos):
         x = torch.zeros_like(x_t)
         return x, x
 
+    model.forward = forward
     x, M, genre = data.batch(0)
-    one = lodge_losses_of()(forward, model, (x[:1], M[:1], genre[:1]), 0, config, levels)
-    plain = lodge_losses_of()(forward, model, (x[:1], M[:1], genre[:1]), 0, config)
+    batch = x[:1], M[:1], genre[:1]
+    one, plain = (
+        LodgeObjective(model, replace(even, level_power=power)).losses(model, batch, 0)
+        for power in (0.5, 0.0)
+    )
     weight = levels[seen[0]].sqrt() * levels.sqrt().mean()
     assert one["recon"].item() == pytest.approx((weight * plain["recon"]).item(), rel=1e-4)
 
@@ -406,4 +409,4 @@ def test_stages_can_be_trained_one_at_a_time(solos, tmp_path):
         assert torch.equal(model.state_dict()[name], value), name
     (tmp_path / "parts" / "global" / "checkpoint.safetensors").write_bytes(b"damaged")
     with pytest.raises(ValueError, match=r"checkpoint\.safetensors is no checkpoint"):
-        train_lodge(tables, tmp_path / "parts", solos=solos)
+        train_lodge(tables, tmp_path / "parts", solos=solos, overwrite=True)

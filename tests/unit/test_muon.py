@@ -4,9 +4,10 @@ from torch import nn
 
 from dancediff.papers.tcdiffpp.fusion_projection import FusionProjection
 from dancediff.training.checkpoint import load_checkpoint, save_checkpoint
+from dancediff.training.config import TrainConfig
 from dancediff.training.ema import EMA
-from dancediff.training.loop import TrainConfig, make_optimizer
 from dancediff.training.muon import MuonAdamW
+from dancediff.training.optimizer import make_optimizer
 
 
 def network():

@@ -9,8 +9,9 @@ from dancediff.data.corpus import choreographed_takes
 from dancediff.data.windows import GroupDanceWindows
 from dancediff.music.features import CHROMA
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
-from dancediff.training.loop import TrainConfig, train
+from dancediff.training.config import TrainConfig
 from dancediff.training.run import fit_statistics, read_config, take_over, train_from_config
+from dancediff.training.trainer import Trainer
 
 TINY = {
     "d_model": 32,
@@ -41,7 +42,7 @@ def fresh(takes):
 def test_a_stopped_run_goes_on_as_if_nothing_had_happened(takes, tmp_path):
     config = TrainConfig(steps=6, warmup=2, save_every=3)
     model, data = fresh(takes)
-    whole = train(model, data, config, tmp_path / "whole")
+    whole = Trainer(model, data, config, tmp_path / "whole").run()
     model, data = fresh(takes)
 
     class Stop:
@@ -51,9 +52,9 @@ def test_a_stopped_run_goes_on_as_if_nothing_had_happened(takes, tmp_path):
             return data.batch(step)
 
     with pytest.raises(KeyboardInterrupt):
-        train(model, Stop(), config, tmp_path / "parts")
+        Trainer(model, Stop(), config, tmp_path / "parts").run()
     model, data = fresh(takes)  # a new process
-    parts = train(model, data, config, tmp_path / "parts", resume=True)
+    parts = Trainer(model, data, config, tmp_path / "parts", resume=True).run()
     for name, value in whole.state_dict().items():
         assert torch.equal(parts.state_dict()[name], value), name
     last = [logged(tmp_path / k)[-1]["total"] for k in ("whole", "parts")]
@@ -62,9 +63,18 @@ def test_a_stopped_run_goes_on_as_if_nothing_had_happened(takes, tmp_path):
 
 def test_losses_are_logged_by_name(takes, tmp_path):
     model, data = fresh(takes)
-    train(model, data, TrainConfig(steps=2, save_every=2), tmp_path)
+    Trainer(model, data, TrainConfig(steps=2, save_every=2), tmp_path).run()
     rows = logged(tmp_path)
-    assert len(rows) == 2 and {"simple", "vel", "fk", "contact", "dist", "total"} <= set(rows[0])
+    assert len(rows) == 2 and {
+        "simple",
+        "vel",
+        "fk",
+        "contact",
+        "dist",
+        "total",
+        "lr",
+        "gradient",
+    } <= set(rows[0])
     assert not list(tmp_path.glob(".*"))  # no temporary file stays
 
 
@@ -90,7 +100,7 @@ def test_without_chroma_another_harmony_changes_nothing(takes):
 
 def test_bf16_runs(takes, tmp_path):
     model, data = fresh(takes)
-    ema = train(model, data, TrainConfig(steps=2, precision="bf16"), tmp_path)
+    ema = Trainer(model, data, TrainConfig(steps=2, precision="bf16"), tmp_path).run()
     assert all(p.isfinite().all() and p.dtype == torch.float32 for p in ema.parameters())
 
 

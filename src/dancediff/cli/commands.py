@@ -190,6 +190,8 @@ class Train:
     """A model's name or folder to set out from; what it lacks begins untrained."""
     resume: bool = False
     """Go on from the checkpoint in the folder, if there is one."""
+    overwrite: bool = False
+    """Replace the training that the folder holds."""
     device: str = "cpu"
     """Or cuda: one GPU for each process that torchrun or accelerate starts."""
     json: bool = False
@@ -199,6 +201,7 @@ class Train:
         """Train, then save the averaged model in OUT/model."""
         from dancediff import hub
         from dancediff.generation.generate import usable_device
+        from dancediff.training.checkpoint import load_average, read_facts
         from dancediff.training.distributed import join_world
         from dancediff.training.run import train_from_config
 
@@ -209,6 +212,7 @@ class Train:
                 self.config,
                 self.out,
                 resume=self.resume,
+                overwrite=self.overwrite,
                 data=self.data,
                 start=None if self.start is None else hub.load(self.start),
                 world=world,
@@ -220,7 +224,13 @@ class Train:
         dances = "synthetic dances" if self.data is None else f"the takes in {self.data.name}"
         card = f"Trained on {dances} with {self.config.name}:\n\n```toml\n{settings}```\n"
         folder = hub.save_model(model, self.out / "model", card=card)
-        tell(self.json, {"model": folder}, [f"model folder: {folder}"])
+        facts, lines = {"model": folder}, [f"model folder: {folder}"]
+        best = self.out / "best.safetensors"
+        if best.exists():
+            step = read_facts(best)["step"]
+            facts["best"] = hub.save_model(load_average(best, model), self.out / "best", card=card)
+            lines.append(f"the best on validation, after {step} steps: {facts['best']}")
+        tell(self.json, facts, lines)
 
     def preview(self, model, step: int) -> None:
         """Five seconds of the averaged model so far, as a filmstrip in OUT/previews."""

@@ -12,8 +12,8 @@ from dataclasses import asdict, dataclass, field, fields, replace
 from hashlib import sha256
 
 from dancediff.data.corpus import SIZES
+from dancediff.training.config import TrainConfig
 from dancediff.training.lodge import STAGES, check_lodge_tables, is_lodge, stage_config
-from dancediff.training.loop import TrainConfig
 from dancediff.training.run import MODELS, check_tables, read_toml
 from dancediff.training.tables import check_table, kinds_of
 

@@ -1,6 +1,10 @@
 """Checkpoints: everything needed to go on, in one safetensors file that is whole or absent."""
 
 import json
+import signal
+import threading
+import warnings
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import torch
@@ -8,7 +12,114 @@ from safetensors import SafetensorError, safe_open
 from torch import nn
 
 from dancediff.atomic import save_tensors
+from dancediff.training.config import TrainConfig
 from dancediff.training.ema import EMA
+
+NAME = "checkpoint.safetensors"
+_ERRORS = (SafetensorError, OSError, RuntimeError, KeyError, ValueError, TypeError)
+_MAY_CHANGE = {"steps", "save_every", "evaluate_every", "evaluate_batches", "preview_every"}
+
+
+@dataclass
+class Checkpointer:
+    """Writes and reads the checkpoint of one training.
+
+    ``facts`` describe the run, see `facts_of`; a run that goes on compares them with its own.
+    """
+
+    path: Path
+    model: nn.Module
+    ema: EMA
+    optimizer: object
+    facts: dict
+
+    def save(self, step: int, extra: dict[str, torch.Tensor]) -> None:
+        """Write what is needed to go on after ``step`` steps."""
+        save_checkpoint(
+            self.path,
+            model=self.model,
+            ema=self.ema,
+            optimizer=self.optimizer,
+            step=step,
+            config=self.facts,
+            extra=extra,
+        )
+
+    def load(self) -> int:
+        """Put everything back where it came from; returns the number of steps that are done.
+
+        Warns: of other data and of other settings than those the checkpoint was written with.
+        Raises: ValueError for a model or an optimiser that it was not written with.
+        """
+        old = read_facts(self.path)["config"]
+        wrong = _differences(old.get("model", {}), self.facts["model"])
+        if wrong:
+            raise ValueError(
+                f"{self.path} holds another model ({wrong}); use its config, or overwrite it"
+            )
+        mine, before = self.facts["train"], old.get("train", {})
+        changed = _differences(before, mine, without=_MAY_CHANGE)
+        if before.get("optimizer", mine["optimizer"]) != mine["optimizer"]:
+            raise ValueError(f"{self.path} holds another optimizer ({changed}); use its config")
+        if changed:
+            warnings.warn(f"{self.path} was written with other settings: {changed}", stacklevel=3)
+        if old.get("data", self.facts["data"]) != self.facts["data"]:
+            text = f"{self.path} was written in a training on other data; it goes on with yours"
+            warnings.warn(text, stacklevel=3)
+        return load_checkpoint(self.path, model=self.model, ema=self.ema, optimizer=self.optimizer)
+
+
+def facts_of(model: nn.Module, config: TrainConfig, data: str) -> dict:
+    """What a checkpoint says of its training; ``data`` changes with what is learned from."""
+    return json.loads(
+        json.dumps({"train": asdict(config), "model": asdict(model.config), "data": data})
+    )
+
+
+def _differences(old: dict, new: dict, without: set[str] = frozenset()) -> str:
+    changed = [key for key in new if key in old and old[key] != new[key] and key not in without]
+    return ", ".join(f"{key}={old[key]}, here {new[key]}" for key in changed)
+
+
+def check_free(folder: Path, *, resume: bool, overwrite: bool) -> None:
+    """Refuse to train where a checkpoint lies, unless it was said what shall become of it.
+
+    Raises: ValueError naming the folder.
+    """
+    if resume and overwrite:
+        raise ValueError("resume and overwrite exclude each other; choose one")
+    if (folder / NAME).exists() and not resume and not overwrite:
+        raise ValueError(
+            f"{str(folder)!r} holds a training; go on with it (resume), replace it (overwrite) or "
+            "choose another folder"
+        )
+
+
+class Signals:
+    """Requests from outside, answered between two steps: SIGTERM to stop, SIGUSR1 to save.
+
+    Inside the context they only set ``stop`` and ``save``.
+    """
+
+    def __init__(self):
+        self.stop = self.save = False
+        self._before: dict = {}
+
+    def __enter__(self):
+        if threading.current_thread() is threading.main_thread():
+            for name in ("SIGTERM", "SIGUSR1"):
+                if hasattr(signal, name):  # Windows has no SIGUSR1
+                    number = getattr(signal, name)
+                    self._before[number] = signal.signal(number, self._note)
+        return self
+
+    def __exit__(self, *_):
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+
+    def _note(self, number, _frame) -> None:
+        self.save = True
+        self.stop = self.stop or number == signal.SIGTERM
 
 
 def save_checkpoint(
@@ -26,15 +137,16 @@ def save_checkpoint(
     The old file stays until the new one is whole. No random state is kept: a step's randomness
     follows from its number.
     """
-    path = Path(path)
-    tensors = {f"model.{k}": v for k, v in model.state_dict().items()}
-    tensors |= {f"ema.{k}": v for k, v in ema.model.state_dict().items()}
+    tensors = _named("model", model.state_dict()) | _named("ema", ema.model.state_dict())
     for i, state in optimizer.state_dict()["state"].items():
-        tensors |= {f"optimizer.{i}.{k}": torch.as_tensor(v) for k, v in state.items()}
-    tensors |= {f"extra.{k}": v for k, v in (extra or {}).items()}
+        tensors |= _named(f"optimizer.{i}", {k: torch.as_tensor(v) for k, v in state.items()})
     facts = {"step": step, "ema_updates": ema.updates, "config": config}
-    meta = {"facts": json.dumps(facts)}  # one entry: safetensors writes several in any order
-    save_tensors({k: v.detach().contiguous().clone() for k, v in tensors.items()}, path, meta)
+    _write(path, tensors | _named("extra", extra or {}), facts)
+
+
+def save_average(path, model: nn.Module, facts: dict) -> None:
+    """Write averaged weights alone, for `load_average`."""
+    _write(path, _named("ema", model.state_dict()), facts)
 
 
 def load_checkpoint(path, *, model: nn.Module, ema: EMA, optimizer) -> int:
@@ -43,21 +155,31 @@ def load_checkpoint(path, *, model: nn.Module, ema: EMA, optimizer) -> int:
     Raises: ValueError naming the file when it is no checkpoint of this model.
     """
     try:
-        with safe_open(path, "pt") as file:
-            facts = json.loads(file.metadata()["facts"])
-            tensors = {k: file.get_tensor(k) for k in file.keys()}
-        model.load_state_dict(_part(tensors, "model."))
-        ema.model.load_state_dict(_part(tensors, "ema."))
+        facts, tensors = read_facts(path), _read(path)
+        model.load_state_dict(_part(tensors, "model"))
+        ema.model.load_state_dict(_part(tensors, "ema"))
         state: dict = {}
-        for name, value in _part(tensors, "optimizer.").items():
+        for name, value in _part(tensors, "optimizer").items():
             i, key = name.split(".", 1)
             state.setdefault(int(i), {})[key] = value
         groups = optimizer.state_dict()["param_groups"]
         optimizer.load_state_dict({"state": state, "param_groups": groups})
         ema.updates = int(facts["ema_updates"])
         return int(facts["step"])
-    except (SafetensorError, RuntimeError, KeyError, ValueError, TypeError) as err:
-        raise ValueError(f"{path} is no checkpoint of this model: {err}") from err
+    except _ERRORS as err:
+        raise ValueError(f"{path} is no checkpoint of this model: {_short(err)}") from err
+
+
+def read_facts(path) -> dict:
+    """What a checkpoint says of itself.
+
+    Raises: ValueError naming the file when it is no checkpoint.
+    """
+    try:
+        with safe_open(path, "pt") as file:
+            return json.loads(file.metadata()["facts"])
+    except (*_ERRORS, AttributeError) as err:
+        raise ValueError(f"{path} is no checkpoint: {_short(err)}") from err
 
 
 def load_extra(path) -> dict[str, torch.Tensor]:
@@ -66,11 +188,9 @@ def load_extra(path) -> dict[str, torch.Tensor]:
     Raises: ValueError naming the file when it is no checkpoint.
     """
     try:
-        with safe_open(path, "pt") as file:
-            names = [name for name in file.keys() if name.startswith("extra.")]
-            return _part({name: file.get_tensor(name) for name in names}, "extra.")
-    except (SafetensorError, OSError) as err:
-        raise ValueError(f"{path} is no checkpoint: {err}") from err
+        return _part(_read(path, "extra."), "extra")
+    except _ERRORS as err:
+        raise ValueError(f"{path} is no checkpoint: {_short(err)}") from err
 
 
 def load_average(path, model: nn.Module) -> nn.Module:
@@ -79,13 +199,32 @@ def load_average(path, model: nn.Module) -> nn.Module:
     Raises: ValueError naming the file when it is no checkpoint of this model.
     """
     try:
-        with safe_open(path, "pt") as file:
-            tensors = {k: file.get_tensor(k) for k in file.keys() if k.startswith("ema.")}
-        model.load_state_dict(_part(tensors, "ema."))
-    except (SafetensorError, OSError, RuntimeError) as err:
-        raise ValueError(f"{path} is no checkpoint of this model: {err}") from err
+        model.load_state_dict(_part(_read(path, "ema."), "ema"))
+    except _ERRORS as err:
+        raise ValueError(f"{path} is no checkpoint of this model: {_short(err)}") from err
     return model
 
 
+def _write(path, tensors: dict, facts: dict) -> None:
+    meta = {"facts": json.dumps(facts)}  # one entry: safetensors writes several in any order
+    save_tensors({k: v.detach().contiguous().clone() for k, v in tensors.items()}, Path(path), meta)
+
+
+def _read(path, prefix: str = "") -> dict:
+    with safe_open(path, "pt") as file:
+        return {k: file.get_tensor(k) for k in file.keys() if k.startswith(prefix)}
+
+
+def _named(prefix: str, tensors: dict) -> dict:
+    return {f"{prefix}.{k}": v for k, v in tensors.items()}
+
+
 def _part(tensors: dict, prefix: str) -> dict:
-    return {k.removeprefix(prefix): v for k, v in tensors.items() if k.startswith(prefix)}
+    start = f"{prefix}."
+    return {k.removeprefix(start): v for k, v in tensors.items() if k.startswith(start)}
+
+
+def _short(err: Exception, most: int = 200) -> str:
+    """The beginning of an error; PyTorch names every weight that does not fit."""
+    text = " ".join(str(err).split())
+    return text if len(text) <= most else f"{text[:most]} ..."

@@ -61,6 +61,14 @@ class World:
                 p.grad = torch.zeros_like(p) if p.grad is None else p.grad
             self.average([p.grad for p in weights])
 
+    def any(self, flag: bool) -> bool:
+        """Is it so in any process?"""
+        if self.size == 1:
+            return flag
+        mean = torch.tensor([float(flag)], device=self.device)
+        self.average([mean])
+        return mean.item() > 0
+
     def wait(self) -> None:
         """Go on when all processes are here."""
         if self.size > 1:

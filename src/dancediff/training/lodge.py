@@ -26,12 +26,14 @@ from dancediff.papers.lodge.local_diffusion import LocalConfig, LocalDenoiser
 from dancediff.papers.lodge.losses import LodgeWeights
 from dancediff.papers.lodge.model import Lodge, LodgeConfig
 from dancediff.papers.lodge.parallel import layout_of
-from dancediff.training.checkpoint import load_average
+from dancediff.training.checkpoint import NAME, check_free, load_average
+from dancediff.training.config import TrainConfig
 from dancediff.training.distributed import World
+from dancediff.training.evaluator import Evaluator
 from dancediff.training.lodge_data import Solo, SoloWindows, prepared_solos, solos_of
-from dancediff.training.lodge_losses import Critic, lodge_losses_of
-from dancediff.training.loop import TrainConfig, train
+from dancediff.training.lodge_losses import Critic, LodgeObjective
 from dancediff.training.tables import check_all, kinds_of
+from dancediff.training.trainer import Trainer, name_of
 
 STAGES = {
     "global": LodgeWeights.coarse,
@@ -129,6 +131,7 @@ def train_lodge(
     solos: list[Solo] | None = None,
     data=None,
     resume: bool = False,
+    overwrite: bool = False,
     device: str = "cpu",
     world: World | None = None,
     preview: Callable | None = None,
@@ -146,24 +149,29 @@ def train_lodge(
     settings = {stage: stage_config(tables, stage) for stage in STAGES}
     if solos is None:
         solos = _solos(tables["data"], data, sizes.genres)
-    common = {"device": device if world is None else world.device, "resume": resume, "world": world}
     out = Path(out)
+    for stage in (name for name in STAGES if settings[name] is not None):
+        check_free(out / stage, resume=resume, overwrite=overwrite)
     unheard = tables["data"].get("unheard", ())
+    device = device if world is None else world.device
+    options = {"resume": resume, "overwrite": overwrite, "world": world}
 
-    model = _start(GlobalDenoiser, coarse, tables)
+    model = _start(GlobalDenoiser, coarse, tables).to(device)
     windows = _windows(tables, solos, sizes, layout_of(model), batch="global_windows_per_batch")
     fit_stage(model, windows, unheard)
-    first = _run(model, windows, settings["global"], out / "global", lodge_losses_of(), common)
+    objective = LodgeObjective(model, settings["global"])
+    first = _train(objective, windows, out / "global", **options)
 
-    model = _start(LocalDenoiser, sizes.local_stage, tables)
+    model = _start(LocalDenoiser, sizes.local_stage, tables).to(device)
     windows = _windows(tables, solos, sizes)
     fit_stage(model, windows, unheard)
+    show = preview and (lambda made, step: preview(Lodge.of(first, made).eval(), step))
     for stage in ("local", "fine_tune"):
-        critic = _critic(tables, sizes, settings[stage], out / stage, common)
-        losses = lodge_losses_of(clean=stage == "fine_tune", critic=critic)
-        show = preview and (lambda made, step: preview(Lodge.of(first, made).eval(), step))
-        extra = critic and critic.state
-        model = _run(model, windows, settings[stage], out / stage, losses, common, show, extra)
+        critic = _critic(tables, sizes, settings[stage], device, out / stage if resume else None)
+        objective = LodgeObjective(
+            model, settings[stage], clean=stage == "fine_tune", critic=critic
+        )
+        model = _train(objective, windows, out / stage, preview=show, **options)
     return Lodge.of(first, model).eval()
 
 
@@ -201,7 +209,8 @@ def _windows(
     )
 
 
-def _critic(tables, sizes: LodgeConfig, settings, folder: Path, common: dict) -> Critic | None:
+def _critic(tables, sizes: LodgeConfig, settings, device, kept: Path | None) -> Critic | None:
+    """The discriminator, as it was left in the folder ``kept``, if the config has one."""
     if "discriminator" not in tables or settings is None:
         return None
     fixed = {"num_frames": sizes.num_frames, "genres": sizes.genres}
@@ -209,26 +218,27 @@ def _critic(tables, sizes: LodgeConfig, settings, folder: Path, common: dict) ->
         DiscriminatorConfig(**fixed | tables["discriminator"]),
         lr=settings.lr,
         weight=settings.weights.critic,
-        checkpoint=folder / "checkpoint.safetensors" if common["resume"] else None,
-        device=common["device"],
+        checkpoint=kept and kept / NAME,
+        device=device,
     )
 
 
-def _run(model, windows, settings, folder: Path, losses, common: dict, preview=None, extra=None):
+def _train(objective: LodgeObjective, windows, folder: Path, *, preview=None, **options):
     """Train one stage; returns the averaged model, ready to be trained on."""
-    model = model.to(common["device"])
+    model, settings = objective.model, objective.config
     if settings is None:
-        kept = folder / "checkpoint.safetensors"
+        kept = folder / NAME
         return load_average(kept, model) if kept.exists() else model
-    averaged = train(
+    show = Evaluator(None, settings, preview)
+    name = name_of(windows.solos, {})
+    trainer = Trainer(
         model,
         windows,
         settings,
         folder,
-        resume=common["resume"],
-        world=common["world"],
-        preview=preview,
-        losses=losses,
-        extra=extra,
+        objective=objective,
+        evaluator=show,
+        data_name=name,
+        **options,
     )
-    return averaged.requires_grad_(True)
+    return trainer.run().requires_grad_(True)

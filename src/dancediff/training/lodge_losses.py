@@ -1,6 +1,6 @@
 r"""What Lodge's stages do with a batch in the training loop, and the discriminator beside them.
 
-Read first: notebook 12 · Lodge section 3.4 · `dancediff.training.loop`.
+Read first: notebook 12 · Lodge section 3.4 · `dancediff.training.objective`.
 
 Symbols (axes: b batch · f frames · d = 139 motion features)
     x_0, x_hat   true and made motion, normalised     (b, f, d)
@@ -8,7 +8,6 @@ Symbols (axes: b batch · f frames · d = 139 motion features)
     D            the discriminator, whose logits say "real"
 """
 
-from collections.abc import Callable
 from pathlib import Path
 
 import torch
@@ -19,44 +18,51 @@ from dancediff.papers.lodge.genre_discriminator import DiscriminatorConfig, Genr
 from dancediff.papers.lodge.global_diffusion import GlobalDenoiser
 from dancediff.papers.lodge.losses import l_critic, l_diversity, l_focus, l_genre, lodge_losses
 from dancediff.training.checkpoint import load_extra
-from dancediff.training.noise import noised, settled, to_network
+from dancediff.training.objective import Objective
 
 
-def lodge_losses_of(*, clean: bool = False, critic: "Critic | None" = None) -> Callable:
-    """The ``losses`` of `dancediff.training.loop.train` for a stage of Lodge.
+class LodgeObjective(Objective):
+    """The losses of a stage of Lodge.
 
     ``clean``: fine-tuning, with clean borders (eq. 10).  ``critic``: adds its terms (eq. 9).
     """
 
-    def losses_of(forward, model, batch, number, config, levels=None) -> dict:
-        x_0, M, genre = to_network(model, batch)
-        x_t, t, keep, weight, g = noised(model, x_0, number, config, levels)
-        x_t = clean_borders(x_t, x_0) if clean else x_t
-        style, z = style_of(model, genre, g)
-        with settled(model, number, config):
-            guess = forward(x_t, t, M, style, keep=keep)
+    def __init__(self, model, config, *, clean: bool = False, critic: "Critic | None" = None):
+        super().__init__(model, config)
+        self.clean, self.critic = clean, critic
+
+    def state(self) -> dict[str, Tensor]:
+        """Weights and moments of the discriminator, if there is one."""
+        return {} if self.critic is None else self.critic.state()
+
+    def losses(self, model, batch, number: int) -> dict[str, Tensor]:
+        """All terms of a batch (x, M, genre) by name, and their weighted sum "total"."""
+        x_0, M, genre = self.to_network(batch)
+        noised = self.noised(x_0, number)
+        x_t = clean_borders(noised.x_t, x_0) if self.clean else noised.x_t
+        style, z = style_of(model, genre, noised.generator)
+        with self.deterministic_autocast(number):
+            guess = model(x_t, noised.t, M, style, keep=noised.keep)
         x_raw, x_hat = guess if isinstance(guess, tuple) else (None, guess)
         x_raw, x_hat = (None if x is None else x.float() for x in (x_raw, x_hat))
-        apart = model.clips if isinstance(model, GlobalDenoiser) else lambda x: x
+        clips = model.clips if isinstance(model, GlobalDenoiser) else lambda x: x
         terms = lodge_losses(
-            apart(x_hat),
-            apart(x_0),
+            clips(x_hat),
+            clips(x_0),
             model.normalizer,
-            weights=config.weights,
-            x_raw=None if x_raw is None else apart(x_raw),
-            weight=weight,
+            weights=self.config.weights,
+            x_raw=None if x_raw is None else clips(x_raw),
+            weight=noised.weight,
         )
-        if critic is not None:
-            added = critic.terms(x_hat, x_0, M, genre, number, g)
+        if self.critic is not None and model.training:
+            added = self.critic.terms(x_hat, x_0, M, genre, number, noised.generator)
             if z is not None:
-                other, other_z = style_of(model, genre, g)
+                other, other_z = style_of(model, genre, noised.generator)
                 added["diversity"] = l_diversity(z, other_z, style, other)
-            weights = {name: getattr(config.weights, name) for name in added if name != "critic"}
+            weights = {k: getattr(self.config.weights, k) for k in added if k != "critic"}
             terms["total"] = terms["total"] + sum(w * added[k] for k, w in weights.items())
             terms |= added
         return terms
-
-    return losses_of
 
 
 def style_of(model, genre: Tensor, g: torch.Generator) -> tuple[Tensor | None, Tensor | None]:

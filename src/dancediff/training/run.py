@@ -1,6 +1,7 @@
 r"""From a TOML file to a trained model: what ``dancediff train`` runs."""
 
 import tomllib
+import warnings
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
@@ -17,10 +18,12 @@ from dancediff.music.features import MusicNormalizer
 from dancediff.papers.edge.model import EDGE, EDGEConfig, solo_takes
 from dancediff.papers.tcdiffpp.losses import LossWeights
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
-from dancediff.training.distributed import World
+from dancediff.training.checkpoint import check_free
+from dancediff.training.config import TrainConfig
+from dancediff.training.evaluator import Evaluator
 from dancediff.training.lodge import is_lodge, train_lodge
-from dancediff.training.loop import TrainConfig, train
 from dancediff.training.tables import check_all, kinds_of
+from dancediff.training.trainer import Trainer, name_of
 
 MODELS = {"TCDiffPP": (TCDiffPP, TCDiffPPConfig), "EDGE": (EDGE, EDGEConfig)}
 _CORPUS = {
@@ -179,23 +182,22 @@ def train_from_config(
     path,
     out,
     *,
-    resume: bool = False,
     takes: list[Take] | None = None,
     data=None,
     start: nn.Module | None = None,
-    device: str = "cpu",
-    world: World | None = None,
     preview: Callable | None = None,
+    **options,
 ):
-    """Make or read the data, build the model, train it on ``device``; returns the averaged model.
+    """Make or read the data, build the model, train it; returns the averaged model.
 
-    ``world`` and ``preview``: see `dancediff.training.loop.train`; a world brings its own device.
-
-    ``data``, else ``folder`` in the config, is a prepared folder whose training split replaces the
-    choreographed corpus; ``takes`` does so directly. With ``class = "Lodge"`` all of it is up to
-    `dancediff.training.lodge.train_lodge`, and ``takes`` are of its class `Solo`.
-
-    ``start``: a trained model to set out from, see `take_over`; not for Lodge.
+    - ``data``, else ``folder`` in the config: a prepared folder, whose training split replaces the
+      choreographed corpus and whose validation split is evaluated on; ``takes`` does so directly.
+      With ``class = "Lodge"`` all of it is up to `dancediff.training.lodge.train_lodge`, and
+      ``takes`` are of its class `Solo`.
+    - ``start``: a trained model to set out from, see `take_over`; not for Lodge.
+    - ``preview(model, step)``: see `dancediff.training.evaluator`.
+    - ``options``: ``device``, or a ``world`` that brings its own; ``resume``, ``overwrite``: see
+      `dancediff.training.trainer.Trainer`.
 
     Raises: ValueError for a bad config or folder.
     """
@@ -203,35 +205,69 @@ def train_from_config(
     if is_lodge(raw):
         if start is not None:
             raise ValueError("start is not for Lodge, whose stages are trained one after the other")
-        options = {"device": device, "world": world, "preview": preview, "resume": resume}
-        return train_lodge(raw, out, source=repr(str(path)), solos=takes, data=data, **options)
+        source = repr(str(path))
+        return train_lodge(
+            raw, out, source=source, solos=takes, data=data, preview=preview, **options
+        )
     config = check_tables(raw, repr(str(path)))
     settings = TrainConfig(**config["train"], weights=LossWeights(**config["weights"]))
     model_class, config_class = MODELS[config["model"].pop("class", "TCDiffPP")]
     sizes = config_class(**config["model"])
-    corpus = {"songs": 100, "first_seed": 0, "seconds": 30.0, "workers": 2} | config["data"]
-    data = data or corpus.get("folder")
-    if takes is None and data is not None:
-        takes = prepared_takes(
-            data, num_frames=sizes.num_frames, max_dancers=getattr(sizes, "max_dancers", 5)
-        )
-    elif takes is None:
-        seeds = range(corpus["first_seed"], corpus["first_seed"] + corpus["songs"])
-        takes = choreographed_corpus(
-            list(seeds), seconds=corpus["seconds"], workers=corpus["workers"]
-        )
+    check_free(
+        Path(out), resume=options.get("resume", False), overwrite=options.get("overwrite", False)
+    )
+    validation = None
+    if takes is None:
+        takes, validation = _takes(config["data"], data, sizes, settings)
     torch.manual_seed(settings.seed)
     model = model_class(sizes)
     if isinstance(model, EDGE):
-        takes = solo_takes(takes)
+        takes, validation = solo_takes(takes), validation and solo_takes(validation)
+    corpus = config["data"]
     fit_statistics(model, takes, corpus.get("captured"), start, corpus.get("unheard", ()))
     if start is not None:
         take_over(model, start)
-    windows = GroupDanceWindows(
-        takes,
-        num_frames=model.config.num_frames,
-        seed=settings.seed,
-        **{key: value for key, value in corpus.items() if key in _WINDOWS},
-    )
+    windows = _windows(takes, sizes, settings, corpus)
+    held_out = _windows(validation, sizes, settings, corpus) if validation else None
+    device = options.pop("device", "cpu")
+    world = options.get("world")
     model.to(device if world is None else world.device)
-    return train(model, windows, settings, out, resume=resume, world=world, preview=preview)
+    return Trainer(
+        model,
+        windows,
+        settings,
+        out,
+        evaluator=Evaluator(held_out, settings, preview),
+        data_name=name_of(takes, corpus),
+        **options,
+    ).run()
+
+
+def _takes(corpus: dict, folder, sizes, settings: TrainConfig) -> tuple[list[Take], list[Take]]:
+    """Takes to learn from, and takes to evaluate on where that is wanted."""
+    evaluates = settings.evaluate_every > 0
+    if folder := folder or corpus.get("folder"):
+        limits = {
+            "num_frames": sizes.num_frames,
+            "max_dancers": getattr(sizes, "max_dancers", 5),
+        }
+        held_out = PackedTakes(folder, "val").takes(**limits) if evaluates else []
+        if evaluates and not held_out:
+            warnings.warn(
+                f"{str(folder)!r} has no take to evaluate on; prepare more data, or "
+                "leave evaluate_every out",
+                stacklevel=3,
+            )
+        return prepared_takes(folder, **limits), held_out
+    first, songs = corpus.get("first_seed", 0), corpus.get("songs", 100)
+    options = {"seconds": corpus.get("seconds", 30.0), "workers": corpus.get("workers", 2)}
+    others = range(first + songs, first + songs + max(2, songs // 10)) if evaluates else ()
+    return (
+        choreographed_corpus(list(range(first, first + songs)), **options),
+        choreographed_corpus(list(others), **options),
+    )
+
+
+def _windows(takes: list[Take], sizes, settings: TrainConfig, corpus: dict) -> GroupDanceWindows:
+    options = {key: value for key, value in corpus.items() if key in _WINDOWS}
+    return GroupDanceWindows(takes, num_frames=sizes.num_frames, seed=settings.seed, **options)

@@ -198,7 +198,7 @@ def lodge_losses(
     taken on x_hat. A term of weight 0 is reported and costs no backward pass.
 
     Shapes: (..., f, d) normalised; weight (b,) of each row in every term, see
-    `dancediff.training.loop.level_weights` -> dict of scalars.
+    `dancediff.extensions.level_weights` -> dict of scalars.
 
     >>> norm = Normalizer(-torch.ones(139), torch.ones(139))
     >>> x = torch.rand(2, 8, 139)

@@ -174,7 +174,7 @@ def tcdiffpp_losses(
 
     Shapes: x_raw, x_hat, x_0 (b, n, f, d) normalised; joints_0 (b, n, f, j, 3) metres, if the true
     joints are known already; weight (b,) of each group in every term, see
-    `dancediff.training.loop.level_weights` -> dict of scalars.
+    `dancediff.extensions.level_weights` -> dict of scalars.
 
     >>> norm = Normalizer(-torch.ones(151), torch.ones(151))
     >>> x = torch.rand(1, 2, 8, 151)

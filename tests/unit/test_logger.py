@@ -2,18 +2,18 @@
 
 import pytest
 
-from dancediff.training.loss_log import LossLog
+from dancediff.training.logger import Logger
 
 
 @pytest.mark.parametrize("cut", ["1", "12,", "12,0.1,0.", "5,0.0,", "12,0.0,0.5"])
 def test_half_a_line_is_forgotten(tmp_path, cut):
     path = tmp_path / "losses.csv"
-    with LossLog(path) as log:
+    with Logger(path) as log:
         for step in range(12):
             log.write(step, {"total": 0.5})
     with path.open("a") as file:
         file.write(cut)
-    with LossLog(path, 12) as log:
+    with Logger(path, 12) as log:
         log.write(12, {"total": 0.25})
     header, *rows = path.read_text().splitlines()
     assert header == "step,seconds,total"
@@ -25,7 +25,7 @@ def test_half_a_line_is_forgotten(tmp_path, cut):
 def test_there_is_never_an_empty_log(tmp_path, first):
     """A kill -9 within the first step, which takes seconds, left a file of 0 bytes."""
     path = tmp_path / "losses.csv"
-    with LossLog(path, first) as log:
+    with Logger(path, first) as log:
         log.flush()
         assert not path.exists()  # nor a hidden one, to be swept
         assert list(tmp_path.glob(".*")) == []
@@ -37,7 +37,7 @@ def test_there_is_never_an_empty_log(tmp_path, first):
 def test_a_new_training_leaves_the_old_log_until_its_first_checkpoint(tmp_path):
     path = tmp_path / "losses.csv"
     path.write_text("step,seconds,total\n0,0.1,9\n")
-    with LossLog(path) as log:
+    with Logger(path) as log:
         log.write(0, {"total": 0.5})
         assert path.read_text().endswith("0,0.1,9\n")  # a kill now would lose nothing
         log.flush()

@@ -1,4 +1,5 @@
 import csv
+import signal
 from dataclasses import dataclass
 from types import SimpleNamespace
 
@@ -7,20 +8,17 @@ import torch
 from torch import nn
 
 from dancediff.diffusion.schedule import cosine_abar
+from dancediff.extensions.level_weights import level_weights
 from dancediff.motion.representation import Normalizer
 from dancediff.papers.tcdiffpp.fusion_projection import FusionProjection
-from dancediff.training import loop, loss_log
-from dancediff.training.distributed import World
-from dancediff.training.loop import (
-    TrainConfig,
-    level_weights,
-    losses_of,
-    make_optimizer,
-    schedule_step,
-    train,
-    train_step,
-)
-from dancediff.training.loss_log import LossLog
+from dancediff.training import objective
+from dancediff.training.checkpoint import load_average, read_facts
+from dancediff.training.config import TrainConfig
+from dancediff.training.evaluator import Evaluator
+from dancediff.training.logger import Logger
+from dancediff.training.objective import GroupObjective
+from dancediff.training.optimizer import make_optimizer
+from dancediff.training.trainer import Trainer
 
 
 @dataclass
@@ -61,6 +59,10 @@ class Data:
         return x, torch.zeros(self.b, 5, 35), torch.arange(2).expand(self.b, 2)
 
 
+def train(*args, **options):
+    return Trainer(*args, **options).run()
+
+
 def rows(folder):
     return list(csv.DictReader((folder / "losses.csv").read_text().splitlines()))
 
@@ -88,7 +90,7 @@ def test_log_has_every_step_once_after_a_stop(tmp_path):
 
 def test_a_new_run_replaces_an_old_log(tmp_path):
     for _ in range(2):
-        train(Toy(), Data(), TrainConfig(steps=3), tmp_path)
+        train(Toy(), Data(), TrainConfig(steps=3), tmp_path, overwrite=True)
     assert len(rows(tmp_path)) == 3
 
 
@@ -100,8 +102,7 @@ def test_what_a_killed_run_left_is_removed(tmp_path):
 
 def test_log_survives_a_half_written_line(tmp_path):
     (tmp_path / "losses.csv").write_text("step,seconds,total\n0,1.5,9\n1,2.5,8\n2,3.5,7\n3,")
-    with LossLog(tmp_path / "losses.csv", first=2) as log:
-        assert log.seconds >= 2.5
+    with Logger(tmp_path / "losses.csv", first=2) as log:
         log.write(2, {"total": 6.0})
     assert [row["total"] for row in rows(tmp_path)] == ["9", "8", "6"]
 
@@ -121,40 +122,13 @@ def test_a_run_can_be_prolonged(tmp_path):
     assert data.asked == [3, 4]
 
 
-def test_time_budget_ends_the_run_and_keeps_it(tmp_path, monkeypatch):
-    clock = iter(range(0, 10_000, 6))  # every look at the clock takes six seconds
-    monkeypatch.setattr(loss_log.time, "monotonic", lambda: float(next(clock)))
-    data = Data()
-    train(Toy(), data, TrainConfig(steps=1000, max_minutes=1), tmp_path)
-    assert 2 <= len(data.asked) < 12
-    assert len(rows(tmp_path)) == len(data.asked)
-    more = Data()
-    train(Toy(), more, TrainConfig(steps=1000, max_minutes=1), tmp_path, resume=True)
-    assert len(more.asked) <= 1  # the time of the first run counts
-
-
-def test_a_time_budget_is_for_one_process(tmp_path):
-    config = TrainConfig(steps=10, max_minutes=1)
-    with pytest.raises(ValueError, match=r"max_minutes=1 is for one process: each of 2"):
-        train(Toy(), Data(), config, tmp_path / "run", world=World(rank=1, size=2))
-    assert not (tmp_path / "run").exists()
-
-
-def test_clock_only_ever_hurries_the_schedule():
-    config = TrainConfig(steps=100, max_minutes=10)
-    assert schedule_step(80, 60.0, config) == 80
-    assert schedule_step(0, 600.0, config) == 100
-    assert schedule_step(80, 1e9, TrainConfig(steps=100)) == 80
-
-
 def test_step_is_repeatable_and_leaves_global_randomness_alone():
     config, results = TrainConfig(warmup=0), []
     for seed in (1, 2):
         torch.manual_seed(seed)
         state = torch.get_rng_state()
         model = Toy()
-        optimizer = torch.optim.AdamW(model.parameters(), lr=1e-3)
-        terms = train_step(model, model, optimizer, Data(), 4, config)
+        terms = Trainer(model, Data(), config).step(4)
         assert torch.equal(torch.get_rng_state(), state)
         results.append((terms["total"], model.gain.item()))
     assert results[0] == results[1]
@@ -162,9 +136,9 @@ def test_step_is_repeatable_and_leaves_global_randomness_alone():
 
 def test_noise_strength_and_dropped_music_are_drawn_per_group():
     model, config = Toy(), TrainConfig(warmup=0)
-    optimizer = torch.optim.AdamW(model.parameters(), lr=1e-3)
+    trainer = Trainer(model, Data(b=64), config)
     for step in range(8):
-        train_step(model, model, optimizer, Data(b=64), step, config)
+        trainer.step(step)
     t, keep = (torch.cat(part) for part in zip(*model.heard, strict=True))
     assert t.shape == (512,) and 0 <= t.min() < 20 and 980 < t.max() <= 999
     assert abs(t.float().mean() - 499.5) < 3 * 289 / 512**0.5  # uniform: mean 499.5, std 289
@@ -189,10 +163,11 @@ def test_fusion_projection_takes_smaller_steps():
 
 
 def test_gradient_is_clipped():
-    model, config = Toy(), TrainConfig(warmup=0, clip=1e-3)
-    optimizer = torch.optim.SGD(model.parameters(), lr=1.0)
+    model, config = Toy(), TrainConfig(warmup=0, clip=1e-3, lr=1.0)
     before = model.gain.item()
-    train_step(model, model, optimizer, Data(), 0, config, lr=1.0)
+    trainer = Trainer(model, Data(), config)
+    trainer.optimizer = torch.optim.SGD(model.parameters(), lr=1.0)
+    assert trainer.step(0)["gradient"] > 1e-3  # the log has it as it was
     assert abs(model.gain.item() - before) == pytest.approx(1e-3, rel=1e-2)
 
 
@@ -216,7 +191,14 @@ def test_broken_numbers_stop_the_run_before_they_spread(tmp_path):
         {"ema": 1.0},
         {"clip": 0.0},
         {"save_every": 0},
-        {"max_minutes": 0.0},
+        {"warmup": -1},
+        {"preview_every": -1},
+        {"evaluate_every": -1},
+        {"evaluate_batches": 0},
+        {"weight_decay": -0.1},
+        {"seed": -1},
+        {"seed": 10**30},
+        {"lr": float("nan")},
     ],
 )
 def test_wrong_settings_are_named(wrong):
@@ -230,10 +212,9 @@ def test_accumulation_is_the_mean_of_its_batches(tmp_path):
     gradients = []
     for numbers in ([6], [7], [6, 7]):
         model = Toy()
-        optimizer = torch.optim.SGD(model.parameters(), lr=0.0)
         config = TrainConfig(warmup=0, clip=1e9, accumulate=len(numbers))
         data = Data()
-        train_step(model, model, optimizer, data, numbers[0] // len(numbers), config, lr=0.0)
+        Trainer(model, data, config).step(numbers[0] // len(numbers))
         assert data.asked == numbers
         gradients.append(model.gain.grad.item())
     assert gradients[2] == pytest.approx((gradients[0] + gradients[1]) / 2, rel=1e-5)
@@ -243,9 +224,8 @@ def test_previews_see_the_averaged_model_at_their_steps(tmp_path):
     seen = []
     config = TrainConfig(steps=7, warmup=0, preview_every=3)
     model = Toy()
-    averaged = train(
-        model, Data(), config, tmp_path, preview=lambda m, step: seen.append((step, m.gain.item()))
-    )
+    evaluator = Evaluator(None, config, lambda m, step: seen.append((step, m.gain.item())))
+    averaged = train(model, Data(), config, tmp_path, evaluator=evaluator)
     assert [step for step, _ in seen] == [3, 6]
     assert seen[0][1] != model.gain.item() and averaged is not model
 
@@ -260,9 +240,11 @@ def test_heavy_levels_are_drawn_more_often_and_count_as_much_as_they_should():
         return {"total": weight.sum()}
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(loop, "tcdiffpp_losses", note)
+        patch.setattr(objective, "tcdiffpp_losses", note)
+        patch.setattr(GroupObjective, "level_weights", weights)
+        wanted = GroupObjective(model, TrainConfig())
         for number in range(200):
-            losses_of(model, model, Data(b=64).batch(number), number, TrainConfig(), weights)
+            wanted.losses(model, Data(b=64).batch(number), number)
     t, counted = torch.cat([t for t, _ in model.heard]), torch.cat(counted)
     low, odds = t < 100, weights.sqrt() / weights.sqrt().sum()
     assert low.float().mean().item() == pytest.approx(odds[:100].sum().item(), abs=0.02)
@@ -273,7 +255,7 @@ def test_heavy_levels_are_drawn_more_often_and_count_as_much_as_they_should():
 
 
 def test_level_power_needs_preconditioning(tmp_path):
-    with pytest.raises(ValueError, match=r"level_power=0.5 needs a model with precondition=True"):
+    with pytest.raises(ValueError, match=r"level_power=0.5 needs a model with preconditioning"):
         train(Toy(), Data(), TrainConfig(steps=1, level_power=0.5), tmp_path)
 
 
@@ -284,3 +266,100 @@ def test_level_power_goes_from_all_alike_to_all_missed_alike():
     torch.testing.assert_close(missed, error.mean().expand(3))
     with pytest.raises(ValueError, match=r"level_power=1\.5"):
         TrainConfig(level_power=1.5)
+
+
+# ---- folders, signals, validation ----
+
+
+def test_a_training_is_not_overwritten_by_accident(tmp_path):
+    train(Toy(), Data(), TrainConfig(steps=3), tmp_path)
+    with pytest.raises(ValueError, match=r"holds a training; go on with it \(resume\)"):
+        train(Toy(), Data(), TrainConfig(steps=3), tmp_path)
+    with pytest.raises(ValueError, match="exclude each other"):
+        train(Toy(), Data(), TrainConfig(steps=3), tmp_path, resume=True, overwrite=True)
+    assert len(rows(tmp_path)) == 3
+
+
+def test_going_on_with_other_data_or_settings_is_said(tmp_path):
+    train(Toy(), Data(), TrainConfig(steps=2), tmp_path, data_name="salsa")
+    with pytest.warns(UserWarning, match="in a training on other data"):
+        train(Toy(), Data(), TrainConfig(steps=3), tmp_path, resume=True, data_name="waltz")
+    with pytest.warns(UserWarning, match=r"with other settings: lr=0\.001, here 0\.01$"):
+        train(
+            Toy(), Data(), TrainConfig(steps=4, lr=1e-2), tmp_path, resume=True, data_name="waltz"
+        )
+
+
+def test_another_model_or_optimizer_is_refused_in_one_line(tmp_path):
+    train(Toy(), Data(), TrainConfig(steps=2), tmp_path)
+    other = Toy()
+    other.config = ToyConfig(cond_drop=0.5)
+    with pytest.raises(ValueError, match=r"another model \(cond_drop=0\.25, here 0\.5\)"):
+        train(other, Data(), TrainConfig(steps=2), tmp_path, resume=True)
+    with pytest.raises(ValueError, match=r"another optimizer \(optimizer=adamw, here muon\)"):
+        train(Toy(), Data(), TrainConfig(steps=2, optimizer="muon"), tmp_path, resume=True)
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGUSR1"), reason="signals of Unix")
+def test_signals_are_answered_between_steps(tmp_path):
+    """SIGUSR1 writes a checkpoint and goes on; SIGTERM writes one and ends the process."""
+    handlers = [signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGUSR1)]
+
+    class Told(Data):
+        def batch(self, number):
+            if number in (2, 4):
+                signal.raise_signal(signal.SIGUSR1 if number == 2 else signal.SIGTERM)
+            if number == 3:
+                assert read_facts(tmp_path / "checkpoint.safetensors")["step"] == 3
+            return super().batch(number)
+
+    data = Told()
+    with pytest.raises(SystemExit) as stop:
+        train(Toy(), data, TrainConfig(steps=9), tmp_path)
+    assert stop.value.code == 143 and data.asked == [0, 1, 2, 3, 4]
+    assert [signal.getsignal(n) for n in (signal.SIGTERM, signal.SIGUSR1)] == handlers
+    data = Data()
+    stopped = train(Toy(), data, TrainConfig(steps=9), tmp_path, resume=True)
+    assert data.asked == [5, 6, 7, 8] and len(rows(tmp_path)) == 9
+    assert torch.equal(stopped.gain, train(Toy(), Data(), TrainConfig(steps=9)).gain)
+
+
+def test_validation_on_fixed_windows_keeps_the_best(tmp_path):
+    """The loss of the averaged model; a worse one later does not replace the best."""
+    config = TrainConfig(steps=6, warmup=0, lr=0.05, evaluate_every=2, evaluate_batches=3)
+    held_out = Data()
+    evaluator = Evaluator(held_out, config)
+    averaged = train(Toy(), Data(), config, tmp_path, evaluator=evaluator)
+    assert held_out.asked == [0, 1, 2] * 3
+    losses = [row["validation"] for row in rows(tmp_path)]
+    assert losses[0] == losses[2] == "" and float(losses[5]) > 0
+    again = evaluator.validation_loss(averaged, GroupObjective(averaged, config))
+    assert float(losses[5]) == pytest.approx(again, rel=1e-5)
+    best = min(float(loss) for loss in losses if loss)
+    facts = read_facts(tmp_path / "best.safetensors")
+    assert facts["validation"] == pytest.approx(best, rel=1e-5)
+    evaluator.keep_best(Toy(), best + 1, 8, tmp_path)
+    assert read_facts(tmp_path / "best.safetensors") == facts
+    evaluator.keep_best(Toy(), best - 0.1, 8, tmp_path)
+    assert load_average(tmp_path / "best.safetensors", averaged).gain == 0.5
+
+
+def test_validation_does_not_change_the_training(tmp_path):
+    plain = train(Toy(), Data(), TrainConfig(steps=5))
+    config = TrainConfig(steps=5, evaluate_every=1)
+    assert torch.equal(
+        train(Toy(), Data(), config, evaluator=Evaluator(Data(), config)).gain, plain.gain
+    )
+
+
+def test_the_log_has_the_learning_rate(tmp_path):
+    train(Toy(), Data(), TrainConfig(steps=4, warmup=2, lr=0.1, decay=0.0), tmp_path)
+    assert [float(row["lr"]) for row in rows(tmp_path)] == [0.05, 0.1, 0.1, 0.1]
+    assert all(float(row["gradient"]) > 0 for row in rows(tmp_path))
+
+
+def test_an_old_log_gets_new_columns(tmp_path):
+    (tmp_path / "losses.csv").write_text("step,seconds,total\n0,1.5,9\n1,2.5,8\n")
+    with Logger(tmp_path / "losses.csv", first=2) as log:
+        log.write(2, {"total": 6.0, "lr": 0.1})
+    assert [row["lr"] for row in rows(tmp_path)] == ["", "", "0.1"]

@@ -1,0 +1,93 @@
+"""The log of a training: a CSV, and TensorBoard's files where that is installed."""
+
+import csv
+import time
+from pathlib import Path
+
+from dancediff.atomic import atomic_write, hidden, writing
+
+
+class Logger:
+    """One row a step: its number, seconds, losses, learning rate, length of the gradient.
+
+    On resuming, steps that will be run again are cut off. Beside an old CSV a new training begins
+    in a hidden file, which takes its place at the first `flush`: the old one goes with the old
+    checkpoint, and not before. Where there is none, it appears with its header at the first
+    `write`: there is never an empty one.
+
+    ``path`` None: write nothing.
+    """
+
+    def __init__(self, path: Path | None, first: int = 0):
+        self.path, self.file, self.board, self.hidden = path, None, None, None
+        self.rows = _rows_before(path, first) if path is not None and first else []
+        before = float(self.rows[-1]["seconds"]) if self.rows else 0.0
+        self.started = time.monotonic() - before
+        if path is not None:
+            self.hidden = None if first or not path.exists() else hidden(path)
+            self.board = tensorboard(path.parent / "tensorboard", first)
+
+    def write(self, step: int, values: dict[str, float | None]) -> None:
+        """One row; a value that is None stays empty."""
+        if self.path is None:
+            return
+        for name, value in values.items():
+            if self.board and value is not None:
+                self.board.add_scalar(f"train/{name}", value, step)
+        if self.file is None:
+            self._begin(["step", "seconds", *values])
+        texts = ("" if value is None else f"{value:.6g}" for value in values.values())
+        seconds = time.monotonic() - self.started
+        with writing(self.path):
+            csv.writer(self.file).writerow([step, f"{seconds:.1f}", *texts])
+
+    def flush(self) -> None:
+        """Bring what was written to the disk."""
+        if self.file:
+            self.file.flush()
+        if self.file and self.hidden:
+            self.file.close()
+            self.hidden.replace(self.path)
+            self.file, self.hidden = _open(self.path, "a"), None
+
+    def _begin(self, names: list[str]) -> None:
+        """Write the header, and the rows of before with its columns."""
+        path = self.hidden or self.path
+        with atomic_write(path) as part, part.open("w", newline="", encoding="utf-8") as file:
+            table = csv.DictWriter(file, names, extrasaction="ignore")
+            table.writeheader()
+            table.writerows(self.rows)
+        self.file = _open(path, "a")
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        for file in (self.file, self.board):
+            if file:
+                file.close()
+        if self.hidden:
+            self.hidden.unlink(missing_ok=True)
+
+
+def _rows_before(path: Path, first: int) -> list[dict[str, str]]:
+    """Whole rows of an old log whose step will not be run again."""
+    if not path.exists():
+        return []
+    lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
+    table = csv.DictReader(line for line in lines if line.endswith("\n"))
+    rows = [row for row in table if None not in row and None not in row.values()]
+    return [row for row in rows if row["step"].isdigit() and int(row["step"]) < first]
+
+
+def _open(path: Path, mode: str):
+    return path.open(mode, buffering=1, newline="", encoding="utf-8")  # whole lines
+
+
+def tensorboard(folder: Path, first: int):
+    """A writer that shows the steps from ``first`` on anew; None where TensorBoard is missing."""
+    try:
+        from torch.utils.tensorboard import SummaryWriter
+    except ImportError:
+        return None
+    return SummaryWriter(folder, purge_step=first)

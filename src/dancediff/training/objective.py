@@ -1,0 +1,106 @@
+r"""What a training minimises: noise a batch, let the model guess the clean motion, compare.
+
+Read first: notebook 05. Everything random follows from the seed and the number of the batch.
+
+Symbols (axes: b batch · n dancers · f frames · d motion features)
+    x_0, x_t   clean and noisy motion, normalised      (b, n, f, d)
+    t          noise level of each row                 (b,)
+    keep       music is heard (False: dropped)         (b,)
+    weight     of a row in the losses                  (b,)
+"""
+
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cached_property
+
+import torch
+from torch import Tensor, nn
+
+from dancediff.diffusion.schedule import q_sample
+from dancediff.extensions.level_weights import draw_levels, weights_of
+from dancediff.papers.tcdiffpp.losses import tcdiffpp_losses
+from dancediff.training.config import TrainConfig
+
+
+@dataclass(frozen=True)
+class Noised:
+    """A batch with noise, and the generator for what else is random about it."""
+
+    x_t: Tensor
+    t: Tensor
+    keep: Tensor
+    weight: Tensor | None
+    generator: torch.Generator
+
+
+class Objective:
+    """The losses of a batch; a subclass says which, in `losses`."""
+
+    def __init__(self, model: nn.Module, config: TrainConfig):
+        self.model, self.config = model, config
+
+    def losses(self, model: nn.Module, batch, number: int) -> dict[str, Tensor]:
+        """All terms of a batch by name, and their weighted sum "total"."""
+        raise NotImplementedError
+
+    def state(self) -> dict[str, Tensor]:
+        """What a checkpoint must hold besides model and optimiser."""
+        return {}
+
+    @cached_property
+    def level_weights(self) -> Tensor | None:
+        """See `dancediff.extensions.level_weights`."""
+        return weights_of(self.model, self.config.level_power)
+
+    def to_network(self, batch) -> tuple[Tensor, Tensor, Tensor]:
+        """Motion and music of a batch in the network's units, and its third part, on its device."""
+        model = self.model
+        x, M, other = (part.to(model.abar.device) for part in batch)
+        return model.normalizer.normalize(x), model.music_normalizer.normalize(M), other
+
+    def noised(self, x_0: Tensor, number: int) -> Noised:
+        """Draw a noise level for every row, the noise, and who hears the music."""
+        b, device, sizes = len(x_0), x_0.device, self.model.config
+        g = torch.Generator().manual_seed(self._seed(number))  # CPU: the same on every device
+        if self.level_weights is None:
+            t, weight = torch.randint(sizes.num_steps, (b,), generator=g), None
+        else:
+            t, weight = draw_levels(self.level_weights, b, g)
+            weight = weight.to(device)
+        t = t.to(device)
+        eps = torch.randn(x_0.shape, generator=g).to(device)
+        keep = (torch.rand(b, generator=g) >= sizes.cond_drop).to(device)
+        x_t = q_sample(x_0, t, self.model.abar, eps).to(x_0.dtype)
+        return Noised(x_t, t, keep, weight, g)
+
+    @contextmanager
+    def deterministic_autocast(self, number: int):
+        """Inside, dropout follows from the batch's number, in the precision of the config."""
+        device = self.model.abar.device
+        half = self.config.precision == "bf16"
+        with torch.random.fork_rng(devices=[device] if device.type == "cuda" else []):
+            torch.manual_seed(self._seed(number))  # dropout has no generator argument
+            with torch.autocast(device.type, torch.bfloat16, enabled=half):
+                yield
+
+    def _seed(self, number: int) -> int:
+        return self.config.seed * 1_000_003 + number
+
+
+class GroupObjective(Objective):
+    """Eq. 18 of TCDiff++, for `TCDiffPP` and `EDGE`."""
+
+    def losses(self, model: nn.Module, batch, number: int) -> dict[str, Tensor]:
+        """All terms of a batch (x, M, S) by name, and their weighted sum "total"."""
+        x_0, M, S = self.to_network(batch)
+        noised = self.noised(x_0, number)
+        with self.deterministic_autocast(number):
+            x_raw, x_hat = model(noised.x_t, noised.t, M, S, keep=noised.keep)
+        return tcdiffpp_losses(
+            x_raw.float(),
+            x_hat.float(),
+            x_0,
+            model.normalizer,
+            weights=self.config.weights,
+            weight=noised.weight,
+        )

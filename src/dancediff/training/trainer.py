@@ -1,0 +1,182 @@
+r"""One trainer for every denoiser.
+
+Read first: notebook 05.
+
+A step: take a batch, add noise of a random strength t, let the model guess the clean motion, and
+correct it. The randomness of a batch follows from (seed, its number) alone, so a run that was
+stopped goes on exactly where it was, bit by bit.
+"""
+
+import json
+import signal
+from hashlib import sha256
+from pathlib import Path
+
+from torch import nn
+from tqdm.auto import tqdm
+
+from dancediff.atomic import sweep
+from dancediff.training.checkpoint import NAME, Checkpointer, Signals, check_free, facts_of
+from dancediff.training.config import TrainConfig
+from dancediff.training.distributed import World
+from dancediff.training.ema import EMA
+from dancediff.training.evaluator import BEST, Evaluator
+from dancediff.training.logger import Logger
+from dancediff.training.objective import GroupObjective, Objective
+from dancediff.training.optimizer import make_optimizer, set_learning_rate
+from dancediff.training.schedule import learning_rate
+
+
+class Trainer:
+    """Trains ``model`` in place on ``data.batch(number)``.
+
+    - ``out``: the folder for ``checkpoint.safetensors``, ``best.safetensors``, ``losses.csv`` and,
+      where TensorBoard is installed, ``tensorboard``; None writes nothing.
+    - ``objective``: what is minimised; by default eq. 18 of TCDiff++.
+    - ``evaluator``: validation and previews.  ``world``: the processes that share the work; the
+      first of them writes.  The model may be on any device; batches follow it.
+    - ``resume``: go on from the checkpoint in the folder, if there is one; ``overwrite``: replace
+      it.  ``data_name`` changes with the data, so that a run that goes on with other data says so.
+
+    Raises: ValueError when the folder holds a training and neither was said.
+
+    >>> import torch, dancediff as dd
+    >>> from dancediff.data.windows import GroupDanceWindows, Take
+    >>> from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
+    >>> model = TCDiffPP(TCDiffPPConfig(d_model=16, num_layers=1, ff_dim=32, fusion_hidden=32))
+    >>> dance, _ = dd.choreograph([0.5, 1.0, 1.5, 2.0, 2.5], dancers=2, seed=0, seconds=3)
+    >>> take = Take("a duo", dance.features(), torch.zeros(90, 35))
+    >>> data = GroupDanceWindows([take], num_frames=90, dancers_per_batch=2)
+    >>> trained = Trainer(model, data, TrainConfig(steps=2)).run()
+    """
+
+    def __init__(
+        self,
+        model: nn.Module,
+        data,
+        config: TrainConfig,
+        out=None,
+        *,
+        objective: Objective | None = None,
+        evaluator: Evaluator | None = None,
+        world: World | None = None,
+        resume: bool = False,
+        overwrite: bool = False,
+        data_name: str = "",
+    ):
+        self.model, self.data, self.config = model, data, config
+        self.world = world or World()
+        self.objective = objective or GroupObjective(model, config)
+        self.evaluator = evaluator or Evaluator(None, config)
+        self.optimizer = make_optimizer(model, config)
+        self.ema = EMA(model, config.ema)
+        self.first, self.out = 0, None if out is None else Path(out)
+        if self.out is None:
+            self.checkpointer = None
+            return
+        check_free(self.out, resume=resume, overwrite=overwrite)
+        self.out.mkdir(parents=True, exist_ok=True)
+        if self.world.first:
+            sweep(self.out)
+        facts = facts_of(model, config, data_name)
+        path = self.out / NAME
+        self.checkpointer = Checkpointer(path, model, self.ema, self.optimizer, facts)
+        if resume and path.exists():
+            self.first = self.checkpointer.load()
+        elif self.world.first:
+            (self.out / BEST).unlink(missing_ok=True)
+
+    def run(self) -> nn.Module:
+        """All steps that are left; returns the averaged model.
+
+        Raises: RuntimeError naming the step when the gradient is not finite; the weights are then
+        those before that step. SystemExit after SIGTERM, when the checkpoint is written.
+        """
+        self.model.train()
+        with self._logger() as logger, Signals() as signals, self._steps() as steps:
+            for step in steps:
+                row = self.step(step) | self._validate(step + 1)
+                logger.write(step, row)
+                steps.set_postfix({"loss": f"{row['total']:.4f}"}, refresh=False)
+                self._save(step + 1, logger, signals)
+                self._preview(step + 1)
+        self.world.wait()
+        return self.ema.model
+
+    def step(self, step: int) -> dict[str, float]:
+        """One update of all weights; returns the losses, the learning rate and the gradient's norm.
+
+        All batches of the step count alike.
+        """
+        config, total = self.config, {}
+        self.optimizer.zero_grad(set_to_none=True)
+        for number in self.world.share(step, config.accumulate):
+            terms = self.objective.losses(self.model, self.data.batch(number), number)
+            (terms["total"] / config.accumulate).backward()
+            for name, value in terms.items():
+                total[name] = total.get(name, 0.0) + value.detach().float() / config.accumulate
+        self.world.average_gradients(self.model)
+        self.world.average(list(total.values()))
+        norm = nn.utils.clip_grad_norm_(self.model.parameters(), config.clip)
+        if not norm.isfinite():
+            raise RuntimeError(
+                f"the gradient of step {step} is not finite (loss {total['total'].item()}): "
+                "lower lr, or use precision fp32, and resume"
+            )
+        lr = learning_rate(step, config)
+        set_learning_rate(self.optimizer, lr)
+        self.optimizer.step()
+        self.ema.update(self.model)
+        losses = {name: value.item() for name, value in total.items()}
+        return losses | {"lr": lr, "gradient": norm.item()}
+
+    def _logger(self) -> Logger:
+        writes = self.out is not None and self.world.first
+        return Logger(self.out / "losses.csv" if writes else None, self.first)
+
+    def _steps(self) -> tqdm:
+        """The numbers of the steps that are left, with a bar; closed before an error is told."""
+        left = range(self.first, self.config.steps)
+        options = {"initial": self.first, "total": self.config.steps, "mininterval": 0.5}
+        return tqdm(left, desc="training", disable=not self.world.first, **options)
+
+    def _validate(self, step: int) -> dict[str, float | None]:
+        """The validation loss after ``step`` steps, None when it is not its turn."""
+        if not self.evaluator.evaluates:
+            return {}
+        if not self.evaluator.due(step, self.config.evaluate_every):
+            return {"validation": None}
+        loss = None
+        if self.world.first:
+            loss = self.evaluator.validation_loss(self.ema.model, self.objective)
+            if self.out is not None:
+                self.evaluator.keep_best(self.ema.model, loss, step, self.out)
+        self.world.wait()
+        return {"validation": loss}
+
+    def _save(self, step: int, logger: Logger, signals: Signals) -> None:
+        """Write a checkpoint when it is time or somebody asks for one, and stop if asked to."""
+        stop, asked = self.world.any(signals.stop), self.world.any(signals.save)
+        due = step % self.config.save_every == 0 or step == self.config.steps
+        if self.checkpointer is not None and self.world.first and (due or asked):
+            logger.flush()  # first, so that the log never lacks a step which the checkpoint has
+            self.checkpointer.save(step, self.objective.state())
+        signals.save = False
+        if stop:
+            raise SystemExit(128 + signal.SIGTERM)
+
+    def _preview(self, step: int) -> None:
+        if self.evaluator.preview and self.evaluator.due(step, self.config.preview_every):
+            if self.world.first:
+                self.evaluator.preview(self.ema.model, step)
+            self.world.wait()
+
+
+def name_of(takes: list, corpus: dict) -> str:
+    """A short name for what is learned from: takes, their lengths, and how windows are drawn.
+
+    >>> name_of([], {}) == name_of([], {"mirror": 0.5})
+    False
+    """
+    facts = [[take.name, *take.x.shape] for take in takes], corpus
+    return sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()[:12]
