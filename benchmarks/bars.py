@@ -1,4 +1,4 @@
-"""Measure a model on held-out dances: what the tables of docs/results.md were made with.
+"""Measure a model on held-out dances: what the tables of docs/results_tcdiffpp.md were made with.
 
     dancediff prepare cmu CMU_FOLDER held                      # its composed takes count, too
     dancediff prepare choreograph 200 held --seconds 25 --seed 500000

@@ -1,4 +1,4 @@
-"""Does a long dance stay what it was? The tables of docs/drift.md.
+"""Does a long dance stay what it was? The tables of docs/results_tcdiffpp.md, "A minute".
 
     dancediff prepare choreograph 250 held --seconds 30 --seed 500000
     dancediff prepare cmu CMU_FOLDER cmu

@@ -1,4 +1,4 @@
-"""Measure Lodge: what the tables of docs/results.md about it were made with.
+"""Measure Lodge: what the tables of docs/results_lodge.md were made with.
 
     dancediff prepare choreograph 240 held --seconds 45 --seed 800000    # 24 takes a genre
     python benchmarks/lodge_bars.py equal lodge

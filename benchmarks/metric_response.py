@@ -1,4 +1,4 @@
-"""How every metric answers to known damage: the figures and the table of docs/metrics.md.
+"""How every metric answers to known damage: the figures and tables of docs/metrics_*.md.
 
     python benchmarks/metric_response.py --out docs/images
 

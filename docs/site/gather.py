@@ -73,8 +73,8 @@ def lesson(text: str) -> str:
 def for_site(text: str, source: Path, names: set[str], known: set[str]) -> tuple[str, list[Path]]:
     """A document for the site, and files to be put beside it because it links to them.
 
-    Source files become their page of the API, folders lose their link, and full names in backticks
-    gain one.
+    Source files become their page of the API, folders and the training log lose their link, and
+    full names in backticks gain one.
     """
     linked: list[Path] = []
 
@@ -86,7 +86,7 @@ def for_site(text: str, source: Path, names: set[str], known: set[str]) -> tuple
         if path.suffix == ".py" and path.is_relative_to(ROOT / "src"):
             module = ".".join(path.relative_to(ROOT / "src").with_suffix("").parts)
             return f"[{words}]({_up(source)}api/{module.removesuffix('.__init__')}.md)"
-        if path.is_dir():
+        if path.is_dir() or path.is_relative_to(ROOT / "docs" / "log"):  # not part of the site
             return words
         if path.is_file() and _name(path) not in known:
             linked.append(path)
@@ -104,11 +104,9 @@ def for_site(text: str, source: Path, names: set[str], known: set[str]) -> tuple
 
 
 def order_of_packages() -> list[str]:
-    """As docs/architecture.md has them: the first word or words of each line of its picture."""
+    """As the map in docs/architecture.md has them."""
     text = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
-    picture = re.search(r"^```\n(.*?)^```", text, re.DOTALL | re.MULTILINE)[1]
-    first_words = re.findall(r"^(\S+(?: \S+)*)  ", picture, re.MULTILINE)
-    return [name.strip("/") for words in first_words for name in words.split(", ")]
+    return re.search(r"<!-- map: ([\w\s]+) -->", text)[1].split()
 
 
 def _name(path: Path) -> str:

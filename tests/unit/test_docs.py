@@ -35,7 +35,7 @@ def test_every_symbol_is_in_the_code():
 
 
 def test_every_named_test_and_source_file_exists():
-    folders = ("tests", "src/dancediff")
+    folders = ("tests", "src/dancediff", "benchmarks", "docs/site")
     there = {p.name for folder in folders for p in (ROOT / folder).rglob("*.py")}
     for page in PAGES:
         for name in re.findall(r"`(?:[\w/]+/)?(\w+\.py)`", page.read_text(encoding="utf-8")):

@@ -131,7 +131,7 @@ def test_mean_drift_is_over_dances_not_windows():
 
 @pytest.mark.skipif(not REAL.is_dir(), reason="no motion capture; set DANCEDIFF_DATA")
 def test_people_bend_their_knees_and_turn():
-    """Two real takes: the ranges of docs/drift.md."""
+    """Two real takes: the ranges of docs/ground_truth.md."""
     jobs = {job.name: job for job in cmu_jobs(REAL)}
     salsa, indian = (jobs[name].make().motion.joints() for name in ("salsa_01", "indian_04"))
     assert 40 < knee_bend(salsa) < 55 and 60 < knee_bend(indian) < 80

@@ -52,7 +52,7 @@ PACKAGED = {
     "lodge": _OURS
     | {
         "steps": 20,
-        "autoguidance": 1.3,  # more makes dances too varied: docs/training_log.md
+        "autoguidance": 1.3,  # more makes dances too varied: docs/asked_for_indian.md
         "return_to_origin": True,
         "border_smoothing": True,
         "repeat_sections": True,

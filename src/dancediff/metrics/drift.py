@@ -1,6 +1,6 @@
 """Drift: does a dance stay what it was? Posture, window by window of five seconds.
 
-Read first: notebook 13 · docs/drift.md · `dancediff.metrics.posture`.
+Read first: notebook 13 · docs/metrics_posture.md · `dancediff.metrics.posture`.
 
 A dance that is sampled segment after segment can begin well and settle into one pose. A mean over
 the dance, as all other metrics are, hides that.

@@ -1,6 +1,6 @@
 r"""Posture: how bodies are held while they dance, which energies, beats and feet do not see.
 
-Read first: notebook 13 · docs/drift.md.
+Read first: notebook 13 · docs/metrics_posture.md.
 
 Symbols (axes: n dancers · f frames · j joints)
     joints  positions, metres, y up                                    (n, f, j, 3) or (f, j, 3)

@@ -1,6 +1,6 @@
 """`evaluate` and `evaluate_dances`: every metric of some dances as one table, with intervals.
 
-Read first: notebook 13 · docs/metrics.md, one section for each metric.
+Read first: notebook 13 · docs/metrics.md and its pages.
 """
 
 import itertools

@@ -22,7 +22,7 @@ from dancediff.papers.lodge.group import PIECE, RELATIONS, Group, canon_delays, 
 from dancediff.papers.lodge.parallel import Sampling, dance, layout_of
 from dancediff.papers.lodge.stitch import plan
 
-AUTOGUIDANCE = 1.3  # more makes dances too varied: docs/training_log.md
+AUTOGUIDANCE = 1.3  # more makes dances too varied: docs/asked_for_indian.md
 
 
 @dataclass

@@ -206,7 +206,7 @@ class TCDiffPP(nn.Module):
           gives the same bits.
         - ``sampler`` "dpm" or "ddim" (``steps``, ``eta``: 0 = no fresh noise, 1 = as in the
           papers, which take 50 steps of "ddim"), or "ddpm" (all 1000 steps).  Changes of order
-          need "dpm": see "Why nobody swapped" in docs/training_log.md.
+          need "dpm": see docs/why_nobody_swapped.md.
         - ``guidance``: 0 ignores the music, 1 listens, 2 exaggerates (the papers' value) and takes
           twice as long.
         - ``autoguidance``: 1 takes the network's guesses as they are, more pushes them away from

@@ -1,0 +1,110 @@
+"""Pages: as long as agreed, up to date with their numbers, and true about what is in the code."""
+
+import json
+import re
+import sys
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+sys.path.insert(0, str(ROOT / "docs" / "site"))
+
+import tables  # noqa: E402
+
+LOG = sorted((ROOT / "docs" / "log").glob("*.md"))
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+MOST_WORDS = 14_000
+
+
+def prose(text: str) -> list[str]:
+    """Words that somebody wrote: no tables, no code blocks, no targets of links.
+
+    A word is what stands between spaces and holds a letter or a digit. Lines that start with a bar
+    are tables; blocks that docs/site/tables.py writes are tables with what stands below them.
+
+    >>> len(prose("# A page\\n\\nThree [short words](x.md).\\n\\n| a | b |\\n"))
+    5
+    """
+    text = tables.MAP.sub("", tables.BLOCK.sub("", text))
+    text = re.sub(r"^```.*?^```[^\n]*$", "", text, flags=re.DOTALL | re.MULTILINE)
+    text = "\n".join(line for line in text.splitlines() if not line.lstrip().startswith("|"))
+    text = re.sub(r"\]\([^)]*\)", "]", text)
+    return [word for word in text.split() if re.search(r"\w", word)]
+
+
+def test_pages_are_short_enough():
+    words = {path.name: len(prose(path.read_text(encoding="utf-8"))) for path in PAGES}
+    assert sum(words.values()) <= MOST_WORDS, words
+
+
+@pytest.mark.parametrize("path", [*PAGES, *LOG], ids=lambda p: p.name)
+def test_lines_are_wrapped(path):
+    lines = path.read_text(encoding="utf-8").splitlines()
+    assert [line for line in lines if len(line) > 100 and not line.startswith("|")] == []
+
+
+@pytest.mark.parametrize("path", PAGES[1:], ids=lambda p: p.name)
+def test_tables_are_those_of_the_numbers(path):
+    text = path.read_text(encoding="utf-8")
+    assert tables.written(text) == text, "run: python docs/site/tables.py"
+
+
+def test_a_changed_number_is_noticed(tmp_path, monkeypatch):
+    table = {"about": "Made.", "data": "synthetic", "columns": ["a"], "rows": [[[1.5, 1, 2]]]}
+    (tmp_path / "x.json").write_text(json.dumps(table))
+    monkeypatch.setattr(tables, "RESULTS", tmp_path)
+    page = tables.written("<!-- table: x -->\n<!-- end -->\n")
+    assert "| 1.5 [1, 2] |" in page and "Made. Data: synthetic." in page
+    assert tables.written(page) == page
+    table["rows"] = [[1.6, 1]]
+    (tmp_path / "x.json").write_text(json.dumps(table))
+    with pytest.raises(ValueError, match="1 cells"):
+        tables.written(page)
+
+
+def test_all_numbers_are_shown_and_say_where_they_are_from():
+    names = {path.stem for path in tables.RESULTS.glob("*.json")}
+    assert names == tables.asked_for() and len(names) > 30
+    for name in names:
+        assert tables.load(name)["data"]
+
+
+def test_the_map_names_all_parts():
+    text = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    named = set(tables.MAP.search(text)[2].split())
+    there = {p.stem for p in tables.SOURCE.iterdir() if not p.stem.startswith("__")}
+    assert named == there - {"assets", "py"}
+
+
+@pytest.mark.parametrize("path", PAGES, ids=lambda p: p.name)
+def test_names_of_the_code_exist(path):
+    """``dancediff.x.y`` in backticks, and what code blocks import."""
+    text = path.read_text(encoding="utf-8")
+    names = re.findall(r"`(dancediff(?:\.\w+)+)`", text)
+    for module, imported in re.findall(r"from (dancediff[\w.]*) import ([\w, ]+)", text):
+        names += [f"{module}.{name.split(' as ')[0].strip()}" for name in imported.split(",")]
+    assert [name for name in names if not exists(name)] == []
+
+
+def exists(name: str) -> bool:
+    try:
+        import_module(name)
+    except ImportError:
+        module, _, attribute = name.rpartition(".")
+        return hasattr(import_module(module), attribute)
+    return True
+
+
+def test_files_named_in_pages_exist():
+    """Paths in backticks, from the root, from the package or from the choreographer."""
+    bases = [
+        ROOT,
+        ROOT / "src" / "dancediff",
+        ROOT / "src" / "dancediff" / "data" / "choreographer",
+    ]
+    pattern = r"`((?:\w+/)+\w+\.(?:py|toml|md|png))`"
+    for path in PAGES:
+        for name in re.findall(pattern, path.read_text(encoding="utf-8")):
+            assert any((base / name).exists() for base in bases), f"{path.name} names {name}"
