@@ -84,9 +84,9 @@ def indexed_ssd(u, delta, A, B, C, D_skip, **_):
     return indexed_scan(u, delta_, A_, B, C, D_skip.repeat_interleave(wide))
 
 
-def two_passes(denoiser, *, M, S, guidance, present=None):
+def two_passes(denoise, conditions, guidance):
     """Guidance as two runs of the network."""
-    alone = [guided(denoiser, M=M, S=S, guidance=w, present=present) for w in (1.0, 0.0)]
+    alone = [guided(denoise, conditions, w) for w in (1.0, 0.0)]
 
     def denoise(x_t, t):
         heard, deaf = (one(x_t, t) for one in alone)

@@ -3,6 +3,7 @@
 import pytest
 import torch
 
+from dancediff.diffusion.conditions import Conditions
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 
 
@@ -15,7 +16,9 @@ def outputs(order, **options):
     x_t, M, t = torch.randn(2, n, 12, 151), torch.randn(2, 12, 35), torch.tensor([20, 700])
     S = torch.arange(n).expand(2, n)
     with torch.no_grad():
-        return model(x_t, t, M, S)[1][:, order], model(x_t[:, order], t, M, S)[1]
+        return model(x_t, t, Conditions(M, S))[1][:, order], model(
+            x_t[:, order], t, Conditions(M, S)
+        )[1]
 
 
 ORDERS = [[1, 0], [2, 0, 1], [4, 2, 0, 1, 3]]

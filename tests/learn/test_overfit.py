@@ -13,6 +13,7 @@ import torch
 
 from dancediff.data.corpus import choreographed_takes
 from dancediff.data.windows import rank_left_to_right
+from dancediff.diffusion.conditions import Conditions
 from dancediff.motion.representation import unpack
 from dancediff.motion.skeleton import forward_kinematics
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
@@ -84,7 +85,9 @@ def guess(model, data, M):
     x_0, _, S = data.clips
     x_T = torch.randn(x_0.shape, generator=torch.Generator().manual_seed(5))
     with torch.no_grad():
-        _, x_hat = model(x_T, torch.full((len(x_0),), 999), model.music_normalizer.normalize(M), S)
+        _, x_hat = model(
+            x_T, torch.full((len(x_0),), 999), Conditions(model.music_normalizer.normalize(M), S)
+        )
     return joints(model.normalizer.unnormalize(x_hat))
 
 

@@ -10,6 +10,7 @@ import pytest
 import torch
 
 from dancediff.data.choreographed import make_choreographed
+from dancediff.diffusion.conditions import Conditions
 from dancediff.papers.lodge.foot_refine import joints_of
 from dancediff.papers.lodge.local_diffusion import LocalConfig, LocalDenoiser
 from dancediff.papers.lodge.losses import LodgeWeights
@@ -74,7 +75,7 @@ def guess(model, M, genre):
     with torch.no_grad():
         style = model.style(genre, torch.randn(len(M), 8, generator=g))
         steps = torch.full((len(M),), 999)
-        x_hat = model(x_T, steps, model.music_normalizer.normalize(M), style)[1]
+        x_hat = model(x_T, steps, Conditions(model.music_normalizer.normalize(M), style=style))[1]
     return joints_of(model.normalizer.unnormalize(x_hat))[2]
 
 

@@ -10,6 +10,7 @@ import torch
 import dancediff as dd
 from dancediff.data.choreographed import choreograph_jobs
 from dancediff.data.choreographer import choreograph
+from dancediff.diffusion.conditions import Conditions
 from dancediff.diffusion.schedule import q_sample
 from dancediff.motion.contact import feet_low, foot_speed
 from dancediff.music.synth import synth_song
@@ -104,7 +105,7 @@ def test_no_part_of_the_fusion_projection_is_dead(model, song):
             noise = torch.randn(x_0.shape, generator=generator)
             x_t = q_sample(x_0, t, model.abar, noise).float()
             with torch.no_grad():
-                model(x_t, torch.tensor([t]), part, S[None])
+                model(x_t, torch.tensor([t]), Conditions(part, S[None]))
     hook.remove()
     active = torch.stack(heard)
     assert (active.amax(0) > 0).float().mean() > 0.9

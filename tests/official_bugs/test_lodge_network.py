@@ -9,6 +9,7 @@ import pytest
 import torch
 from torch import nn
 
+from dancediff.diffusion.conditions import Conditions
 from dancediff.diffusion.samplers import sample, sampling_times
 from dancediff.diffusion.schedule import cosine_abar
 from dancediff.motion.skeleton import FOOT_JOINTS
@@ -20,6 +21,11 @@ from dancediff.papers.lodge.losses import l_focus, l_jacc, l_jvel
 from dancediff.papers.lodge.style import MappingNetwork
 
 SIZES = {"d_model": 16, "num_heads": 2, "num_layers": 1, "ff_dim": 32, "num_frames": 20}
+
+
+def network_inputs(x):
+    x_t, t, M, style = x
+    return x_t, t, Conditions(M, style=style)
 
 
 def make(**options):
@@ -44,9 +50,9 @@ class ReleasedRefine(FootRefine):
 def test_foot_refine_reacts_to_feet(precondition):
     def reacts(model):
         x = inputs(model)
-        x_raw, x_hat = model(*x)
+        x_raw, x_hat = model(*network_inputs(x))
         model.feet = lambda x_raw: torch.rand(*x_raw.shape[:2], 48)
-        other_raw, other = model(*x)
+        other_raw, other = model(*network_inputs(x))
         assert torch.equal(other_raw, x_raw)
         return bool((other - x_hat).abs().max() > 1e-5)
 
@@ -131,7 +137,7 @@ def test_batch_of_one():
     model, cues = make(), one_segment()
     x_t, _, M, style = inputs(model, b=1)
     x = sample(
-        lambda x, t: model(x, torch.full((1,), t), M, style)[1],
+        lambda x, t: model(x, torch.full((1,), t), Conditions(M, style=style))[1],
         x_t.shape,
         abar=cosine_abar(),
         steps=50,
@@ -159,7 +165,7 @@ def test_evaluation_is_deterministic():
     model = make()
     x = inputs(model)
     state = torch.get_rng_state()
-    assert torch.equal(model(*x)[1], model(*x)[1])
+    assert torch.equal(model(*network_inputs(x))[1], model(*network_inputs(x))[1])
     assert torch.equal(torch.get_rng_state(), state)
 
 
@@ -197,13 +203,13 @@ def test_local_stage_refuses_a_length_it_cannot_do():
     model = make()
     _, t, _, style = inputs(model)
     with pytest.raises(ValueError, match=r"x_t has shape \(2, 80, 139\); expected \(2, 20, 139\)"):
-        model(torch.randn(2, 80, 139), t, torch.randn(2, 80, 35), style)
+        model(torch.randn(2, 80, 139), t, Conditions(torch.randn(2, 80, 35), style=style))
 
 
 def test_no_layer_is_lost():
     """Every layer that has weights is run: each of them gets a gradient."""
     model = make().train()
-    model(*inputs(model))[1].square().sum().backward()
+    model(*network_inputs(inputs(model)))[1].square().sum().backward()
     unused = [
         name
         for name, module in model.named_modules()

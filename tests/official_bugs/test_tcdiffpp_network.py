@@ -6,10 +6,16 @@ import pytest
 import torch
 
 from dancediff.axes import from_tokens
+from dancediff.diffusion.conditions import Conditions
 from dancediff.motion.order import swap_mode
 from dancediff.nn.decoder import frame_of_tokens
 from dancediff.papers.tcdiffpp.dancer_positioning import DancerPositioning
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
+
+
+def network_inputs(x):
+    x_t, t, M, S = x
+    return x_t, t, Conditions(M, S)
 
 
 def make():
@@ -30,9 +36,9 @@ def test_swap_mode_changes_output():
     for k in range(2):
         other = S.clone()
         other[:, [k, k + 1]] = S[:, [k + 1, k]]
-        assert (model(x_t, t, M, other)[1] - model(x_t, t, M, S)[1]).abs().amax(
-            (1, 2, 3)
-        ).min() > 1e-3
+        assert (
+            model(x_t, t, Conditions(M, other))[1] - model(x_t, t, Conditions(M, S))[1]
+        ).abs().amax((1, 2, 3)).min() > 1e-3
 
 
 def test_order_uses_first_frame():
@@ -61,7 +67,9 @@ def test_music_is_still_heard_beside_the_state_space_model(ssm):
     layer = model.decoder.decoder.layers[0]
     for film in layer.films:  # music reaches FiLM too; here only attention may carry it
         torch.nn.init.zeros_(film.knobs[1].weight)
-    assert (model(x_t, t, -M, S)[1] - model(x_t, t, M, S)[1]).abs().max() > 1e-4
+    assert (
+        model(x_t, t, Conditions(-M, S))[1] - model(x_t, t, Conditions(M, S))[1]
+    ).abs().max() > 1e-4
 
 
 def test_dancers_do_not_share_a_memory():
@@ -76,16 +84,16 @@ def test_dancers_do_not_share_a_memory():
 def test_evaluation_is_deterministic():
     """Released: identities are drawn with Python's random in every forward pass."""
     model, x = make(), inputs()
-    y = model(*x)[1]
+    y = model(*network_inputs(x))[1]
     state = random.getstate()
-    assert torch.equal(model(*x)[1], y)
+    assert torch.equal(model(*network_inputs(x))[1], y)
     assert random.getstate() == state
 
 
 def test_batch_of_one():
     model, (x_t, t, M, S) = make(), inputs()
-    one = model(x_t[:1], t[:1], M[:1], S[:1])[1]
-    torch.testing.assert_close(one, model(x_t, t, M, S)[1][:1], atol=1e-5, rtol=1e-5)
+    one = model(x_t[:1], t[:1], Conditions(M[:1], S[:1]))[1]
+    torch.testing.assert_close(one, model(x_t, t, Conditions(M, S))[1][:1], atol=1e-5, rtol=1e-5)
 
 
 def test_five_and_more_places_work():

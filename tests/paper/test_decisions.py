@@ -11,6 +11,7 @@ import torch
 
 from dancediff.axes import from_tokens, to_tokens
 from dancediff.data.windows import GroupDanceWindows, Take, rank_left_to_right
+from dancediff.diffusion.conditions import Conditions
 from dancediff.generation.generate import denoise_segments
 from dancediff.motion.order import swap_mode
 from dancediff.motion.representation import TCDIFFPP, MotionSpec
@@ -26,6 +27,11 @@ from dancediff.training.config import TrainConfig
 from dancediff.training.objective import GroupObjective
 
 SIZES = {"d_model": 16, "num_heads": 2, "num_layers": 1, "ff_dim": 32, "fusion_hidden": 48}
+
+
+def network_inputs(x):
+    x_t, t, M, S = x
+    return x_t, t, Conditions(M, S)
 
 
 def make(**options):
@@ -52,17 +58,17 @@ def seen_in_training(model, data):
     seen = []
     model.register_forward_pre_hook(lambda _, args: seen.append(args))
     GroupObjective(model, TrainConfig()).losses(model, data.batch(0), 0)
-    x_t, _, M, S = seen[0]
-    return x_t, M, S
+    x_t, _, conditions = seen[0]
+    return x_t, conditions.music, conditions.swap
 
 
 def test_t01_music_is_35_numbers_at_30_fps_and_another_width_is_a_setting():
     assert TCDiffPPConfig().music_dim == TCDiffPPConfig.paper().music_dim == 35 and FPS == 30
     assert music_features(torch.randn(15360).numpy()).shape[1] == 35
     x_t, t, M, S = inputs(m=438)
-    assert make(music_dim=438)(x_t, t, M, S)[1].shape == x_t.shape
+    assert make(music_dim=438)(x_t, t, Conditions(M, S))[1].shape == x_t.shape
     with pytest.raises(ValueError, match="M has shape"):
-        make()(x_t, t, M, S)
+        make()(x_t, t, Conditions(M, S))
 
 
 def test_t02_training_sees_sorted_dancers_and_their_order():
@@ -101,8 +107,8 @@ def test_t05_swap_mode_says_something():
 def test_t06_swap_mode_is_heard_as_token_and_through_film(way):
     """Released: a token, and always the same one."""
     model, (x_t, t, M, S) = make(), inputs()
-    memory, cond = model.decoder.conditions(t, M, S)
-    memory_2, cond_2 = model.decoder.conditions(t, M, S.flip(1))
+    memory, cond = model.decoder.conditions(t, Conditions(M, S))
+    memory_2, cond_2 = model.decoder.conditions(t, Conditions(M, S.flip(1)))
     assert torch.equal(memory[:, 1:], memory_2[:, 1:])  # the rest of the memory stays
     if way == "token":
         cond_2 = cond
@@ -119,7 +125,7 @@ def test_t06_swap_mode_is_heard_as_token_and_through_film(way):
 def test_t07_nobody_swaps_unless_asked():
     """Released: inference never passes an order. Ours: what the caller says is what is heard."""
     model, heard = make(), []
-    model.register_forward_pre_hook(lambda _, args: heard.append(args[3][0].tolist()))
+    model.register_forward_pre_hook(lambda _, args: heard.append(args[2].swap[0].tolist()))
     for order in (None, [[2, 0, 1]]):
         long_group_sample(
             denoise_segments(model, 1.0),
@@ -185,11 +191,9 @@ def test_t10_four_blocks_or_the_three_of_the_released_code():
     assert edge.cross_attention is not None and len(edge.films) == 3
     whole = make(layer="released", ssm="mamba")
     assert all(part.cross_attention is None for part in whole.decoder.decoder.layers)
-    assert whole(*inputs())[1].isfinite().all()
+    assert whole(*network_inputs(inputs()))[1].isfinite().all()
     with pytest.raises(ValueError, match="layer='other'"):
         layer("other")
-    with pytest.raises(ValueError, match="present"):
-        whole(*inputs(), present=torch.tensor([[True, True, False]]))
 
 
 def test_t11_the_state_space_model_is_on_and_music_is_heard_beside_it():
@@ -249,7 +253,7 @@ def test_t29_ranks_are_not_drawn_when_dancing():
     model, x = make(), inputs()
     codes = model.decoder.dpe(torch.zeros(1, 3, 2, 16))
     assert torch.equal(codes, model.decoder.dpe(torch.zeros(1, 3, 2, 16)))
-    assert torch.equal(model(*x)[1], model(*x)[1])
+    assert torch.equal(model(*network_inputs(x))[1], model(*network_inputs(x))[1])
     draw = random.Random(0)
     drawn = [model.decoder.dpe.table[draw.sample(range(5), 3)] for _ in range(2)]
     assert not torch.equal(*drawn)

@@ -5,6 +5,7 @@ The numbers are those of the paper's and the code's disagreements: l07 is the se
 
 import torch
 
+from dancediff.diffusion.conditions import Conditions
 from dancediff.diffusion.guidance import guided, off_at_the_end
 from dancediff.genre import FINEDANCE
 from dancediff.motion.contact import CONTACT_HEIGHT
@@ -68,7 +69,8 @@ def test_l12_genre_is_a_token_in_the_memory():
     model = make(style_film=False)
     model.trunk.norm_memory.register_forward_pre_hook(lambda module, args: seen.append(args[0]))
     token = model.style(torch.tensor([2]), torch.randn(1, 64)).detach()
-    model(torch.randn(1, 20, 139), torch.tensor([9]), torch.randn(1, 20, 35), token)
+    conditions = Conditions(torch.randn(1, 20, 35), style=token)
+    model(torch.randn(1, 20, 139), torch.tensor([9]), conditions)
     assert seen[-1].shape == (1, 20 + 2 + 1, 16)  # music, step, style
     assert torch.equal(seen[-1][:, -1], token)
 
@@ -86,14 +88,9 @@ def test_l24_no_exaggeration_in_the_last_tenth_of_ddpm():
     model = make()
     x, M = torch.randn(1, 20, 139), torch.randn(1, 20, 35)
     style = model.style(torch.tensor([1]), torch.randn(1, 64)).detach()
-    denoise = guided(
-        lambda x, t, M, S, keep, present: model(x, t, M, S, keep=keep)[1],
-        M=M,
-        S=style,
-        guidance=off_at_the_end(2.0),
-    )
+    denoise = guided(model.denoise, Conditions(M, style=style), off_at_the_end(2.0))
     for t, plain in ((99, True), (100, False)):
-        once = model(x, torch.tensor([t]), M, style)[1]
+        once = model(x, torch.tensor([t]), Conditions(M, style=style))[1]
         assert torch.allclose(denoise(x, t), once, atol=1e-6) == plain
 
 
@@ -109,6 +106,6 @@ def test_the_first_stage_hears_the_genre_unless_told_not_to():
     model = GlobalDenoiser(config).eval()
     x, M, t = torch.randn(1, 56, 139), torch.randn(1, 64, 35), torch.tensor([500])
     z = torch.randn(1, 64)
-    a, b = (model(x, t, M, model.style(torch.tensor([g]), z)) for g in (0, 6))
+    a, b = (model(x, t, Conditions(M, style=model.style(torch.tensor([g]), z))) for g in (0, 6))
     assert (a - b).abs().max() > 1e-4
     assert GlobalDenoiser(GlobalConfig.paper(**sizes)).style is None

@@ -1,19 +1,23 @@
 """Networks with any switches: nobody sees who is absent, nor hears music that is dropped."""
 
 import torch
-from hypothesis import assume, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dancediff.motion.representation import Normalizer
+from dancediff.diffusion.conditions import Conditions
 from dancediff.papers.lodge.global_diffusion import GlobalConfig, GlobalDenoiser
 from dancediff.papers.lodge.local_diffusion import LocalConfig, LocalDenoiser
-from dancediff.papers.tcdiffpp.losses import LossWeights, tcdiffpp_losses
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 
 often = settings(deadline=None, derandomize=True, max_examples=30)
 seeds = st.integers(0, 2**32 - 1)
 TINY = {"d_model": 8, "num_heads": 2, "num_layers": 1, "ff_dim": 8}
 MOST, FRAMES = 5, 12
+
+
+def network_inputs(x):
+    x_t, t, M, S = x
+    return x_t, t, Conditions(M, S)
 
 
 def normal(seed, *shape):
@@ -72,40 +76,13 @@ def group(seed, n, f, b=2):
 @often
 @given(switches(), seeds, st.integers(2, MOST), st.integers(1, FRAMES), st.data())
 @torch.no_grad()
-def test_what_stands_in_an_absent_dancers_place_does_not_matter(chosen, seed, n, f, data):
-    model, (x_t, t, M, S) = group_model(seed, **chosen), group(seed, n, f)
-    present = torch.tensor(data.draw(st.lists(st.booleans(), min_size=n, max_size=n)))
-    assume(present.any() and not present.all())
-    there = torch.stack([present, torch.ones_like(present)])  # of two groups one is whole
-    before = model(x_t, t, M, S, present=there)
-    other = torch.where(there[..., None, None], x_t, 30 * normal(seed + 2, *x_t.shape))
-    for a, b in zip(before, model(other, t, M, S, present=there), strict=True):
-        assert torch.equal(a, b)
-        assert (a[0, ~present] == 0).all()
-        assert a[there].isfinite().all() and (a[0, present] != 0).any()
-
-
-@often
-@given(switches(), seeds, st.integers(1, MOST - 1), st.integers(1, FRAMES), st.data())
-@torch.no_grad()
-def test_a_small_group_is_a_large_one_with_absent_dancers(chosen, seed, n, f, data):
-    size = data.draw(st.integers(n + 1, MOST))
-    model, (x_t, t, M, S) = group_model(seed, **chosen), group(seed, size, f)
-    S = torch.arange(size).expand(2, size)
-    there = (torch.arange(size) < n).expand(2, size)
-    padded = model(x_t, t, M, S, present=there)
-    for a, b in zip(padded, model(x_t[:, :n], t, M, S[:, :n]), strict=True):
-        close(a[:, :n], b)
-
-
-@often
-@given(switches(), seeds, st.integers(2, MOST), st.integers(1, FRAMES), st.data())
-@torch.no_grad()
 def test_without_dpe_and_fp_dancers_are_interchangeable(chosen, seed, n, f, data):
     chosen |= {"dpe": False, "fp": False, "formation_prior": False}
     model, (x_t, t, M, S) = group_model(seed, **chosen), group(seed, n, f)
     order = data.draw(st.permutations(range(n)))
-    for a, b in zip(model(x_t, t, M, S), model(x_t[:, order], t, M, S), strict=True):
+    for a, b in zip(
+        model(x_t, t, Conditions(M, S)), model(x_t[:, order], t, Conditions(M, S)), strict=True
+    ):
         close(a[:, order], b)
 
 
@@ -117,7 +94,9 @@ def test_dropped_music_is_not_heard(chosen, layer, seed, n, f):
     keep = torch.tensor([True, False])
     other = M + 3 * normal(seed + 3, *M.shape)
     for a, b in zip(
-        model(x_t, t, M, S, keep=keep), model(x_t, t, other, S, keep=keep), strict=True
+        model(x_t, t, Conditions(M, S, music_mask=keep)),
+        model(x_t, t, Conditions(other, S, music_mask=keep)),
+        strict=True,
     ):
         assert torch.equal(a[1], b[1])
         assert not torch.equal(a[0], b[0])
@@ -128,8 +107,8 @@ def test_dropped_music_is_not_heard(chosen, layer, seed, n, f):
 @torch.no_grad()
 def test_groups_of_a_batch_do_not_meet(chosen, layer, seed, n, f):
     model, given_ = group_model(seed, layer=layer, **chosen), group(seed, n, f, b=3)
-    alone = model(*(part[1:2] for part in given_))
-    for a, b in zip(model(*given_), alone, strict=True):
+    alone = model(*network_inputs(part[1:2] for part in given_))
+    for a, b in zip(model(*network_inputs(given_)), alone, strict=True):
         close(a[1:2], b)
 
 
@@ -159,7 +138,7 @@ def test_lodge_does_not_hear_dropped_music(stage, film, known, seed, switch):
     other = M + 3 * normal(seed + 3, *M.shape)
 
     def run(M, x_t=x_t):
-        guess = model(x_t, t, M, style, keep=keep)
+        guess = model(x_t, t, Conditions(M, style=style, music_mask=keep))
         return guess if isinstance(guess, tuple) else (guess,)
 
     for a, b in zip(run(M), run(other), strict=True):
@@ -168,27 +147,3 @@ def test_lodge_does_not_hear_dropped_music(stage, film, known, seed, switch):
     for a, b in zip(run(M), run(M, torch.cat([x_t[:2], -x_t[2:]])), strict=True):
         close(a[:2], b[:2])  # rows do not meet
         assert not torch.equal(a[2], b[2])
-
-
-@often
-@given(seeds, st.integers(2, MOST), st.integers(2, FRAMES), st.booleans(), st.data())
-def test_absent_dancers_cost_nothing(seed, n, f, soft, data):
-    axis = data.draw(st.sampled_from(["pairs", "adjacent", "time"]))
-    weights = LossWeights(joint_vel=0.1, slide=0.1, dist_axis=axis, soft_contact=soft)
-    one = torch.ones(151)
-    present = torch.tensor([data.draw(st.lists(st.booleans(), min_size=n, max_size=n))] * 2)
-    assume(present.any() and not present.all())
-
-    def losses(x, present=None):
-        return tcdiffpp_losses(*x, Normalizer(-one, one), weights=weights, present=present)
-
-    x = [normal(seed + k, 2, n, f, 151) for k in range(3)]
-    there = present[..., None, None]
-    other = [torch.where(there, part, 9 * normal(seed + 5, 2, n, f, 151)) for part in x]
-    before = losses(x, present)
-    for name, value in losses(other, present).items():
-        assert torch.equal(value, before[name]), name
-    if axis != "adjacent" and int(present[0].sum()) > 1:
-        alone = losses([part[:, present[0]] for part in x])
-        for name, value in alone.items():
-            torch.testing.assert_close(value, before[name], atol=1e-5, rtol=1e-4)

@@ -4,6 +4,7 @@ import pytest
 import torch
 from torch.nn.functional import linear, softplus
 
+from dancediff.diffusion.conditions import Conditions
 from dancediff.nn.batch_invariant import BatchInvariantLinear, batch_invariant_softplus
 from dancediff.papers.lodge.local_diffusion import LocalConfig, LocalDenoiser
 
@@ -46,7 +47,11 @@ def test_a_segment_is_guessed_the_same_in_every_batch():
 
     def guess(b):
         with torch.no_grad():
-            return model(x[:b], t[:b], M[:b], style[:b], keep=torch.ones(b, dtype=torch.bool))[1]
+            return model(
+                x[:b],
+                t[:b],
+                Conditions(M[:b], style=style[:b], music_mask=torch.ones(b, dtype=torch.bool)),
+            )[1]
 
     whole = guess(16)
     for b in (1, 2, 7):

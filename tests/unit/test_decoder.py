@@ -37,18 +37,6 @@ def test_order_is_attend_remember_listen_think():
     torch.testing.assert_close(layer(h, memory, cond, frames), from_tokens(tokens, 3))
 
 
-def test_absent_dancers_are_not_seen():
-    layer, (h, memory, cond, frames) = make(), inputs()
-    present = torch.tensor([[True, True, False]]).expand(2, 3)
-    other = h.clone()
-    other[:, 2] = torch.randn(2, 6, 16)
-    y = layer(h, memory, cond, frames, present=present)
-    y_other = layer(other, memory, cond, frames, present=present)
-    torch.testing.assert_close(y[:, :2], y_other[:, :2])
-    alone = layer(h[:, :2], memory, cond, frames)
-    torch.testing.assert_close(y[:, :2], alone)
-
-
 def test_dropout_is_off_in_eval_and_on_in_training():
     layer, x = make(dropout=0.5), inputs()
     assert torch.equal(layer.eval()(*x), layer(*x))

@@ -9,6 +9,7 @@ from dancediff import hub
 from dancediff.cli import main
 from dancediff.data.corpus import choreographed_takes
 from dancediff.data.windows import Take
+from dancediff.diffusion.conditions import Conditions
 from dancediff.papers.edge.model import EDGE, SPACING, EDGEConfig, solo_takes, start_slots
 from dancediff.papers.tcdiffpp.losses import LossWeights, tcdiffpp_losses
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
@@ -72,7 +73,7 @@ def test_small_sizes_are_those_of_the_small_tcdiffpp():
 def test_dancers_do_not_see_each_other(model):
     x_t, t, M, S = inputs()
     x_t.requires_grad_()
-    model(x_t, t, M, S)[1][0, 0].sum().backward()
+    model(x_t, t, Conditions(M, S))[1][0, 0].sum().backward()
     reached = x_t.grad.abs().sum((2, 3)) > 0
     assert reached.tolist() == [[True, False, False], [False, False, False]]
 
@@ -80,40 +81,33 @@ def test_dancers_do_not_see_each_other(model):
 def test_a_group_is_its_dancers_one_by_one(model):
     x_t, t, M, S = inputs()
     keep = torch.tensor([True, False])
-    whole = model(x_t, t, M, S, keep=keep)[1]
+    whole = model(x_t, t, Conditions(M, S, music_mask=keep))[1]
     for k in range(3):
-        alone = model(x_t[:, k : k + 1], t, M, S[:, :1], keep=keep)[1]
+        alone = model(x_t[:, k : k + 1], t, Conditions(M, S[:, :1], music_mask=keep))[1]
         torch.testing.assert_close(whole[:, k : k + 1], alone, atol=1e-5, rtol=1e-5)
 
 
 def test_order_of_dancers_means_nothing(model):
     x_t, t, M, S = inputs()
-    mirrored = model(x_t.flip(1), t, M, S.flip(1))[1].flip(1)
-    torch.testing.assert_close(mirrored, model(x_t, t, M, S)[1], atol=1e-5, rtol=1e-5)
+    mirrored = model(x_t.flip(1), t, Conditions(M, S.flip(1)))[1].flip(1)
+    torch.testing.assert_close(mirrored, model(x_t, t, Conditions(M, S))[1], atol=1e-5, rtol=1e-5)
 
 
 def test_music_and_step_matter_and_dropped_music_does_not(model):
     x_t, t, M, S = inputs()
-    base = model(x_t, t, M, S)[1]
-    assert (model(x_t, t, -M, S)[1] - base).abs().max() > 1e-3
-    assert (model(x_t, 999 - t, M, S)[1] - base).abs().max() > 1e-3
+    base = model(x_t, t, Conditions(M, S))[1]
+    assert (model(x_t, t, Conditions(-M, S))[1] - base).abs().max() > 1e-3
+    assert (model(x_t, 999 - t, Conditions(M, S))[1] - base).abs().max() > 1e-3
     keep = torch.tensor([True, False])
-    dropped = [model(x_t, t, music, S, keep=keep)[1] for music in (M, -M)]
+    dropped = [model(x_t, t, Conditions(music, S, music_mask=keep))[1] for music in (M, -M)]
     assert torch.equal(dropped[0][1], dropped[1][1])
     assert (dropped[0][0] - dropped[1][0]).abs().max() > 1e-3
-
-
-def test_absent_dancers_are_zeros(model):
-    x_t, t, M, S = inputs()
-    present = torch.tensor([[True, True, False]] * 2)
-    raw, adapted = model(x_t, t, M, S, present=present)
-    assert raw is adapted and raw[:, 2].abs().max() == 0 and raw[:, :2].abs().min() > 0
 
 
 def test_four_losses_and_no_distance(model, takes):
     fit_statistics(model, solo_takes(takes))
     x_0 = torch.rand(2, 1, 20, 151)
-    x_hat = model(x_0, torch.tensor([500, 900]), torch.randn(2, 20, 35))[1]
+    x_hat = model(x_0, torch.tensor([500, 900]), Conditions(torch.randn(2, 20, 35)))[1]
     terms = tcdiffpp_losses(x_hat, x_hat, x_0, model.normalizer)
     assert terms["dist"] == 0
     w = LossWeights()

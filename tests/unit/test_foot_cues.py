@@ -2,6 +2,7 @@ import numpy as np
 import torch
 
 from dancediff.data.choreographer import choreograph
+from dancediff.diffusion.conditions import Conditions
 from dancediff.extensions.foot_cues import FPS, NUM_CUES, NUM_MOVING, SLOW, foot_cues
 from dancediff.motion.representation import TCDIFFPP, Normalizer
 from dancediff.motion.skeleton import FOOT_JOINTS
@@ -44,10 +45,10 @@ def test_network_and_adaptor_listen_to_them():
     model = TCDiffPP(TCDiffPPConfig(**SIZES, foot_cues=True))
     x_t, t = torch.randn(1, 2, 8, 151), torch.tensor([300])
     M, S = torch.randn(1, 8, 35), torch.arange(2)[None]
-    x_raw, _ = model(x_t, t, M, S)
+    x_raw, _ = model(x_t, t, Conditions(M, S))
     with torch.no_grad():
         model.decoder.embed_feet.weight.mul_(3)
-    assert not torch.allclose(model(x_t, t, M, S)[0], x_raw)
+    assert not torch.allclose(model(x_t, t, Conditions(M, S))[0], x_raw)
     cues = foot_cues(x_raw, model.normalizer)[..., -NUM_MOVING:]
     with torch.no_grad():
         for layer in model.footwork.layers:

@@ -6,6 +6,7 @@ import pytest
 import torch
 
 import dancediff as dd
+from dancediff.diffusion.conditions import Conditions
 from dancediff.extensions.preconditioning import dct_matrix
 from dancediff.generation.generate import (
     AUTOGUIDANCE,
@@ -343,7 +344,7 @@ def test_autoguidance_pushes_what_the_sampler_sees():
         plain, pushed = (
             denoise_segments(model, 2.0, autoguidance=w)(x_t, 500, M, S) for w in (1, 1.3)
         )
-        linear = model.linear_guess(x_t, torch.tensor([500]), S)
+        linear = model.linear_guess(x_t, torch.tensor([500]), Conditions(M, S))
     w = torch.full((151,), 1.3)
     w[4:7] = 1 + 0.3 * ROOT_SHARE  # where dancers go is pushed less
     d = plain - linear

@@ -4,10 +4,16 @@ from dataclasses import asdict
 import pytest
 import torch
 
+from dancediff.diffusion.conditions import Conditions
 from dancediff.diffusion.guidance import guided
 from dancediff.papers.lodge.global_diffusion import GlobalConfig, GlobalDenoiser, token_frames
 
 SMALL = {"d_model": 16, "num_heads": 2, "num_layers": 1, "ff_dim": 32}
+
+
+def network_inputs(x):
+    x_t, t, M, style = x
+    return x_t, t, Conditions(M, style=style)
 
 
 def make(**options):
@@ -63,7 +69,7 @@ def test_every_switch_runs_and_learns(options):
     style = None
     if model.style is not None:
         style = model.style(torch.tensor([0, 3]), torch.randn(2, 64))
-    y = model(x_t, t, M, style, keep=torch.tensor([True, False]))
+    y = model(x_t, t, Conditions(M, style=style, music_mask=torch.tensor([True, False])))
     assert y.shape == x_t.shape
     y.square().sum().backward()
     assert all(p.grad is not None and p.grad.isfinite().all() for p in model.parameters())
@@ -88,7 +94,7 @@ def test_what_a_primitive_is_guessed_to_be_without_a_network_is_its_own_affair()
     x_t, t, M, style = inputs(model)
     other = x_t.clone()
     other[:, 8:] += 1
-    a, b = model(x_t, t, M, style), model(other, t, M, style)
+    a, b = model(x_t, t, Conditions(M, style=style)), model(other, t, Conditions(M, style=style))
     torch.testing.assert_close(a[:, :8], b[:, :8])
     assert (a[:, 8:] - b[:, 8:]).abs().min() > 0
 
@@ -96,27 +102,29 @@ def test_what_a_primitive_is_guessed_to_be_without_a_network_is_its_own_affair()
 def test_music_and_style_are_heard():
     model = make()
     x_t, t, M, style = inputs(model)
-    y = model(x_t, t, M, style)
-    assert (model(x_t, t, M.flip(1), style) - y).abs().max() > 1e-4
-    assert (model(x_t, t, M, style.flip(0)) - y).abs().max() > 1e-4
+    y = model(x_t, t, Conditions(M, style=style))
+    assert (model(x_t, t, Conditions(M.flip(1), style=style)) - y).abs().max() > 1e-4
+    assert (model(x_t, t, Conditions(M, style=style.flip(0))) - y).abs().max() > 1e-4
 
 
 def test_style_is_heard_without_music():
     model = make()
     x_t, t, M, style = inputs(model)
     none = torch.zeros(2, dtype=torch.bool)
-    y = model(x_t, t, M, style, keep=none)
-    torch.testing.assert_close(model(x_t, t, torch.randn_like(M), style, keep=none), y)
-    assert (model(x_t, t, M, style.flip(0), keep=none) - y).abs().max() > 1e-4
+    y = model(x_t, t, Conditions(M, style=style, music_mask=none))
+    torch.testing.assert_close(
+        model(x_t, t, Conditions(torch.randn_like(M), style=style, music_mask=none)), y
+    )
+    assert (
+        model(x_t, t, Conditions(M, style=style.flip(0), music_mask=none)) - y
+    ).abs().max() > 1e-4
 
 
 def test_guidance_takes_it():
     model = make()
     x_t, _, M, style = inputs(model)
-    denoise = guided(
-        lambda x, t, M, S, keep, present: model(x, t, M, S, keep=keep), M=M, S=style, guidance=1.0
-    )
-    same = model(x_t, torch.full((2,), 300), M, style)
+    denoise = guided(model.denoise, Conditions(M, style=style), 1.0)
+    same = model(x_t, torch.full((2,), 300), Conditions(M, style=style))
     torch.testing.assert_close(denoise(x_t, 300), same)
 
 
@@ -139,7 +147,7 @@ def test_errors():
         "style": (x_t, t, M, None),
     }.items():
         with pytest.raises(ValueError, match=f"^{name} has shape"):
-            model(*arguments)
+            model(*network_inputs(arguments))
     bare = make(genres=())
     with pytest.raises(ValueError, match=r"^style has shape"):
-        bare(x_t, t, M, style)
+        bare(x_t, t, Conditions(M, style=style))

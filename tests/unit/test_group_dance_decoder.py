@@ -1,8 +1,14 @@
 import pytest
 import torch
 
+from dancediff.diffusion.conditions import Conditions
 from dancediff.papers.tcdiffpp.group_dance_decoder import GroupDanceDecoder
 from dancediff.papers.tcdiffpp.model import TCDiffPPConfig
+
+
+def network_inputs(x):
+    x_t, t, M, S = x
+    return x_t, t, Conditions(M, S)
 
 
 def make(**options):
@@ -19,82 +25,57 @@ def inputs(b=2, n=3, f=20):
 
 @pytest.mark.parametrize("n, f", [(1, 20), (3, 20), (5, 20), (3, 7), (2, 1)])
 def test_any_group_size_and_length(n, f):
-    assert make()(*inputs(n=n, f=f)).shape == (2, n, f, 151)
-
-
-def test_full_group_without_mask_is_the_papers_model():
-    """max_dancers == n: no mask and an all-true mask are the same computation."""
-    decoder, x = make(max_dancers=3), inputs()
-    everybody = torch.ones(2, 3, dtype=torch.bool)
-    torch.testing.assert_close(decoder(*x), decoder(*x, present=everybody), atol=1e-5, rtol=1e-5)
-
-
-def pad(x_t, S, n):
-    """Fill up to n dancers with nobody."""
-    b, k = S.shape
-    nobody = torch.randn(b, n - k, *x_t.shape[2:])  # whatever stands there must not matter
-    S = torch.cat([S, torch.arange(k, n).expand(b, n - k)], dim=1)
-    return torch.cat([x_t, nobody], dim=1), S, torch.arange(n).expand(b, n) < k
-
-
-@pytest.mark.parametrize("ssm", ["ssd", "mamba", "none"])
-def test_absent_dancers_change_nothing(ssm):
-    decoder, (x_t, t, M, S) = make(ssm=ssm), inputs()
-    padded, S_padded, present = pad(x_t, S, 5)
-    y = decoder(padded, t, M, S_padded, present=present)
-    torch.testing.assert_close(y[:, :3], decoder(x_t, t, M, S), atol=1e-5, rtol=1e-5)
-    assert y[:, 3:].abs().max() == 0
-
-
-def test_mixed_group_sizes_in_one_batch():
-    decoder, (x_t, t, M, S) = make(), inputs(n=5)
-    present = torch.tensor([[True] * 5, [True] * 2 + [False] * 3])
-    y = decoder(x_t, t, M, S, present=present)
-    pair = decoder(x_t[1:, :2], t[1:], M[1:], S[1:, :2])
-    torch.testing.assert_close(y[1:, :2], pair, atol=1e-5, rtol=1e-5)
+    assert make()(*network_inputs(inputs(n=n, f=f))).shape == (2, n, f, 151)
 
 
 def test_swap_mode_changes_output():
     decoder, (x_t, t, M, S) = make(), inputs()
-    assert (decoder(x_t, t, M, S.flip(1)) - decoder(x_t, t, M, S)).abs().max() > 1e-3
+    assert (
+        decoder(x_t, t, Conditions(M, S.flip(1))) - decoder(x_t, t, Conditions(M, S))
+    ).abs().max() > 1e-3
 
 
 def test_without_swap_mode_it_does_not():
     decoder, (x_t, t, M, S) = make(swap_mode=False), inputs()
-    assert torch.equal(decoder(x_t, t, M, S.flip(1)), decoder(x_t, t, M, S))
+    assert torch.equal(decoder(x_t, t, Conditions(M, S.flip(1))), decoder(x_t, t, Conditions(M, S)))
 
 
 def test_dropped_music_is_not_heard():
     decoder, (x_t, t, M, S) = make(), inputs()
     keep = torch.tensor([True, False])
-    y, other = decoder(x_t, t, M, S, keep=keep), decoder(x_t, t, -M, S, keep=keep)
+    y, other = (
+        decoder(x_t, t, Conditions(M, S, music_mask=keep)),
+        decoder(x_t, t, Conditions(-M, S, music_mask=keep)),
+    )
     assert torch.equal(y[1], other[1])
     assert (y[0] - other[0]).abs().max() > 1e-3
-    torch.testing.assert_close(y[0], decoder(x_t, t, M, S)[0], atol=1e-5, rtol=1e-5)
-    assert (y[1] - decoder(x_t, t, M, S)[1]).abs().max() > 1e-3
+    torch.testing.assert_close(y[0], decoder(x_t, t, Conditions(M, S))[0], atol=1e-5, rtol=1e-5)
+    assert (y[1] - decoder(x_t, t, Conditions(M, S))[1]).abs().max() > 1e-3
 
 
 def test_step_changes_output():
     decoder, (x_t, t, M, S) = make(), inputs()
-    assert (decoder(x_t, 999 - t, M, S) - decoder(x_t, t, M, S)).abs().max() > 1e-3
+    assert (
+        decoder(x_t, 999 - t, Conditions(M, S)) - decoder(x_t, t, Conditions(M, S))
+    ).abs().max() > 1e-3
 
 
 def test_samples_of_a_batch_do_not_meet():
     decoder, (x_t, t, M, S) = make(), inputs(b=3)
-    one = decoder(x_t[1:2], t[1:2], M[1:2], S[1:2])
-    torch.testing.assert_close(one[0], decoder(x_t, t, M, S)[1], atol=1e-5, rtol=1e-5)
+    one = decoder(x_t[1:2], t[1:2], Conditions(M[1:2], S[1:2]))
+    torch.testing.assert_close(one[0], decoder(x_t, t, Conditions(M, S))[1], atol=1e-5, rtol=1e-5)
 
 
 def test_every_dancer_sees_every_dancer_and_frame():
     decoder, (x_t, t, M, S) = make(), inputs()
     x_t.requires_grad_()
-    decoder(x_t, t, M, S)[0, 0, 0].sum().backward()
+    decoder(x_t, t, Conditions(M, S))[0, 0, 0].sum().backward()
     assert (x_t.grad[0].abs().amax(-1) > 0).all()
 
 
 def test_memory_is_swap_music_step():
     decoder, (_, t, M, S) = make(), inputs()
-    memory, cond = decoder.conditions(t, M, S)
+    memory, cond = decoder.conditions(t, Conditions(M, S))
     assert memory.shape == (2, 1 + 20 + 2, 16) and cond.shape == (2, 16)
     torch.testing.assert_close(memory[:, 0], decoder.swap_mode(S))
     torch.testing.assert_close(memory[:, 1:21], decoder.music(M))
@@ -113,10 +94,9 @@ def test_memory_is_swap_music_step():
         ("t", {"t": torch.zeros(3, dtype=torch.long)}),
         ("M", {"M": torch.zeros(2, 19, 35)}),
         ("S", {"S": torch.zeros(2, 2, dtype=torch.long)}),
-        ("present", {"present": torch.ones(2, 5, dtype=torch.bool)}),
     ],
 )
 def test_wrong_shapes_are_named(name, bad):
-    x_t, t, M, S = inputs()
+    x = dict(zip(("x_t", "t", "M", "S"), inputs(), strict=True)) | bad
     with pytest.raises(ValueError, match=f"{name} has shape"):
-        make()(**{"x_t": x_t, "t": t, "M": M, "S": S} | bad)
+        make()(*network_inputs(x.values()))

@@ -1,12 +1,12 @@
 import pytest
 import torch
 
+from dancediff.diffusion.conditions import Conditions
 from dancediff.diffusion.guidance import autoguided, guided, off_at_the_end, ramp_up
 from dancediff.diffusion.samplers import ddim_times
 
 M = torch.randn(2, 6, 35, generator=torch.Generator().manual_seed(0))
 S = torch.tensor([[0, 1, 2], [2, 1, 0]])
-PRESENT = torch.tensor([[True, True, False], [True, True, True]])
 X = torch.randn(2, 3, 6, 4, generator=torch.Generator().manual_seed(1))
 
 
@@ -16,42 +16,44 @@ class Fake:
     def __init__(self):
         self.calls = []
 
-    def __call__(self, x_t, t, M, S, *, keep, present=None):
-        self.calls.append((len(x_t), t.tolist(), keep.tolist(), present))
+    def __call__(self, x_t, t, conditions):
+        keep, S = conditions.music_mask, conditions.swap
+        self.calls.append((len(x_t), t.tolist(), keep.tolist(), conditions))
         assert t.dtype == torch.long and keep.dtype == torch.bool
-        music = M.sum((1, 2)) * keep
+        music = conditions.music.sum((1, 2)) * keep
         return x_t * 0.3 + (music + t / 1000)[:, None, None, None] + S[:, :, None, None]
 
 
 def one(keep, t=7):
     keep = torch.full((2,), keep)
-    return Fake()(X, torch.full((2,), t), M, S, keep=keep)
+    return Fake()(X, torch.full((2,), t), Conditions(M, S, music_mask=keep))
 
 
 @pytest.mark.parametrize("w", [0.0, 0.5, 1.0, 2.0, 7.5])
 def test_formula(w):
-    out = guided(Fake(), M=M, S=S, guidance=w)(X, 7)
+    out = guided(Fake(), Conditions(M, S), w)(X, 7)
     torch.testing.assert_close(out, one(False) + w * (one(True) - one(False)))
 
 
 def test_one_batched_pass():
     fake = Fake()
-    guided(fake, M=M, S=S, guidance=2.0, present=PRESENT)(X, 7)
-    ((rows, t, keep, present),) = fake.calls
+    guided(fake, Conditions(M, S), 2.0)(X, 7)
+    ((rows, t, keep, conditions),) = fake.calls
     assert rows == 4 and t == [7] * 4 and keep == [True, True, False, False]
-    assert torch.equal(present, torch.cat([PRESENT, PRESENT]))
+    assert torch.equal(conditions.swap, torch.cat([S, S]))
+    assert torch.equal(conditions.music, torch.cat([M, M]))
 
 
 @pytest.mark.parametrize(("w", "heard"), [(1, True), (1.0, True), (0, False)])
 def test_weights_one_and_zero_need_no_second_pass(w, heard):
     fake = Fake()
-    out = guided(fake, M=M, S=S, guidance=w)(X, 7)
+    out = guided(fake, Conditions(M, S), w)(X, 7)
     assert torch.equal(out, one(heard))  # acceptance check 16: bit for bit the plain prediction
     assert [c[0] for c in fake.calls] == [2] and fake.calls[0][2] == [heard] * 2
 
 
 def test_weight_may_depend_on_the_step():
-    denoise = guided(Fake(), M=M, S=S, guidance=lambda t: 3.0 if t > 100 else 1.0)
+    denoise = guided(Fake(), Conditions(M, S), lambda t: 3.0 if t > 100 else 1.0)
     torch.testing.assert_close(
         denoise(X, 200), one(False, 200) + 3 * (one(True, 200) - one(False, 200))
     )
@@ -73,7 +75,7 @@ def test_ramp_up_is_edges_long_ddim_rule():
 
 def test_negative_weight():
     with pytest.raises(ValueError, match="guidance=-1"):
-        guided(Fake(), M=M, S=S, guidance=-1)(X, 7)
+        guided(Fake(), Conditions(M, S), -1)(X, 7)
 
 
 # ---- autoguidance ----

@@ -4,9 +4,15 @@ from dataclasses import asdict
 import pytest
 import torch
 
+from dancediff.diffusion.conditions import Conditions
 from dancediff.motion.representation import Normalizer
 from dancediff.papers.lodge.foot_refine import joints_of
 from dancediff.papers.lodge.local_diffusion import LocalConfig, LocalDenoiser
+
+
+def network_inputs(x):
+    x_t, t, M, style = x
+    return x_t, t, Conditions(M, style=style)
 
 
 def make(**options):
@@ -41,21 +47,22 @@ def test_every_switch_runs_and_learns(options):
         torch.nn.init.normal_(model.non_local.mix.weight)
     x_t, t, M, _ = inputs(model)
     style = model.style(torch.tensor([0, 1]), torch.randn(2, 64))
-    x_raw, x_hat = model(x_t, t, M, style, keep=torch.tensor([True, False]))
+    x_raw, x_hat = model(x_t, t, Conditions(M, style=style, music_mask=torch.tensor([True, False])))
     assert x_hat.shape == x_raw.shape == x_t.shape
     (x_raw.square().sum() + x_hat.square().sum()).backward()
     assert all(p.grad is not None and p.grad.isfinite().all() for p in model.parameters())
 
 
 def test_without_the_block_both_guesses_are_one():
-    x_raw, x_hat = (model := make(foot_refine=False))(*inputs(model))
+    model = make(foot_refine=False)
+    x_raw, x_hat = model(*network_inputs(inputs(model)))
     assert torch.equal(x_raw, x_hat)
 
 
 def test_correction_is_small_before_training_and_not_nothing():
     for precondition in (True, False):
         model = make(precondition=precondition)
-        x_raw, x_hat = model(*inputs(model))
+        x_raw, x_hat = model(*network_inputs(inputs(model)))
         assert 1e-6 < (x_hat - x_raw).abs().max() < 0.1
 
 
@@ -77,7 +84,7 @@ def test_correction_keeps_to_the_spectrum_of_dance():
     for weights in model.foot_refine.out.parameters():
         weights.data.mul_(100)
     x_t, t, M, style = inputs(model)
-    x_raw, x_hat = model(x_t, t, M, style)
+    x_raw, x_hat = model(x_t, t, Conditions(M, style=style))
     delta = x_hat - x_raw
     assert delta.mean(1).abs().max() > 100 * delta.diff(dim=1).abs().max()
 
@@ -87,19 +94,23 @@ def test_style_is_heard_without_music_and_music_is_not():
         model = make(style_film=film)
         x_t, t, M, style = inputs(model)
         none = torch.zeros(2, dtype=torch.bool)
-        y = model(x_t, t, M, style, keep=none)[1]
-        torch.testing.assert_close(model(x_t, t, torch.randn_like(M), style, keep=none)[1], y)
-        assert (model(x_t, t, M, style.flip(0), keep=none)[1] - y).abs().max() > 1e-4
-        assert (model(x_t, t, M, style)[1] - y).abs().max() > 1e-4
+        y = model(x_t, t, Conditions(M, style=style, music_mask=none))[1]
+        torch.testing.assert_close(
+            model(x_t, t, Conditions(torch.randn_like(M), style=style, music_mask=none))[1], y
+        )
+        assert (
+            model(x_t, t, Conditions(M, style=style.flip(0), music_mask=none))[1] - y
+        ).abs().max() > 1e-4
+        assert (model(x_t, t, Conditions(M, style=style))[1] - y).abs().max() > 1e-4
 
 
 def test_rows_do_not_see_each_other():
     model = make()
     x_t, t, M, style = inputs(model)
-    both = model(x_t, t, M, style)[1]
+    both = model(x_t, t, Conditions(M, style=style))[1]
     for k in range(2):
         one = slice(k, k + 1)
-        alone = model(x_t[one], t[one], M[one], style[one])[1]
+        alone = model(x_t[one], t[one], Conditions(M[one], style=style[one]))[1]
         torch.testing.assert_close(alone, both[one], atol=1e-5, rtol=1e-5)
 
 
@@ -107,9 +118,9 @@ def test_bfloat16_is_close():
     model = make()
     x = inputs(model)
     with torch.autocast("cpu", torch.bfloat16):
-        y = model(*x)[1]
+        y = model(*network_inputs(x))[1]
     assert y.dtype == torch.float32
-    torch.testing.assert_close(y, model(*x)[1], atol=0.05, rtol=0.05)
+    torch.testing.assert_close(y, model(*network_inputs(x))[1], atol=0.05, rtol=0.05)
 
 
 def test_fitted_spectrum_is_reported():
@@ -138,7 +149,7 @@ def test_errors():
         "style": (x_t, t, M, style[:, :-1]),
     }.items():
         with pytest.raises(ValueError, match=f"^{name} has shape"):
-            model(*arguments)
+            model(*network_inputs(arguments))
 
 
 def test_beat_waves_are_heard_with_the_music_and_only_then():
@@ -155,10 +166,10 @@ def test_beat_waves_are_heard_with_the_music_and_only_then():
 def test_beat_waves_reach_the_guess():
     model = make(beat_waves=True)
     x_t, t, M, style = inputs(model)
-    before = model(x_t, t, M, style)[1]
+    before = model(x_t, t, Conditions(M, style=style))[1]
     with torch.no_grad():
         model.embed_beat.weight.zero_()
-    assert (model(x_t, t, M, style)[1] - before).abs().max() > 1e-5
+    assert (model(x_t, t, Conditions(M, style=style))[1] - before).abs().max() > 1e-5
 
 
 def test_non_local_filter_needs_the_linear_guess_and_changes_the_raw_one():
@@ -166,7 +177,7 @@ def test_non_local_filter_needs_the_linear_guess_and_changes_the_raw_one():
         make(non_local=True, precondition=False)
     model = make(non_local=True)
     x = inputs(model)
-    before, _ = model(*x)
+    before, _ = model(*network_inputs(x))
     torch.nn.init.normal_(model.non_local.mix.bias)
-    after, _ = model(*x)
+    after, _ = model(*network_inputs(x))
     assert (after - before).abs().amax((1, 2)).min() > 1e-3

@@ -238,7 +238,7 @@ def test_levels_count_as_often_as_they_are_drawn_too_rarely(solos):
     levels = level_weights(model.precondition.error(model.abar), 0.5)
     seen = []
 
-    def forward(x_t, t, M, style, *, keep):
+    def forward(x_t, t, conditions):
         seen.append(t)
         x = torch.zeros_like(x_t)
         return x, x

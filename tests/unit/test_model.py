@@ -4,9 +4,15 @@ from dataclasses import asdict
 import pytest
 import torch
 
+from dancediff.diffusion.conditions import Conditions
 from dancediff.diffusion.guidance import guided
 from dancediff.diffusion.schedule import cosine_abar
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
+
+
+def network_inputs(x):
+    x_t, t, M, S = x
+    return x_t, t, Conditions(M, S)
 
 
 def make(**options):
@@ -24,11 +30,11 @@ def inputs(b=2, n=3, f=20):
 def test_footwork_is_the_last_step():
     model, x = make(precondition=False), inputs()
     torch.nn.init.normal_(model.footwork.layers[2].linear.bias)
-    x_raw, x_hat = model(*x)
-    torch.testing.assert_close(x_raw, model.decoder(*x))
+    x_raw, x_hat = model(*network_inputs(x))
+    torch.testing.assert_close(x_raw, model.decoder(*network_inputs(x)))
     torch.testing.assert_close(x_hat, model.footwork(x_raw))
     assert (x_hat - x_raw).abs().max() > 0.1
-    x_raw, x_hat = make(fa=False)(*x)
+    x_raw, x_hat = make(fa=False)(*network_inputs(x))
     assert torch.equal(x_raw, x_hat)
 
 
@@ -40,7 +46,7 @@ def test_footwork_corrects_no_more_than_noise_can_hide():
     missed, corrected = [], []
     for step in (2, 20, 200):
         t = torch.full((2,), step)
-        x_raw, x_hat = model(x_t, t, M, S)
+        x_raw, x_hat = model(x_t, t, Conditions(M, S))
         added = (x_hat - x_raw)[..., model.footwork.channels]
         missed.append(model.decoder.precondition.error(model.abar[t].float())[0].sqrt())
         corrected.append(added.square().mean().sqrt())
@@ -52,21 +58,13 @@ def test_footwork_corrects_no_more_than_noise_can_hide():
     assert unscaled.square().mean().sqrt() > 10 * corrected[0]
 
 
-def test_absent_dancers_are_zero_in_both_outputs():
-    model, x = make(), inputs()
-    torch.nn.init.normal_(model.footwork.layers[2].linear.bias)
-    present = torch.tensor([[True, True, False]] * 2)
-    for out in model(*x, present=present):
-        assert out[:, 2].abs().max() == 0 and out[:, :2].abs().min() > 0
-
-
 @pytest.mark.parametrize("ssm", ["ssd", "mamba"])
 @pytest.mark.parametrize("bfloat16", [False, True])
 def test_gradient_reaches_every_parameter(ssm, bfloat16):
     model, (x_t, t, M, S) = make(ssm=ssm, num_layers=2).train(), inputs(n=5)
     keep = torch.tensor([True, False])
     with torch.autocast("cpu", torch.bfloat16, enabled=bfloat16):
-        x_raw, x_hat = model(x_t, t, M, S, keep=keep)
+        x_raw, x_hat = model(x_t, t, Conditions(M, S, music_mask=keep))
     (x_raw.square().mean() + x_hat.square().mean()).backward()
     for name, parameter in model.named_parameters():
         assert parameter.grad is not None, name
@@ -76,9 +74,9 @@ def test_gradient_reaches_every_parameter(ssm, bfloat16):
 @pytest.mark.parametrize("ssm", ["ssd", "mamba"])
 def test_bfloat16_autocast_is_close_to_float32(ssm):
     model, x = make(ssm=ssm, d_model=32), inputs(f=60)
-    _, plain = model(*x)
+    _, plain = model(*network_inputs(x))
     with torch.autocast("cpu", torch.bfloat16):
-        _, fast = model(*x)
+        _, fast = model(*network_inputs(x))
     assert fast.dtype == torch.float32
     assert (fast - plain).square().mean().sqrt() < 0.02 * plain.std()
 
@@ -86,13 +84,10 @@ def test_bfloat16_autocast_is_close_to_float32(ssm):
 def test_guidance_1_is_the_conditional_prediction():
     model, (x_t, _, M, S) = make(), inputs()
 
-    def denoiser(*args, **kwargs):
-        return model(*args, **kwargs)[1]
-
-    conditional = model(x_t, torch.full((2,), 500), M, S)[1]
-    torch.testing.assert_close(guided(denoiser, M=M, S=S, guidance=1.0)(x_t, 500), conditional)
+    conditional = model(x_t, torch.full((2,), 500), Conditions(M, S))[1]
+    torch.testing.assert_close(guided(model.denoise, Conditions(M, S), 1.0)(x_t, 500), conditional)
     # the batched pass: x_u + w (x_c - x_u), just above w = 1
-    almost = guided(denoiser, M=M, S=S, guidance=1.0 + 1e-6)(x_t, 500)
+    almost = guided(model.denoise, Conditions(M, S), 1.0 + 1e-6)(x_t, 500)
     torch.testing.assert_close(almost, conditional, atol=1e-4, rtol=1e-4)
 
 
@@ -100,7 +95,7 @@ def test_music_that_was_dropped_cannot_matter_to_guidance_0():
     model, (x_t, _, M, S) = make(), inputs()
 
     def run(M):
-        return guided(lambda *a, **k: model(*a, **k)[1], M=M, S=S, guidance=0.0)(x_t, 500)
+        return guided(model.denoise, Conditions(M, S), 0.0)(x_t, 500)
 
     assert torch.equal(run(M), run(-M))
 

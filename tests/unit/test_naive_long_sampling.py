@@ -155,12 +155,12 @@ class Knows(torch.nn.Module):
 
     music_normalizer = type("Plain", (), {"normalize": staticmethod(lambda M: M)})
 
-    def forward(self, x_t, t, M, S, *, keep, present=None):
-        self.calls.append((x_t.shape[0], int(t[0]), S.tolist(), keep.tolist()))
-        starts = M[:, 0, 0].long().tolist()
+    def denoise(self, x_t, t, conditions):
+        told = conditions.swap.tolist(), conditions.music_mask.tolist()
+        self.calls.append((x_t.shape[0], int(t[0]), *told))
+        starts = conditions.music[:, 0, 0].long().tolist()
         x = torch.stack([self.dance[:, start : start + 150] for start in starts])
-        x = self.normalizer.normalize(x.to(x_t))
-        return x, x
+        return self.normalizer.normalize(x.to(x_t))
 
 
 @pytest.mark.parametrize("seconds", [3, 5, 7.4, 24, 40])

@@ -1,6 +1,7 @@
 import pytest
 import torch
 
+from dancediff.diffusion.conditions import Conditions
 from dancediff.extensions.non_local_filter import HEADS, NonLocalFilter, body_parts, left_over
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 
@@ -74,26 +75,17 @@ def test_what_is_left_over_fades_with_the_signal():
 def test_switch_adds_nothing_before_training_and_learns():
     torch.manual_seed(0)
     model = TCDiffPP(TCDiffPPConfig(**SIZES, non_local=True))
-    x = torch.randn(2, 3, 20, 151), torch.tensor([10, 400]), torch.randn(2, 20, 35)
-    S = torch.arange(3).expand(2, 3)
+    x = torch.randn(2, 3, 20, 151), torch.tensor([10, 400])
+    conditions = Conditions(torch.randn(2, 20, 35), torch.arange(3).expand(2, 3))
     with torch.no_grad():
-        x_raw, _ = model(*x, S)
+        x_raw, _ = model(*x, conditions)
         part, model.decoder.non_local = model.decoder.non_local, None
-        assert torch.equal(model(*x, S)[0], x_raw)
+        assert torch.equal(model(*x, conditions)[0], x_raw)
         model.decoder.non_local = part
     torch.nn.init.normal_(part.mix.weight)
-    model(*x, S)[1].square().mean().backward()
+    model(*x, conditions)[1].square().mean().backward()
     assert all(p.grad is not None and p.grad.abs().max() > 0 for p in part.parameters())
     assert not TCDiffPPConfig.paper().non_local and TCDiffPP().decoder.non_local is None
-
-
-def test_absent_dancers_stay_zero():
-    model = TCDiffPP(TCDiffPPConfig(**SIZES, non_local=True)).eval()
-    torch.nn.init.normal_(model.decoder.non_local.mix.bias)
-    present = torch.tensor([[True, True, False]])
-    args = torch.randn(1, 3, 20, 151), torch.tensor([10]), torch.randn(1, 20, 35)
-    x_raw, x_hat = model(*args, torch.arange(3)[None], present=present)
-    assert not x_raw[:, 2].any() and not x_hat[:, 2].any()
 
 
 def test_needs_the_linear_guess():

@@ -57,7 +57,7 @@ def test_a_preconditioned_guess_is_not_cut():
     for precondition, most in ((True, 5.0), (False, 1.0)):
         model = LocalDenoiser(LocalConfig(**TINY, num_frames=n, precondition=precondition))
         far = torch.full((1, n, 139), 5.0)
-        model.forward = lambda x_t, t, M, style, *, keep, far=far: (far, far)
+        model.forward = lambda x_t, t, conditions, far=far: (far, far)
         style = style_tokens(model, 0, 1, Sampling())
         x = sample_rows(model, music(n)[None], style, Sampling(steps=2, guidance=1), LOCALS)
         floor = [LODGE.root.start, LODGE.root.start + 2]
@@ -121,7 +121,7 @@ def test_a_long_dance_stays_where_it_is(stages):
     fine = LocalDenoiser(LocalConfig(**TINY, num_frames=n))
     fine.precondition.spread.copy_(1 / (1 + torch.arange(n))[:, None] ** 2)  # slow parts are large
     walk = torch.linspace(0, 1, n)[None, :, None]
-    fine.forward = lambda x_t, t, M, style, *, keep: 2 * (walk.expand(*x_t.shape),)
+    fine.forward = lambda x_t, t, conditions: 2 * (walk.expand(*x_t.shape),)
     ends = {
         home: make((stages[0], fine), 9 * n, home=home)[n - 1 :: n, [4, 6]].abs()
         for home in (True, False)

@@ -3,11 +3,17 @@
 import pytest
 import torch
 
+from dancediff.diffusion.conditions import Conditions
 from dancediff.papers.tcdiffpp.losses import LossWeights, tcdiffpp_losses
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 
 SIZES = {"d_model": 16, "num_heads": 2, "num_layers": 2, "ff_dim": 32, "fusion_hidden": 48}
 D, PLACES = 16, 5
+
+
+def network_inputs(x):
+    x_t, t, M, S = x
+    return x_t, t, Conditions(M, S)
 
 
 def make(**options):
@@ -48,7 +54,7 @@ def test_a_part_is_gone_and_the_dance_is_another(switch, part, size):
     full.footwork.layers[2].linear.bias.data += 0.3  # it starts as nothing; give it something
     assert named(full, part) == size == count(full) - count(without)
     assert named(without, part) == 0
-    assert (full(*x)[1] - without(*x)[1]).abs().max() > 1e-3
+    assert (full(*network_inputs(x))[1] - without(*network_inputs(x))[1]).abs().max() > 1e-3
 
 
 @pytest.mark.parametrize("ssm", ["mamba", "ssd"])
@@ -76,7 +82,11 @@ def test_who_sees_the_future(ssm, bidirectional):
     model, (x_t, t, M, S) = only_the_state_crosses_frames(make(**options)), inputs()
     other = x_t.clone()
     other[:, :, 7] += torch.randn(151)
-    change = (model(other, t, M, S)[1] - model(x_t, t, M, S)[1]).abs().amax(dim=(0, 1, 3))
+    change = (
+        (model(other, t, Conditions(M, S))[1] - model(x_t, t, Conditions(M, S))[1])
+        .abs()
+        .amax(dim=(0, 1, 3))
+    )
     assert change[7] > 1e-2
     assert (change[8:].min() > 1e-6) == (ssm != "none")  # the past is remembered
     assert (change[:7].max() > 1e-6) == (ssm != "none" and bidirectional)

@@ -40,8 +40,8 @@ class Toy(nn.Module):
         self.register_buffer("abar", cosine_abar(1000), persistent=False)
         self.heard = []
 
-    def forward(self, x_t, t, M, S, *, keep):
-        self.heard.append((t, keep))
+    def forward(self, x_t, t, conditions):
+        self.heard.append((t, conditions.music_mask))
         x_raw = self.gain * self.dropout(x_t)
         return x_raw, x_raw
 

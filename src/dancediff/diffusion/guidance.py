@@ -4,9 +4,6 @@ Read first: notebook 06 · Ho and Salimans 2022 eq. 6 · EDGE section 3.3.
 
 Symbols (axes: b batch · n dancers · f frames · d motion features · m music features)
     w     guidance weight     0: music ignored · 1: plain conditional · 2: the papers' value
-    M     music features      (b, f, m)
-    S     swap mode           (b, n)
-    keep  which rows of the batch hear the music   (b,) bool
 """
 
 from collections.abc import Callable
@@ -14,14 +11,13 @@ from collections.abc import Callable
 import torch
 from torch import Tensor
 
+from dancediff.diffusion.conditions import Conditions
+
 
 def guided(
-    denoiser: Callable,
-    *,
-    M: Tensor,
-    S: Tensor,
+    denoise: Callable[[Tensor, Tensor, Conditions], Tensor],
+    conditions: Conditions,
     guidance: float | Callable[[int], float] = 2.0,
-    present: Tensor | None = None,
 ) -> Callable[[Tensor, int], Tensor]:
     r"""Bind a network to its conditions and exaggerate what the music changes.
 
@@ -33,37 +29,37 @@ def guided(
     Source: Ho and Salimans 2022, eq. 6, in terms of x_0; w = 2 in EDGE, TCDiff++ and Lodge.
     Differs: the official code runs the network twice in a row, for every w but 1.
 
-    Shapes: denoiser(x_t (b, n, f, d), t (b,), M (b, f, m), S (b, n), keep=(b,) bool,
-    present=(b, n) bool or None) -> x0_hat (b, n, f, d); the result is denoise(x_t, t: int).
+    Shapes: denoise(x_t (b, ..., f, d), t (b,), conditions) -> x0_hat like x_t, as of a
+    `dancediff.diffusion.conditions.Denoiser`; the result is a function of x_t and t: int.
     Raises: ValueError for a negative weight.
 
-    >>> denoiser = lambda x_t, t, M, S, keep, present: x_t + keep[:, None, None, None]
-    >>> M, S = torch.zeros(1, 4, 35), torch.tensor([[0, 1]])
-    >>> guided(denoiser, M=M, S=S, guidance=3.0)(torch.zeros(1, 2, 4, 1), t=10).unique().tolist()
+    >>> denoise = lambda x_t, t, conditions: x_t + conditions.music_mask[:, None, None]
+    >>> conditions = Conditions(torch.zeros(1, 4, 35))
+    >>> guided(denoise, conditions, guidance=3.0)(torch.zeros(1, 4, 1), t=10).unique().tolist()
     [3.0]
     """
     weight = guidance if callable(guidance) else lambda t: guidance
     repeated = {}  # the conditions, as many times as they are asked for: always the same tensors
 
-    def run(x_t, t, heard):  # `heard`: for each copy of the batch, does it hear the music?
-        b, copies = len(x_t), len(heard)
+    def run(x_t: Tensor, t: int, with_music: list[bool]) -> Tensor:  # one entry a copy
+        b, copies = len(x_t), len(with_music)
         if copies not in repeated:
-            repeated[copies] = [_repeat(a, copies) for a in (M, S, present)]
-        x_t, (M_, S_, present_) = _repeat(x_t, copies), repeated[copies]
+            repeated[copies] = conditions.repeat(copies)
         steps = torch.full((b * copies,), t, dtype=torch.long, device=x_t.device)
-        keep = torch.cat([torch.full((b,), h, device=x_t.device) for h in heard])
-        return denoiser(x_t, steps, M_, S_, keep=keep, present=present_)
+        mask = torch.cat([torch.full((b,), m, device=x_t.device) for m in with_music])
+        x_t = x_t if copies == 1 else torch.cat([x_t] * copies)
+        return denoise(x_t, steps, repeated[copies].with_mask(mask))
 
-    def denoise(x_t: Tensor, t: int) -> Tensor:
+    def denoise_guided(x_t: Tensor, t: int) -> Tensor:
         w = weight(t)
         if w < 0:
             raise ValueError(f"guidance={w} at t={t} must be at least 0; 1 switches it off")
         if w in (0, 1):
-            return run(x_t, t, heard=[w == 1])
-        with_music, without = run(x_t, t, heard=[True, False]).chunk(2)
-        return without + w * (with_music - without)
+            return run(x_t, t, [w == 1])
+        conditional, unconditional = run(x_t, t, [True, False]).chunk(2)
+        return unconditional + w * (conditional - unconditional)
 
-    return denoise
+    return denoise_guided
 
 
 def autoguided(
@@ -103,10 +99,6 @@ def autoguided(
         return guess + (weight - 1) * (d - (1 - lasting) * d.mean(-2, keepdim=True))
 
     return pushed
-
-
-def _repeat(a: Tensor | None, copies: int) -> Tensor | None:
-    return a if a is None or copies == 1 else torch.cat([a] * copies)
 
 
 def off_at_the_end(guidance: float, num_steps: int = 1000) -> Callable[[int], float]:

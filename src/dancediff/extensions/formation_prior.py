@@ -87,26 +87,24 @@ class FormationPrior(nn.Module):
         if length > 0:
             self.progress.copy_(along / length)
 
-    def mean(self, S: Tensor, present: Tensor | None = None, f: int | None = None) -> Tensor:
+    def mean(self, S: Tensor, f: int | None = None) -> Tensor:
         """Where everybody is expected (b, n, f, c)."""
-        place = self.place[self._size(S, present), : S.shape[1]]
+        place = self.place[self._size(S), : S.shape[1]]
         goal = place.gather(1, S.argsort(1)[..., None].expand(-1, -1, 2))
         w = self.progress[self._rows(f)][:, None]
         return place[:, :, None] + w * (goal - place)[:, :, None]
 
-    def forward(self, S: Tensor, present: Tensor | None = None, f: int | None = None) -> GroupModes:
+    def forward(self, S: Tensor, f: int | None = None) -> GroupModes:
         """What preconditioning needs to know about a batch of groups."""
-        n, size, rows = S.shape[1], self._size(S, present), self._rows(f)
+        n, size, rows = S.shape[1], self._size(S), self._rows(f)
         return GroupModes(
             features=ON_FLOOR,
-            mean=self.mean(S, present, f),
+            mean=self.mean(S, f),
             basis=self.basis[size][:, rows, :, :n, :n],
             spread=self.spread[size][:, rows, :, :n].permute(0, 3, 1, 2),
         )
 
-    def _size(self, S: Tensor, present: Tensor | None) -> Tensor:
-        if present is not None:
-            return present.long().sum(1) - 1
+    def _size(self, S: Tensor) -> Tensor:
         return torch.full((len(S),), S.shape[1] - 1, device=S.device)
 
     def _rows(self, f: int | None) -> Tensor:

@@ -15,6 +15,7 @@ from functools import partial
 import torch
 from torch import Tensor
 
+from dancediff.diffusion.conditions import Conditions
 from dancediff.diffusion.guidance import autoguided, guided, off_at_the_end
 from dancediff.extensions import control
 from dancediff.generation.request import FPS, Wish
@@ -149,21 +150,21 @@ def denoise_segments(model, guidance, dtype=None, autoguidance: float = 1.0) -> 
     """
     device = model.abar.device
 
-    def denoiser(x_t, t, M, S, *, keep, present=None):
+    def denoise(x_t, t, conditions):
         with torch.autocast(device.type, torch.bfloat16, enabled=dtype == torch.bfloat16):
-            return model(x_t, t, M, S, keep=keep, present=present)[1]
+            return model.denoise(x_t, t, conditions)
 
     last = None  # the conditions of the segment in hand, and the denoiser that is bound to them
 
     def denoise_segment(x_t, t, M, S):
         nonlocal last
         if last is None or last[0] is not M or last[1] is not S:
-            last = M, S, guided(denoiser, M=M, S=S, guidance=guidance)
+            last = M, S, guided(denoise, Conditions(M, swap=S), guidance)
         return last[2](x_t, t)
 
     def linear(x_t, t, M, S):
         steps = torch.full((len(x_t),), t, dtype=torch.long, device=device)
-        return model.linear_guess(x_t, steps, S)
+        return model.linear_guess(x_t, steps, Conditions(M, swap=S))
 
     weights = autoguidance_weights(model, autoguidance)
     return autoguided(denoise_segment, linear, weights, lasting=LASTING)

@@ -69,8 +69,7 @@ class Attention(nn.Module):
 
     Source: Vaswani et al. eq. 1 with RoPE; used by every layer of TCDiff++ section 4.2.
 
-    Shapes: x (b, l, d_model), memory (b, k, d_model) -> (b, l, d_model); key_mask (b, k), False =
-    nobody may look at this token.
+    Shapes: x (b, l, d_model), memory (b, k, d_model) -> (b, l, d_model).
 
     >>> attend = Attention(16, num_heads=2)
     >>> x = torch.randn(3, 10, 16)
@@ -134,30 +133,19 @@ class Attention(nn.Module):
         Q, K, _ = self.project(x, memory, x_frames, memory_frames)
         return (Q @ K.mT / math.sqrt(self.channels)).softmax(-1)
 
-    def forward(
-        self,
-        x: Tensor,
-        memory: Tensor,
-        x_frames: Tensor,
-        memory_frames: Tensor,
-        *,
-        key_mask: Tensor | None = None,
-    ) -> Tensor:
+    def forward(self, x: Tensor, memory: Tensor, x_frames: Tensor, memory_frames: Tensor) -> Tensor:
         """Let every token of x gather what it needs from memory."""
         Q, K, V = self.project(x, memory, x_frames, memory_frames)
-        mask = None if key_mask is None else key_mask[:, None, None, :]
-        return self.out(rearrange(_attend(Q, K, V, mask), "b h l c -> b l (h c)"))
+        return self.out(rearrange(_attend(Q, K, V), "b h l c -> b l (h c)"))
 
 
-def _attend(Q: Tensor, K: Tensor, V: Tensor, mask: Tensor | None) -> Tensor:
+def _attend(Q: Tensor, K: Tensor, V: Tensor) -> Tensor:
     """Softmax attention, the fastest way there is.
 
     That is torch's fused kernel, but for its backward pass in bfloat16 on a CPU: written out, the
     same takes half the time (measured with torch 2.13 and AMX).
     """
     if not (Q.dtype == torch.bfloat16 and Q.device.type == "cpu" and torch.is_grad_enabled()):
-        return F.scaled_dot_product_attention(Q, K, V, mask)
+        return F.scaled_dot_product_attention(Q, K, V)
     logits = (Q / math.sqrt(Q.shape[-1])) @ K.mT
-    if mask is not None:
-        logits = logits.masked_fill(~mask, -torch.inf)
     return logits.softmax(-1) @ V

@@ -6,7 +6,6 @@ Symbols (axes: b batch · n dancers · f frames · k memory tokens · d channels
     h         what the network knows about each dancer and frame   (b, n, f, d)
     memory    music and other conditions to listen to              (b, k, d)
     cond      step, music and swap mode in one vector              (b, d)
-    present   False = nobody dances in this place                  (b, n)
 """
 
 from collections.abc import Iterator
@@ -62,7 +61,7 @@ class DecoderLayer(nn.Module):
     ``layer="released"`` is that, to compare.
 
     Shapes: h (b, n, f, d) -> (b, n, f, d).
-    Raises: ValueError for an unknown ``layer``, or a masked dancer in the middle of one stream.
+    Raises: ValueError for an unknown ``layer``.
 
     >>> layer = DecoderLayer(16, num_heads=2, ff_dim=32)
     >>> h, memory, frames = torch.randn(2, 3, 5, 16), torch.randn(2, 7, 16), torch.arange(7)
@@ -96,22 +95,13 @@ class DecoderLayer(nn.Module):
         self.films = nn.ModuleList(FiLM(d_model) for _ in range(num_blocks))
         self.dropout = nn.Dropout(dropout)
 
-    def forward(
-        self,
-        h: Tensor,
-        memory: Tensor,
-        cond: Tensor,
-        memory_frames: Tensor,
-        *,
-        present: Tensor | None = None,
-    ) -> Tensor:
+    def forward(self, h: Tensor, memory: Tensor, cond: Tensor, memory_frames: Tensor) -> Tensor:
         """Run the blocks in turn. ``memory_frames`` (k,): the frame of each memory token."""
         b, n, f, _ = h.shape
         frames = frame_of_tokens(n, f, h.device)
-        seen = None if present is None else repeat(present, "b n -> b (f n)", f=f)
 
         def self_attention(tokens):
-            return self.self_attention(tokens, tokens, frames, frames, key_mask=seen)
+            return self.self_attention(tokens, tokens, frames, frames)
 
         def own_time_axis(tokens):  # nobody's memory mixes with a neighbour's
             streams = rearrange(from_tokens(tokens, n), "b n f d -> (b n) f d")
@@ -124,8 +114,6 @@ class DecoderLayer(nn.Module):
         if self.ssm is None:
             blocks.remove(own_time_axis)
         if self.one_stream:
-            if present is not None:
-                raise ValueError('present does not go with layer="released": all are one stream')
             blocks = [self_attention, self.ssm, self.feed_forward]
         tokens = to_tokens(h)
         for block, norm, film in zip(blocks, self.norms, self.films, strict=True):

@@ -13,6 +13,7 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
+from dancediff.diffusion.conditions import Conditions
 from dancediff.papers.lodge.cue_guidance import clean_borders
 from dancediff.papers.lodge.genre_discriminator import DiscriminatorConfig, GenreDiscriminator
 from dancediff.papers.lodge.global_diffusion import GlobalDenoiser
@@ -42,7 +43,7 @@ class LodgeObjective(Objective):
         x_t = clean_borders(noised.x_t, x_0) if self.clean else noised.x_t
         style, z = style_of(model, genre, noised.generator)
         with self.deterministic_autocast(number):
-            guess = model(x_t, noised.t, M, style, keep=noised.keep)
+            guess = model(x_t, noised.t, Conditions(M, style=style, music_mask=noised.mask))
         x_raw, x_hat = guess if isinstance(guess, tuple) else (None, guess)
         x_raw, x_hat = (None if x is None else x.float() for x in (x_raw, x_hat))
         clips = model.clips if isinstance(model, GlobalDenoiser) else lambda x: x

@@ -5,7 +5,7 @@ Read first: notebook 05. Everything random follows from the seed and the number 
 Symbols (axes: b batch · n dancers · f frames · d motion features)
     x_0, x_t   clean and noisy motion, normalised      (b, n, f, d)
     t          noise level of each row                 (b,)
-    keep       music is heard (False: dropped)         (b,)
+    mask       False: the music is dropped             (b,)
     weight     of a row in the losses                  (b,)
 """
 
@@ -16,6 +16,7 @@ from functools import cached_property
 import torch
 from torch import Tensor, nn
 
+from dancediff.diffusion.conditions import Conditions
 from dancediff.diffusion.schedule import q_sample
 from dancediff.extensions.level_weights import draw_levels, weights_of
 from dancediff.papers.tcdiffpp.losses import tcdiffpp_losses
@@ -28,7 +29,7 @@ class Noised:
 
     x_t: Tensor
     t: Tensor
-    keep: Tensor
+    mask: Tensor
     weight: Tensor | None
     generator: torch.Generator
 
@@ -59,7 +60,7 @@ class Objective:
         return model.normalizer.normalize(x), model.music_normalizer.normalize(M), other
 
     def noised(self, x_0: Tensor, number: int) -> Noised:
-        """Draw a noise level for every row, the noise, and who hears the music."""
+        """Draw a noise level for every row, the noise, and whose music is dropped."""
         b, device, sizes = len(x_0), x_0.device, self.model.config
         g = torch.Generator().manual_seed(self._seed(number))  # CPU: the same on every device
         if self.level_weights is None:
@@ -69,9 +70,9 @@ class Objective:
             weight = weight.to(device)
         t = t.to(device)
         eps = torch.randn(x_0.shape, generator=g).to(device)
-        keep = (torch.rand(b, generator=g) >= sizes.cond_drop).to(device)
+        mask = (torch.rand(b, generator=g) >= sizes.cond_drop).to(device)
         x_t = q_sample(x_0, t, self.model.abar, eps).to(x_0.dtype)
-        return Noised(x_t, t, keep, weight, g)
+        return Noised(x_t, t, mask, weight, g)
 
     @contextmanager
     def deterministic_autocast(self, number: int):
@@ -95,7 +96,7 @@ class GroupObjective(Objective):
         x_0, M, S = self.to_network(batch)
         noised = self.noised(x_0, number)
         with self.deterministic_autocast(number):
-            x_raw, x_hat = model(noised.x_t, noised.t, M, S, keep=noised.keep)
+            x_raw, x_hat = model(noised.x_t, noised.t, Conditions(M, S, music_mask=noised.mask))
         return tcdiffpp_losses(
             x_raw.float(),
             x_hat.float(),

@@ -17,6 +17,7 @@ import torch
 from torch import Tensor, nn
 
 from dancediff.data.windows import Take
+from dancediff.diffusion.conditions import Conditions
 from dancediff.diffusion.schedule import cosine_abar
 from dancediff.generation.request import Wish
 from dancediff.motion.motion import Motion
@@ -82,12 +83,12 @@ class EDGE(nn.Module):
     contacts above 0.5 instead of 0.95, and joints are in metres.  Trained with TCDiff++'s loop,
     whose weights for EDGE's four losses are EDGE's; L_D is zero for one dancer.
 
-    Shapes: x_t (b, n, f, d), t (b,), M (b, f, m) standardised, S (b, n) not used; keep (b,),
-    present (b, n) -> the guess twice, both (b, n, f, d): what `TCDiffPP` calls raw and adapted.
+    Shapes: x_t (b, n, f, d), t (b,), conditions with music -> the guess twice, both (b, n, f, d):
+    what `TCDiffPP` calls raw and adapted.
 
     >>> model = EDGE(EDGEConfig(d_model=16, num_layers=1, ff_dim=32))
-    >>> x_t, M, S = torch.randn(2, 3, 20, 151), torch.randn(2, 20, 35), torch.arange(3).expand(2, 3)
-    >>> model(x_t, torch.tensor([10, 900]), M, S)[1].shape
+    >>> x_t, conditions = torch.randn(2, 3, 20, 151), Conditions(torch.randn(2, 20, 35))
+    >>> model(x_t, torch.tensor([10, 900]), conditions)[1].shape
     torch.Size([2, 3, 20, 151])
     """
 
@@ -105,31 +106,28 @@ class EDGE(nn.Module):
         )
         self.register_buffer("abar", cosine_abar(config.num_steps), persistent=False)
 
-    def forward(
-        self,
-        x_t: Tensor,
-        t: Tensor,
-        M: Tensor,
-        S: Tensor | None = None,
-        *,
-        keep: Tensor | None = None,
-        present: Tensor | None = None,
-    ) -> tuple[Tensor, Tensor]:
-        """Guess the clean dance; every dancer is a sample of her own."""
-        b, n = x_t.shape[:2]
-        t, M, keep = (None if a is None else a.repeat_interleave(n, 0) for a in (t, M, keep))
-        nobody_swaps = torch.zeros(b * n, 1, dtype=torch.long, device=x_t.device)
-        x_hat = self.decoder(x_t.flatten(0, 1)[:, None], t, M, nobody_swaps, keep=keep)
-        x_hat = x_hat.reshape(x_t.shape)
-        x_hat = x_hat if present is None else x_hat * present[:, :, None, None]
+    def forward(self, x_t: Tensor, t: Tensor, conditions: Conditions) -> tuple[Tensor, Tensor]:
+        """Guess the clean dance; every dancer is a sample of its own."""
+        x_hat = self.decoder(*self._alone(x_t, t, conditions)).reshape(x_t.shape)
         return x_hat, x_hat
 
-    def linear_guess(self, x_t: Tensor, t: Tensor, S: Tensor | None = None) -> Tensor:
+    def denoise(self, x_t: Tensor, t: Tensor, conditions: Conditions) -> Tensor:
+        """The guess, (b, n, f, d)."""
+        return self(x_t, t, conditions)[1]
+
+    def linear_guess(self, x_t: Tensor, t: Tensor, conditions: Conditions) -> Tensor:
         """What a model with preconditioning guesses without its network, (b, n, f, d)."""
+        return self.decoder.linear_guess(*self._alone(x_t, t, conditions)).reshape(x_t.shape)
+
+    def _alone(self, x_t: Tensor, t: Tensor, conditions: Conditions):
         n = x_t.shape[1]
-        nobody_swaps = torch.zeros(x_t.shape[0] * n, 1, dtype=torch.long, device=x_t.device)
-        alone, t = x_t.flatten(0, 1)[:, None], t.repeat_interleave(n, 0)
-        return self.decoder.linear_guess(alone, t, nobody_swaps).reshape(x_t.shape)
+        nobody_swaps = torch.zeros(len(x_t) * n, 1, dtype=torch.long, device=x_t.device)
+        M, mask = (
+            None if a is None else a.repeat_interleave(n, 0)
+            for a in (conditions.music, conditions.music_mask)
+        )
+        conditions = Conditions(M, nobody_swaps, music_mask=mask)
+        return x_t.flatten(0, 1)[:, None], t.repeat_interleave(n, 0), conditions
 
     def generate(
         self,

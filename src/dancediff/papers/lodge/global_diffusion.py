@@ -20,6 +20,7 @@ import torch
 from einops import rearrange
 from torch import Tensor, nn
 
+from dancediff.diffusion.conditions import Conditions
 from dancediff.diffusion.schedule import cosine_abar
 from dancediff.extensions.preconditioning import Preconditioning
 from dancediff.genre import GENRES
@@ -141,15 +142,15 @@ class GlobalDenoiser(nn.Module):
     not be those of a salsa; preconditioning (ours) takes each primitive for itself, because its
     neighbours are seconds away.
 
-    Shapes: x_t (b, f, d), t (b,), M (b, N, m) standardised, style (b, d_model) unless the config
-    has no genres, keep (b,) -> (b, f, d).
+    Shapes: x_t (b, f, d), t (b,), conditions with music (b, N, m) and, unless the config has no
+    genres, style -> (b, f, d).
     Raises: ValueError naming the argument whose shape does not fit.
 
     >>> config = GlobalConfig(d_model=16, num_layers=1, ff_dim=32, music_frames=64, local_frames=32)
-    >>> x_t, M = torch.randn(2, 56, 139), torch.randn(2, 64, 35)
     >>> model = GlobalDenoiser(config)
     >>> style = model.style(torch.tensor([0, 3]), torch.randn(2, 64))
-    >>> model(x_t, torch.tensor([10, 900]), M, style).shape
+    >>> conditions = Conditions(torch.randn(2, 64, 35), style=style)
+    >>> model(torch.randn(2, 56, 139), torch.tensor([10, 900]), conditions).shape
     torch.Size([2, 56, 139])
     """
 
@@ -203,18 +204,15 @@ class GlobalDenoiser(nn.Module):
         if self.precondition is not None:
             self.precondition.fit((self.clips(x).flatten(0, 1) for x in windows), weights)
 
-    def forward(
-        self,
-        x_t: Tensor,
-        t: Tensor,
-        M: Tensor,
-        style: Tensor | None = None,
-        *,
-        keep: Tensor | None = None,
-    ) -> Tensor:
+    def denoise(self, x_t: Tensor, t: Tensor, conditions: Conditions) -> Tensor:
+        """The guess, (b, f, d)."""
+        return self(x_t, t, conditions)
+
+    def forward(self, x_t: Tensor, t: Tensor, conditions: Conditions) -> Tensor:
         """Guess the clean primitives."""
+        M, style = conditions.music, conditions.style
         self._check(x_t, t, M, style)
-        music, steps, cond = self.trunk.conditions(M, t, keep)
+        music, steps, cond = self.trunk.conditions(M, t, conditions.music_mask)
         memory = [music, steps]
         if style is not None:
             memory.append(style.float()[:, None])

@@ -7,7 +7,6 @@ Symbols (axes: b batch · f frames · d motion, m music features)
     t              diffusion step                                  (b,)
     M              music features, standardised                    (b, f, m)
     style          the style token, see `dancediff.papers.lodge.style`    (b, d_model)
-    keep           False = pretend there is no music               (b,)
     x_raw, x_hat   the guess before and after the Foot Refine Block   (b, f, d)
 """
 
@@ -16,6 +15,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor, nn
 
+from dancediff.diffusion.conditions import Conditions
 from dancediff.diffusion.schedule import cosine_abar
 from dancediff.extensions.beat_phase import NUM_WAVES, beat_waves
 from dancediff.extensions.non_local_filter import NonLocalFilter, left_over
@@ -85,15 +85,15 @@ class LocalDenoiser(nn.Module):
     Source: Lodge section 3.4: EDGE's network with a style token in the memory, then the Foot Refine
     Block.  Differs: the style may join the FiLM condition (``style_film``); with preconditioning
     the correction of the feet passes through it as well, so that it is as smooth as dance is.
-    Without music (``keep`` False) the style is still heard, as in the released code.
+    Without music (``music_mask`` False) the style is still heard, as in the released code.
 
     Shapes: see the module's symbols; returns x_raw, x_hat, both (b, f, d).
     Raises: ValueError naming the argument whose shape does not fit.
 
     >>> model = LocalDenoiser(LocalConfig(d_model=16, num_layers=1, ff_dim=32, num_frames=20))
     >>> style = model.style(torch.tensor([0, 3]), torch.randn(2, 64))
-    >>> x_t, M = torch.randn(2, 20, 139), torch.randn(2, 20, 35)
-    >>> x_raw, x_hat = model(x_t, torch.tensor([10, 900]), M, style)
+    >>> conditions = Conditions(torch.randn(2, 20, 35), style=style)
+    >>> x_raw, x_hat = model(torch.randn(2, 20, 139), torch.tensor([10, 900]), conditions)
     >>> x_hat.shape
     torch.Size([2, 20, 139])
     """
@@ -152,10 +152,13 @@ class LocalDenoiser(nn.Module):
         if self.precondition is not None:
             self.precondition.fit(windows, weights)
 
-    def forward(
-        self, x_t: Tensor, t: Tensor, M: Tensor, style: Tensor, *, keep: Tensor | None = None
-    ) -> tuple[Tensor, Tensor]:
+    def denoise(self, x_t: Tensor, t: Tensor, conditions: Conditions) -> Tensor:
+        """The guess with refined feet, (b, f, d)."""
+        return self(x_t, t, conditions)[1]
+
+    def forward(self, x_t: Tensor, t: Tensor, conditions: Conditions) -> tuple[Tensor, Tensor]:
         """Guess the clean motion, before and after the feet were looked at."""
+        M, style, keep = conditions.music, conditions.style, conditions.music_mask
         self._check(x_t, t, M, style)
         abar, guess, linear = self.abar[t].float(), None, {}
         if self.precondition is not None:

@@ -25,7 +25,7 @@ from dancediff.motion.representation import Normalizer
 from dancediff.motion.skeleton import feet_of
 from dancediff.papers.lodge.foot_refine import joints_of
 from dancediff.papers.tcdiffpp.losses import l_contact as l_foot
-from dancediff.papers.tcdiffpp.losses import l_vel, mean_over
+from dancediff.papers.tcdiffpp.losses import l_vel, mean
 
 FPS = 30
 PLANTED_HEIGHT = (0.08, 0.08, 0.05, 0.05)  # metres: ankles, toes; Lodge's code for eq. 7
@@ -132,7 +132,7 @@ def l_jvel(joints_hat: Tensor, joints_0: Tensor) -> Tensor:
     >>> round(l_jvel(moving, joints).item(), 5)
     1.0
     """
-    return mean_over((FPS * (joints_hat - joints_0).diff(dim=-3)).square(), None)
+    return mean((FPS * (joints_hat - joints_0).diff(dim=-3)).square())
 
 
 def l_jacc(joints_hat: Tensor, joints_0: Tensor) -> Tensor:
@@ -147,7 +147,7 @@ def l_jacc(joints_hat: Tensor, joints_0: Tensor) -> Tensor:
     >>> l_jacc(joints + torch.arange(4.0)[:, None, None], joints).item()       # no acceleration
     0.0
     """
-    return mean_over((FPS**2 * (joints_hat - joints_0).diff(n=2, dim=-3)).square(), None)
+    return mean((FPS**2 * (joints_hat - joints_0).diff(n=2, dim=-3)).square())
 
 
 def l_contact(joints_hat: Tensor, contact: Tensor, *, by: str = "label") -> Tensor:
@@ -179,7 +179,7 @@ def l_contact(joints_hat: Tensor, contact: Tensor, *, by: str = "label") -> Tens
         b = (feet[..., 1] <= table(torch.tensor, PLANTED_HEIGHT, like=feet)).to(feet)
     else:
         b = contact if by == "soft" else (contact > 0.5).to(feet)
-    return mean_over((velocity * b[..., :-1, :, None]).square(), None)
+    return mean((velocity * b[..., :-1, :, None]).square())
 
 
 def lodge_losses(

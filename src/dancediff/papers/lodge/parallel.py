@@ -23,6 +23,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from dancediff.diffusion.conditions import Conditions
 from dancediff.diffusion.guidance import autoguided, guided, off_at_the_end
 from dancediff.diffusion.samplers import sample, sampling_times
 from dancediff.diffusion.schedule import cosine_abar
@@ -121,12 +122,7 @@ def sample_rows(
     weight = how.guidance
     if how.sampler == "ddpm":
         weight = off_at_the_end(weight, model.config.num_steps)
-    denoise = guided(
-        partial(_guess, model, how.dtype),
-        M=M,
-        S=style,  # the condition that is never dropped
-        guidance=weight,
-    )
+    denoise = guided(partial(_guess, model, how.dtype), Conditions(M, style=style), guidance=weight)
     return sample(
         autoguided(denoise, partial(_linear, model), how.autoguidance),
         (len(M), model.config.num_frames, model.config.motion_dim),
@@ -143,11 +139,9 @@ def sample_rows(
     )
 
 
-def _guess(model, dtype, x_t, t, M, style, *, keep, present=None) -> Tensor:
-    """Either denoiser, as `guided` calls it; of two guesses the one with refined feet."""
+def _guess(model, dtype, x_t: Tensor, t: Tensor, conditions: Conditions) -> Tensor:
     with torch.autocast(x_t.device.type, torch.bfloat16, enabled=dtype == torch.bfloat16):
-        guess = model(x_t, t, M, style, keep=keep)
-    return (guess[1] if isinstance(guess, tuple) else guess).float()
+        return model.denoise(x_t, t, conditions).float()
 
 
 def _linear(model, x_t: Tensor, t: int) -> Tensor:

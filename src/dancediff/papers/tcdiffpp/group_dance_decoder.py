@@ -6,10 +6,7 @@ Symbols (axes: b batch · n dancers, ranked from left to right · f frames · d 
 features)
     x_t      noisy motion, normalised              (b, n, f, d)
     t        diffusion step                        (b,)
-    M        music features, standardised          (b, f, m)
-    S        swap mode                             (b, n)
-    keep     False = pretend there is no music     (b,)        classifier-free guidance
-    present  False = nobody dances in this place   (b, n)
+    M, S     music features and swap mode, in `Conditions`
     x_raw    the guess                             (b, n, f, d)
 """
 
@@ -18,6 +15,7 @@ from collections.abc import Callable
 import torch
 from torch import Tensor, nn
 
+from dancediff.diffusion.conditions import Conditions
 from dancediff.diffusion.schedule import cosine_abar
 from dancediff.extensions.beat_phase import NUM_WAVES, beat_waves
 from dancediff.extensions.foot_cues import NUM_CUES
@@ -43,8 +41,8 @@ class GroupDanceDecoder(nn.Module):
 
     >>> from dancediff.papers.tcdiffpp.model import TCDiffPPConfig
     >>> decoder = GroupDanceDecoder(TCDiffPPConfig(d_model=16, num_layers=1, ff_dim=32))
-    >>> x_t, M, S = torch.randn(2, 3, 20, 151), torch.randn(2, 20, 35), torch.arange(3).expand(2, 3)
-    >>> decoder(x_t, torch.tensor([10, 900]), M, S).shape
+    >>> conditions = Conditions(torch.randn(2, 20, 35), swap=torch.arange(3).expand(2, 3))
+    >>> decoder(torch.randn(2, 3, 20, 151), torch.tensor([10, 900]), conditions).shape
     torch.Size([2, 3, 20, 151])
     """
 
@@ -108,11 +106,8 @@ class GroupDanceDecoder(nn.Module):
         self,
         x_t: Tensor,
         t: Tensor,
-        M: Tensor,
-        S: Tensor,
+        conditions: Conditions,
         *,
-        keep: Tensor | None = None,
-        present: Tensor | None = None,
         foot_cues: Callable[[Tensor], Tensor] | None = None,
     ) -> Tensor:
         """Guess the clean motion of everybody at once.
@@ -121,44 +116,42 @@ class GroupDanceDecoder(nn.Module):
 
         Raises: ValueError naming the argument whose shape does not fit.
         """
-        self._check(x_t, t, M, S, present)
+        M, S, mask = conditions.music, conditions.swap, conditions.music_mask
+        self._check(x_t, t, M, S)
         abar, guess, noise = self.abar[t], None, None
-        group = self.group_modes(S, present, x_t.shape[2])
+        group = self.group_modes(S, x_t.shape[2])
         if self.precondition is not None:
             guess = self.precondition.linear_guess(x_t, abar, group)
             noise = self.precondition.noise(x_t, guess, abar)
-        memory, cond = self.conditions(t, M, S, keep=keep, present=present)
-        h = self.tokens(x_t, present, guess, noise, foot_cues)
-        h = self.hear_beats(h, M, keep, present)
+        memory, cond = self.conditions(t, conditions)
+        h = self.tokens(x_t, guess, noise, foot_cues)
+        h = self.hear_beats(h, M, mask)
         start = 0 if self.swap_mode is None else 1
-        h = self.decoder(h, memory, cond, music_start=start, present=present)
+        h = self.decoder(h, memory, cond, music_start=start)
         with torch.autocast(h.device.type, enabled=False):  # millimetres need float32
             x_raw = self.out(h.float())
             if self.precondition is not None:
                 x_raw = self.precondition(x_raw, guess, abar, group)
             if self.non_local is not None:
                 x_raw = x_raw + self.non_local(h.float(), guess, left_over(x_t, guess, abar))
-        return x_raw if present is None else x_raw * present[:, :, None, None]
+        return x_raw
 
-    def linear_guess(self, x_t: Tensor, t: Tensor, S: Tensor) -> Tensor:
+    def linear_guess(self, x_t: Tensor, t: Tensor, conditions: Conditions) -> Tensor:
         """What the preconditioning guesses without any network, (b, n, f, d)."""
-        group = self.group_modes(S, f=x_t.shape[2])
+        group = self.group_modes(conditions.swap, x_t.shape[2])
         return self.precondition.linear_guess(x_t, self.abar[t].float(), group)
 
-    def group_modes(
-        self, S: Tensor, present: Tensor | None = None, f: int | None = None
-    ) -> GroupModes | None:
+    def group_modes(self, S: Tensor, f: int | None = None) -> GroupModes | None:
         """What is known of the formation: by rank, and by S where the decoder listens to it."""
         if self.formation is None:
             return None
         if self.swap_mode is None:
             S = torch.arange(S.shape[1], device=S.device).expand_as(S)
-        return self.formation(S, present, f)
+        return self.formation(S, f)
 
     def tokens(
         self,
         x_t: Tensor,
-        present: Tensor | None = None,
         guess: Tensor | None = None,
         noise: Tensor | None = None,
         foot_cues: Callable[[Tensor], Tensor] | None = None,
@@ -168,20 +161,16 @@ class GroupDanceDecoder(nn.Module):
         ``guess`` and ``noise``: the linear guess and the noise it leaves, embedded beside it when
         the decoder is preconditioned.
         """
-        here = 1.0 if present is None else present[:, :, None, None]
         h = self.embed(x_t)
         if guess is not None:
             h = h + self.embed_guess(guess) + self.embed_noise(noise)
         if self.embed_feet is not None:
             h = h + self.embed_feet(foot_cues(x_t if guess is None else guess))
         h = h if self.dpe is None else self.dpe(h)
-        h = h * here  # absent dancers are zeros to the fusion ...
-        h = h if self.fp is None else self.fp(h) * here  # ... and stay zeros after it
+        h = h if self.fp is None else self.fp(h)
         return h.float()  # the residual stream stays in float32 under autocast
 
-    def hear_beats(
-        self, h: Tensor, M: Tensor, keep: Tensor | None = None, present: Tensor | None = None
-    ) -> Tensor:
+    def hear_beats(self, h: Tensor, M: Tensor, keep: Tensor | None = None) -> Tensor:
         r"""Add to every token how far its frame is between two beats, where the config says so.
 
         $$h_{nf} \leftarrow h_{nf} + W\,\text{waves}(\varphi_f)$$
@@ -196,18 +185,11 @@ class GroupDanceDecoder(nn.Module):
         waves = self.embed_beat(beat_waves(M)).float()
         if keep is not None:
             waves = waves * keep[:, None, None]
-        return h + waves[:, None] * (1.0 if present is None else present[:, :, None, None])
+        return h + waves[:, None]
 
-    def conditions(
-        self,
-        t: Tensor,
-        M: Tensor,
-        S: Tensor,
-        *,
-        keep: Tensor | None = None,
-        present: Tensor | None = None,
-    ) -> tuple[Tensor, Tensor]:
+    def conditions(self, t: Tensor, conditions: Conditions) -> tuple[Tensor, Tensor]:
         """Memory tokens [swap 1, music f, step 2] (b, k, d_model) and FiLM vector (b, d_model)."""
+        M, keep = conditions.music, conditions.music_mask
         music = self.music(M)
         pooled = self.pooled_music(music.mean(dim=1))
         if keep is not None:
@@ -217,20 +199,20 @@ class GroupDanceDecoder(nn.Module):
         step, step_tokens = self.timestep(t)
         cond, memory = step + pooled, [music, step_tokens]
         if self.swap_mode is not None:
-            swap = self.swap_mode(S, present)
+            swap = self.swap_mode(conditions.swap)
             cond, memory = cond + swap, [swap[:, None], *memory]
         return torch.cat([x.float() for x in memory], dim=1), cond.float()
 
-    def _check(self, x_t: Tensor, t: Tensor, M: Tensor, S: Tensor, present: Tensor | None) -> None:
+    def _check(self, x_t: Tensor, t: Tensor, M: Tensor, S: Tensor) -> None:
         b, n, f, d = x_t.shape
         if d != self.motion_dim or not 1 <= n <= self.max_dancers or not 1 <= f <= self.num_frames:
             raise ValueError(
                 f"x_t has shape {(b, n, f, d)}; expected (b, n, f, d) with n <= "
                 f"{self.max_dancers}, f <= {self.num_frames}, d = {self.motion_dim}"
             )
-        expected = {"t": (b,), "M": (b, f, self.music_dim), "S": (b, n), "present": (b, n)}
-        for name, value in (("t", t), ("M", M), ("S", S), ("present", present)):
-            if value is not None and value.shape != expected[name]:
+        expected = {"t": (b,), "M": (b, f, self.music_dim), "S": (b, n)}
+        for name, value in (("t", t), ("M", M), ("S", S)):
+            if value.shape != expected[name]:
                 raise ValueError(
                     f"{name} has shape {tuple(value.shape)}; expected {expected[name]} to match x_t"
                 )

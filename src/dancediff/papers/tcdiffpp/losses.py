@@ -7,7 +7,6 @@ Symbols (axes: b batch · n dancers · f frames · d motion features · j joints
     x_raw        the decoder's guess                             (b, n, f, d)
     x_hat        the guess after the Footwork Adaptor            (b, n, f, d)
     joints       forward kinematics of a guess, metres           (b, n, f, j, 3)
-    present      which dancers exist                             (b, n) bool
 """
 
 from dataclasses import asdict, dataclass
@@ -45,22 +44,16 @@ class LossWeights:
         return {k: v for k, v in asdict(self).items() if k not in ("dist_axis", "soft_contact")}
 
 
-def mean_over(error: Tensor, present: Tensor | None) -> Tensor:
-    """Mean of (b, n, ...) over everything, absent dancers left out; 0 of nothing, as of the changes
-    from frame to frame where there is one frame.
+def mean(error: Tensor) -> Tensor:
+    """Mean over everything; 0 of nothing, as of the changes from frame to frame of one frame.
 
-    >>> mean_over(torch.tensor([[1.0, 9.0]]), torch.tensor([[True, False]])).item()
-    1.0
+    >>> mean(torch.zeros(1, 0)).item()
+    0.0
     """
-    if error.numel() == 0:
-        return error.sum()
-    if present is None:
-        return error.mean()
-    error = error.flatten(2).mean(-1) if error.ndim > 2 else error
-    return (error * present).sum() / present.sum().clamp_min(1)
+    return error.mean() if error.numel() else error.sum()
 
 
-def l_simple(x_hat: Tensor, x_0: Tensor, present: Tensor | None = None) -> Tensor:
+def l_simple(x_hat: Tensor, x_0: Tensor) -> Tensor:
     r"""Plain reconstruction: $\mathbb E \lVert x_0 - \hat x_0 \rVert^2$.
 
     Source: TCDiff++ eq. 12.  Shapes: (b, n, f, d) normalised -> scalar.
@@ -68,10 +61,10 @@ def l_simple(x_hat: Tensor, x_0: Tensor, present: Tensor | None = None) -> Tenso
     >>> l_simple(torch.ones(1, 2, 3, 4), torch.zeros(1, 2, 3, 4)).item()
     1.0
     """
-    return mean_over((x_hat - x_0).square(), present)
+    return mean((x_hat - x_0).square())
 
 
-def l_vel(x_hat: Tensor, x_0: Tensor, present: Tensor | None = None) -> Tensor:
+def l_vel(x_hat: Tensor, x_0: Tensor) -> Tensor:
     r"""Change from frame to frame of everything but the contacts.
 
     $$\lVert (x_{i+1} - x_i) - (\hat x_{i+1} - \hat x_i) \rVert^2$$
@@ -84,22 +77,21 @@ def l_vel(x_hat: Tensor, x_0: Tensor, present: Tensor | None = None) -> Tensor:
     """
     moving = slice(TCDIFFPP.root.start, None)
     error = x_hat[..., moving].diff(dim=-2) - x_0[..., moving].diff(dim=-2)
-    return mean_over(error.square(), present)
+    return mean(error.square())
 
 
-def l_fk(joints_hat: Tensor, joints_0: Tensor, present: Tensor | None = None) -> Tensor:
+def l_fk(joints_hat: Tensor, joints_0: Tensor) -> Tensor:
     r"""Where the joints end up: $\lVert FK(x_0) - FK(\hat x_0) \rVert^2$.
 
     Source: TCDiff++ eq. 13.  Differs: in metres; the official code runs FK on normalised values.
     Shapes: (b, n, f, j, 3) metres -> scalar.
     """
-    return mean_over((joints_hat - joints_0).square(), present)
+    return mean((joints_hat - joints_0).square())
 
 
 def l_contact(
     joints_hat: Tensor,
     contact_hat: Tensor,
-    present: Tensor | None = None,
     *,
     threshold: float | None = 0.5,
 ) -> Tensor:
@@ -119,12 +111,10 @@ def l_contact(
     step = feet_of(joints_hat).diff(dim=-3)
     b = contact_hat[..., :-1, :]
     b = b if threshold is None else (b > threshold).to(b)
-    return mean_over((step * b[..., None]).square(), present)
+    return mean((step * b[..., None]).square())
 
 
-def l_dist(
-    root_hat: Tensor, root_0: Tensor, present: Tensor | None = None, *, dist_axis: str = "pairs"
-) -> Tensor:
+def l_dist(root_hat: Tensor, root_0: Tensor, *, dist_axis: str = "pairs") -> Tensor:
     r"""Distance consistency: the offsets between dancers should be right.
 
     $$\tfrac{2}{C(C-1)} \sum_{i<j} \lVert (p_i - p_j) - (\hat p_i - \hat p_j) \rVert^2$$
@@ -143,7 +133,7 @@ def l_dist(
     n = root_hat.shape[1]
     error = root_hat - root_0
     if dist_axis == "time":
-        return mean_over(error.diff(dim=2).square(), present)
+        return mean(error.diff(dim=2).square())
     if dist_axis not in ("pairs", "adjacent"):
         raise ValueError(f"dist_axis={dist_axis!r} is not one of 'pairs', 'adjacent', 'time'")
     if n < 2:
@@ -151,8 +141,7 @@ def l_dist(
     i, j = torch.triu_indices(n, n, 1)
     if dist_axis == "adjacent":
         i, j = torch.arange(n - 1), torch.arange(1, n)
-    both = None if present is None else present[:, i] & present[:, j]
-    return mean_over((error[:, i] - error[:, j]).square(), both)
+    return mean((error[:, i] - error[:, j]).square())
 
 
 def tcdiffpp_losses(
@@ -162,7 +151,6 @@ def tcdiffpp_losses(
     normalizer: Normalizer,
     *,
     weights: LossWeights | None = None,
-    present: Tensor | None = None,
     joints_0: Tensor | None = None,
     weight: Tensor | None = None,
 ) -> dict[str, Tensor]:
@@ -194,13 +182,13 @@ def tcdiffpp_losses(
         root, root_0 = root * root_of, root_0 * root_of
         joints, joints_0 = joints * root_of[..., None], joints_0 * root_of[..., None]
     terms = {
-        "simple": 0.5 * (l_simple(x_raw, x_0, present) + l_simple(x_hat, x_0, present)),
-        "vel": l_vel(x_hat, x_0, present),
-        "fk": l_fk(joints, joints_0, present),
-        "contact": l_contact(joints, contact, present, threshold=hard),
-        "dist": l_dist(root, root_0, present, dist_axis=weights.dist_axis),
-        "joint_vel": l_fk(joints.diff(dim=2) * FPS, joints_0.diff(dim=2) * FPS, present),
-        "slide": l_contact(joints * FPS, contact_0, present),
+        "simple": 0.5 * (l_simple(x_raw, x_0) + l_simple(x_hat, x_0)),
+        "vel": l_vel(x_hat, x_0),
+        "fk": l_fk(joints, joints_0),
+        "contact": l_contact(joints, contact, threshold=hard),
+        "dist": l_dist(root, root_0, dist_axis=weights.dist_axis),
+        "joint_vel": l_fk(joints.diff(dim=2) * FPS, joints_0.diff(dim=2) * FPS),
+        "slide": l_contact(joints * FPS, contact_0),
     }
     used = {name: w for name, w in weights.terms().items() if w}
     terms["total"] = sum((w * terms[name] for name, w in used.items()), x_hat.new_zeros(()))

@@ -14,6 +14,7 @@ from functools import partial
 import torch
 from torch import Tensor, nn
 
+from dancediff.diffusion.conditions import Conditions
 from dancediff.diffusion.schedule import cosine_abar
 from dancediff.extensions.foot_cues import NUM_MOVING, foot_cues
 from dancediff.generation.generate import generate, stream
@@ -108,12 +109,12 @@ class TCDiffPP(nn.Module):
     Source: TCDiff++ section 4.  Differs: one model serves 1 to ``max_dancers`` dancers, and one
     pair of normalisers, fitted on the training set, serves every clip.
 
-    Shapes: x_t (b, n, f, d), t (b,), M (b, f, m) standardised, S (b, n); keep (b,), present (b, n)
-    -> x_raw, x_hat, both (b, n, f, d).  Dancers come in left-to-right order of the first frame.
+    Shapes: x_t (b, n, f, d), t (b,), conditions with music and swap -> x_raw, x_hat, both
+    (b, n, f, d).  Dancers come in left-to-right order of the first frame.
 
     >>> model = TCDiffPP(TCDiffPPConfig(d_model=16, num_layers=1, ff_dim=32, fusion_hidden=32))
-    >>> x_t, M, S = torch.randn(2, 3, 20, 151), torch.randn(2, 20, 35), torch.arange(3).expand(2, 3)
-    >>> x_raw, x_hat = model(x_t, torch.tensor([10, 900]), M, S)
+    >>> conditions = Conditions(torch.randn(2, 20, 35), swap=torch.arange(3).expand(2, 3))
+    >>> x_raw, x_hat = model(torch.randn(2, 3, 20, 151), torch.tensor([10, 900]), conditions)
     >>> x_hat.shape
     torch.Size([2, 3, 20, 151])
     """
@@ -146,30 +147,25 @@ class TCDiffPP(nn.Module):
         """Of each frequency in the training set (k, d), known to a model with preconditioning."""
         return None if self.decoder.precondition is None else self.decoder.precondition.spread
 
-    def forward(
-        self,
-        x_t: Tensor,
-        t: Tensor,
-        M: Tensor,
-        S: Tensor,
-        *,
-        keep: Tensor | None = None,
-        present: Tensor | None = None,
-    ) -> tuple[Tensor, Tensor]:
+    def forward(self, x_t: Tensor, t: Tensor, conditions: Conditions) -> tuple[Tensor, Tensor]:
         """Guess the clean dance, without and with the Footwork Adaptor."""
         cues = partial(foot_cues, normalizer=self.normalizer) if self.config.foot_cues else None
-        x_raw = self.decoder(x_t, t, M, S, keep=keep, present=present, foot_cues=cues)
+        x_raw = self.decoder(x_t, t, conditions, foot_cues=cues)
         if self.footwork is None:
             return x_raw, x_raw
         x_hat = self.footwork(x_raw, None if cues is None else cues(x_raw)[..., -NUM_MOVING:])
         if (precondition := self.decoder.precondition) is not None:
-            group = self.decoder.group_modes(S, present, x_t.shape[2])
+            group = self.decoder.group_modes(conditions.swap, x_t.shape[2])
             x_hat = precondition(x_hat - x_raw, x_raw, self.abar[t].float(), group)
-        return x_raw, x_hat if present is None else x_hat * present[:, :, None, None]
+        return x_raw, x_hat
 
-    def linear_guess(self, x_t: Tensor, t: Tensor, S: Tensor) -> Tensor:
+    def denoise(self, x_t: Tensor, t: Tensor, conditions: Conditions) -> Tensor:
+        """The adapted guess alone, (b, n, f, d)."""
+        return self(x_t, t, conditions)[1]
+
+    def linear_guess(self, x_t: Tensor, t: Tensor, conditions: Conditions) -> Tensor:
         """What a model with preconditioning guesses without its network, (b, n, f, d)."""
-        return self.decoder.linear_guess(x_t, t, S)
+        return self.decoder.linear_guess(x_t, t, conditions)
 
     def generate(
         self,

@@ -58,15 +58,7 @@ class SequenceDecoder(nn.Module):
             for _ in range(num_layers)
         )
 
-    def forward(
-        self,
-        h: Tensor,
-        memory: Tensor,
-        cond: Tensor,
-        *,
-        music_start: int,
-        present: Tensor | None = None,
-    ) -> Tensor:
+    def forward(self, h: Tensor, memory: Tensor, cond: Tensor, *, music_start: int) -> Tensor:
         """``music_start``: index of the memory token that belongs to frame 0."""
         f = h.shape[2]
         # Only music belongs to a frame. Frame 0 means "not turned" to the other tokens.
@@ -74,5 +66,5 @@ class SequenceDecoder(nn.Module):
         frames[music_start : music_start + f] = torch.arange(f, device=h.device)
         memory = self.norm_memory(memory)
         for layer in self.layers:
-            h = layer(h, memory, cond, frames, present=present)
+            h = layer(h, memory, cond, frames)
         return h

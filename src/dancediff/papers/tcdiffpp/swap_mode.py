@@ -25,7 +25,7 @@ class SwapModeEmbedding(nn.Module):
     memory token is the released code's.  Differs: the released code maps the indices themselves,
     so that dancer 4 is four times dancer 1, and never passes S in training or inference.
 
-    Shapes: S (b, n) int, present (b, n) -> (b, d_model).
+    Shapes: S (b, n) int -> (b, d_model).
 
     >>> SwapModeEmbedding(5, 16)(torch.tensor([[1, 0, 2]])).shape
     torch.Size([1, 16])
@@ -37,10 +37,7 @@ class SwapModeEmbedding(nn.Module):
         self.table = nn.Parameter(torch.randn(max_dancers, max_dancers, d_model) * 0.5)
         self.mlp = nn.Sequential(nn.GELU(), BatchInvariantLinear(d_model, d_model))
 
-    def forward(self, S: Tensor, present: Tensor | None = None) -> Tensor:
-        """Places of absent dancers do not count."""
+    def forward(self, S: Tensor) -> Tensor:
+        """See the equation."""
         places = torch.arange(S.shape[-1], device=S.device)
-        entries = self.table[places, S]
-        if present is not None:
-            entries = entries * present[..., None]
-        return self.mlp(entries.sum(dim=1))
+        return self.mlp(self.table[places, S].sum(dim=1))

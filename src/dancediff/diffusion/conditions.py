@@ -1,0 +1,52 @@
+r"""Conditions: what a denoiser is told besides the noisy motion and its step.
+
+Symbols (axes: b batch · n dancers · f frames · m music features)
+    music       M, standardised music features           (b, f, m)
+    swap        S, swap mode of TCDiff++                 (b, n)
+    style       style token of Lodge                     (b, d_model)
+    music_mask  False: the null music of classifier-free guidance; None: all True   (b,)
+"""
+
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import torch
+from torch import Tensor
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """Each model reads the fields it knows; the others stay None.
+
+    >>> conditions = Conditions(torch.zeros(2, 150, 35), swap=torch.tensor([[0, 1], [1, 0]]))
+    >>> len(conditions), len(conditions.repeat(3))
+    (2, 6)
+    """
+
+    music: Tensor
+    swap: Tensor | None = None
+    style: Tensor | None = None
+    music_mask: Tensor | None = None
+
+    def __len__(self) -> int:
+        """Rows of the batch."""
+        return len(self.music)
+
+    def repeat(self, copies: int) -> "Conditions":
+        """The whole batch ``copies`` times, one after the other."""
+        if copies == 1:
+            return self
+        given = {name: value for name, value in vars(self).items() if value is not None}
+        return replace(self, **{name: torch.cat([v] * copies) for name, v in given.items()})
+
+    def with_mask(self, music_mask: Tensor | None) -> "Conditions":
+        """The same conditions under another mask (b,); None: all rows have music."""
+        return replace(self, music_mask=music_mask)
+
+
+class Denoiser(Protocol):
+    """What sampling, training and evaluation ask of a model."""
+
+    def denoise(self, x_t: Tensor, t: Tensor, conditions: Conditions) -> Tensor:
+        """The guess of the clean motion; x_t (b, ..., f, d), t (b,) -> like x_t."""
+        ...
