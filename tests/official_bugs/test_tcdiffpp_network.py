@@ -101,4 +101,4 @@ def test_five_and_more_places_work():
     torch.manual_seed(0)
     config = TCDiffPPConfig(d_model=16, num_layers=1, ff_dim=32, fusion_hidden=48, max_dancers=7)
     x_t, t, M, S = inputs(n=7)
-    assert TCDiffPP(config)(x_t, t, M, S)[1].shape == x_t.shape
+    assert TCDiffPP(config).denoise(x_t, t, Conditions(M, S)).shape == x_t.shape
