@@ -9,7 +9,7 @@ which licence: data_prep/README.md.
 import argparse
 from pathlib import Path
 
-from dancediff.data.aistpp import FPS, aistpp_jobs, music_id, music_tempo, read_poses
+from dancediff.data.aistpp import RECORDED_FPS, aistpp_jobs, music_id, music_tempo, read_poses
 from dancediff.data.formats import on_the_floor, smpl_motion
 from dancediff.data.safe_pickle import load_pickle
 
@@ -27,10 +27,10 @@ def one_take(src: Path) -> None:
 
     # 3. axis-angle vectors, and the root's path divided by the scaling
     poses, trans = read_poses(data)
-    print(f"poses {poses.shape}, path {trans.shape}, {FPS} frames a second")
+    print(f"poses {poses.shape}, path {trans.shape}, {RECORDED_FPS} frames a second")
 
     # 4. to rotation matrices, every other frame
-    motion = smpl_motion(poses, trans, FPS)
+    motion = smpl_motion(poses, trans, RECORDED_FPS)
     print(f"{motion.num_frames} frames, {motion.fps} a second")
 
     # 5. the floor at 0

@@ -9,14 +9,14 @@ import random
 import pytest
 import torch
 
-from dancediff.axes import from_tokens, to_tokens
+from dancediff.axes import FPS, from_tokens, to_tokens
 from dancediff.data.windows import GroupDanceWindows, Take, rank_left_to_right
 from dancediff.diffusion.conditions import Conditions
 from dancediff.generation.generate import denoise_segments
 from dancediff.motion.order import swap_mode
 from dancediff.motion.representation import TCDIFFPP, MotionSpec
 from dancediff.motion.skeleton import LOWER_BODY, SMPL24
-from dancediff.music.features import FPS, music_features
+from dancediff.music.features import music_features
 from dancediff.nn.decoder import DecoderLayer
 from dancediff.nn.ssm import MambaBlock
 from dancediff.papers.tcdiffpp.dancer_positioning import DancerPositioning

@@ -1,7 +1,12 @@
+import re
+from pathlib import Path
+
 import pytest
 import torch
 
-from dancediff.axes import from_tokens, to_tokens
+import dancediff
+from dancediff.axes import ON_FLOOR, from_tokens, to_tokens
+from dancediff.motion.representation import LODGE, TCDIFFPP
 
 
 def test_tokens_are_frame_major():
@@ -23,3 +28,17 @@ def test_round_trip(n):
 def test_token_count_must_fit(n):
     with pytest.raises(ValueError, match=f"15 tokens.*n={n}"):
         from_tokens(torch.zeros(1, 15, 2), n)
+
+
+def test_frame_rate_and_floor_stand_once():
+    """A second `FPS = 30`, or the floor's two columns as bare numbers, would drift apart."""
+    wrong = re.compile(r"^FPS\b.*=|\[\.\.\., [\[(]0, 2[\])]\]|root\.start \+ 2", re.MULTILINE)
+    for path in Path(dancediff.__file__).parent.rglob("*.py"):
+        if path.name != "axes.py" and path.parent.name != "exercises":
+            assert not wrong.search(path.read_text(encoding="utf-8")), path
+    place = torch.arange(3.0)
+    for spec in (TCDIFFPP, LODGE):
+        x = torch.zeros(spec.dim)
+        x[spec.root] = place
+        assert torch.equal(x[spec.floor], place[ON_FLOOR])
+        assert (x[spec.lateral], x[spec.height]) == (0, 1)

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 import torch
 
+from dancediff.axes import FPS
 from dancediff.data.cmu import LEAD, cmu_jobs
-from dancediff.data.retarget import FPS
 
 
 @pytest.fixture(scope="module")

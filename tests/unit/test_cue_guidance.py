@@ -7,7 +7,6 @@ from dancediff.diffusion.samplers import sample, sampling_times
 from dancediff.diffusion.schedule import cosine_abar
 from dancediff.motion.representation import LODGE
 from dancediff.papers.lodge.cue_guidance import (
-    FLOOR,
     CueGuidance,
     clean_borders,
     cue_channels,
@@ -203,11 +202,13 @@ def test_home_is_where_segments_end_and_nothing_else_of_the_root():
     away = cues(soft=0, spread=spread(), home=home)
     walk = torch.linspace(0, 3, 64)[None, :, None].expand(2, 64, LODGE.dim)
     for guess in (away.bend(walk, 0.5), dance(away, lambda x, t: walk, bend=away.bend)):
-        assert (guess[:, [0, -1]][..., FLOOR] - 0.25).abs().max() < 1e-3
-        assert guess[:, :, FLOOR].diff(dim=1).abs().max() < 0.2, "the whole way turns, no jump"
+        assert (guess[:, [0, -1]][..., LODGE.floor] - 0.25).abs().max() < 1e-3
+        assert guess[:, :, LODGE.floor].diff(dim=1).abs().max() < 0.2, (
+            "the whole way turns, no jump"
+        )
     height = LODGE.root.start + 1
     assert torch.equal(away.bend(walk, 0.5)[..., height], walk[..., height])
-    assert (cues(soft=0, spread=spread()).bend(walk, 0.5)[:, -1, FLOOR] == 3).all()
+    assert (cues(soft=0, spread=spread()).bend(walk, 0.5)[:, -1, LODGE.floor] == 3).all()
     first = cues(1, soft=0, spread=spread(), home=home).bend(walk[:1], 0.5)
     assert torch.allclose(first, away.bend(walk, 0.5)[:1])
 

@@ -1,9 +1,10 @@
 import numpy as np
 import torch
 
+from dancediff.axes import FPS
 from dancediff.data.choreographer import choreograph
 from dancediff.diffusion.conditions import Conditions
-from dancediff.extensions.foot_cues import FPS, NUM_CUES, NUM_MOVING, SLOW, foot_cues
+from dancediff.extensions.foot_cues import NUM_CUES, NUM_MOVING, SLOW, foot_cues
 from dancediff.motion.representation import TCDIFFPP, Normalizer
 from dancediff.motion.skeleton import FOOT_JOINTS
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig

@@ -4,12 +4,13 @@ import pytest
 import torch
 
 from dancediff.diffusion.conditions import Conditions
-from dancediff.extensions.formation_prior import ON_FLOOR, FormationPrior
+from dancediff.extensions.formation_prior import FormationPrior
 from dancediff.extensions.preconditioning import Preconditioning, dct_matrix
+from dancediff.motion.representation import TCDIFFPP
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 
 FRAMES, DIM = 20, 9
-PLACES = list(range(DIM))[ON_FLOOR]
+PLACES = list(range(DIM))[TCDIFFPP.floor]
 SMALL = {"d_model": 16, "num_layers": 1, "ff_dim": 32, "fusion_hidden": 32, "num_frames": FRAMES}
 
 
@@ -91,7 +92,7 @@ def test_the_guess_is_the_conditional_mean_of_the_gaussian(prior):
 def test_it_misses_less_than_guessing_one_by_one(prior):
     paths, S = walks(3, 500, seed=5)
     x = torch.zeros(500, 3, FRAMES, DIM)
-    x[..., ON_FLOOR] = paths
+    x[..., TCDIFFPP.floor] = paths
     abar = torch.full((500,), 0.1)
     x_t = abar.sqrt()[0] * x + (1 - abar[0]).sqrt() * torch.randn(
         x.shape, generator=torch.Generator().manual_seed(2)
@@ -99,7 +100,7 @@ def test_it_misses_less_than_guessing_one_by_one(prior):
     alone = Preconditioning(FRAMES, DIM)
     alone.fit([x.flatten(0, 1)])
     missed = [
-        (alone.linear_guess(x_t, abar, group) - x)[..., ON_FLOOR].square().mean().item()
+        (alone.linear_guess(x_t, abar, group) - x)[..., TCDIFFPP.floor].square().mean().item()
         for group in (None, prior(S))
     ]
     assert missed[1] < 0.6 * missed[0], missed

@@ -18,6 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
+from dancediff.axes import FPS
 from dancediff.data.formats import (
     find_song,
     group_takes,
@@ -30,7 +31,6 @@ from dancediff.data.formats import (
 from dancediff.data.safe_pickle import load_pickle
 from dancediff.data.take import SPLITS, DanceTake, Job
 
-FPS = 30
 WIDTH = 72  # 24 joints
 WITHOUT_HANDS = 66
 SOURCE = "AIOZ-GDance (Le et al., CVPR 2023), github.com/aioz-ai/AIOZ-GDANCE"

@@ -31,7 +31,7 @@ from dancediff.data.formats import (
 from dancediff.data.safe_pickle import load_pickle
 from dancediff.data.take import SPLITS, DanceTake, Job
 
-FPS = 60
+RECORDED_FPS = 60
 SOURCE = "AIST++ (Li et al., ICCV 2021), google.github.io/aistplusplus_dataset"
 LICENCE = "AIST++ annotations: CC BY 4.0; music: AIST Dance Video Database, research only"
 GENRES = {  # in the order of the genre ids 0 to 9
@@ -105,7 +105,7 @@ def make_aistpp(path: Path, song: Path | None, split: str, group: str) -> DanceT
     name, music = path.stem, music_id(path.stem)
     data = load_pickle(path)
     try:
-        motion, floors = on_the_floor(smpl_motion(*read_poses(data), FPS))
+        motion, floors = on_the_floor(smpl_motion(*read_poses(data), RECORDED_FPS))
         return make_take(
             f"aistpp_{name}",
             motion,

@@ -47,7 +47,7 @@ def distance_between(x: Tensor, y: Tensor) -> float:
     >>> distance_between(torch.zeros(1, 3, 151), shift_features(torch.zeros(2, 3, 151), 3.0, 4.0))
     5.0
     """
-    a, b = (part[..., TCDIFFPP.root][..., (0, 2)] for part in (x, y))
+    a, b = (part[..., TCDIFFPP.floor] for part in (x, y))
     return (a[:, None] - b[None]).norm(dim=-1).min().item()
 
 

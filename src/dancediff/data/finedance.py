@@ -23,6 +23,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from dancediff.axes import FPS
 from dancediff.data.formats import (
     find_song,
     make_take,
@@ -37,7 +38,6 @@ from dancediff.motion.motion import Motion
 from dancediff.motion.rotation import rot6d_to_matrix
 from dancediff.motion.skeleton import FOOT_JOINTS
 
-FPS = 30
 BODY = 22
 LEGS = 1.038  # length of SMPL-24's legs over that of the neutral SMPL-X body
 LEVEL = 0.02  # metres: toes that differ by less stand on the floor together

@@ -20,8 +20,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from dancediff.axes import FPS
 from dancediff.data.cache import song_features
-from dancediff.data.resample import FPS, resample_motion
+from dancediff.data.resample import resample_motion
 from dancediff.data.retarget import floor_height
 from dancediff.data.take import DanceTake
 from dancediff.motion.contact import foot_contact

@@ -20,8 +20,9 @@ from pathlib import Path
 from tqdm.auto import tqdm
 
 from dancediff.atomic import atomic_write, sweep
+from dancediff.axes import FPS
 from dancediff.data.cache import code_digest, use_cache
-from dancediff.data.prepared import FOLDERS, FORMAT, FPS, NAME, read_index
+from dancediff.data.prepared import FOLDERS, FORMAT, NAME, read_index
 from dancediff.data.summary import Summary
 from dancediff.data.take import Job
 from dancediff.data.take_file import SCRATCH, describe, read_row, write_take

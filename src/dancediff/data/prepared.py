@@ -13,11 +13,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 
+from dancediff.axes import FPS
 from dancediff.data.take import KINDS, MUSICS, SPLITS, DanceTake
 from dancediff.data.take_file import read_take
 
 FORMAT = "dancediff-prepared-1"
-FPS = 30
 FOLDERS = ("takes", "composed")
 AND = " + "  # between the groups of a take that was made from several
 NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.+-]{0,150}")

@@ -11,10 +11,9 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
+from dancediff.axes import FPS
 from dancediff.motion.motion import Motion
 from dancediff.motion.rotation import slerp
-
-FPS = 30
 
 
 def resample_motion(motion: Motion, fps: float = FPS) -> Motion:

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
+from dancediff.axes import FPS, ON_FLOOR
 from dancediff.data.bvh import BVH
 from dancediff.data.joint_maps import GIRDLES, bones, find_joints
 from dancediff.data.repair import bridge, close_gaps, repair, runs
@@ -25,7 +26,6 @@ from dancediff.motion.motion import Motion
 from dancediff.motion.rotation import axis_angle_to_matrix, rotation_between, slerp
 from dancediff.motion.skeleton import FOOT_JOINTS, SMPL24, forward_kinematics
 
-FPS = 30.0
 TOE_FLOOR = 0.01  # metres: no toe is put lower
 ANKLE_FLOOR = 0.05  # metres: no ankle is put lower
 KNEE_FRONT = 0.05  # leg lengths: how much a straight leg's thigh decides where its knee points
@@ -156,7 +156,7 @@ def skating_ratio(feet: Tensor) -> float:
 
     Shapes: feet (f, 4, 3) metres above the floor: left and right ankle, left and right toe.
     """
-    step = feet[1:, :, (0, 2)] - feet[:-1, :, (0, 2)]
+    step = feet[1:, ..., ON_FLOOR] - feet[:-1, ..., ON_FLOOR]
     slides = (step.norm(dim=-1) > SKATE_SPEED).unflatten(-1, (2, 2)).any(-2)
     low = feet[:-1, :, 1].unflatten(-1, (2, 2)) < feet.new_tensor(SKATE_HEIGHT)[:, None]
     down = low.all(-2)

@@ -21,11 +21,12 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.signal import peak_prominences
 from torch import Tensor
 
+from dancediff.axes import FPS
 from dancediff.data.cache import song_features
 from dancediff.data.take import DanceTake, Job
 from dancediff.motion.beats import mean_speed, motion_beats
 from dancediff.motion.motion import Motion
-from dancediff.music.features import BEATS, FPS
+from dancediff.music.features import BEATS
 from dancediff.music.synth import synth_on_beats
 
 INTERVALS = np.arange(10, 25)  # frames: 180 to 75 beats a minute

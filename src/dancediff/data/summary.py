@@ -4,7 +4,7 @@ from collections import Counter
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from dancediff.data.prepared import FPS
+from dancediff.axes import FPS
 from dancediff.data.take import SPLITS
 
 _MEASURED = ("direction_error", "skating_source", "skating", "penetration_p95", "lowest_median")

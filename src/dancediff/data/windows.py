@@ -58,7 +58,7 @@ def rank_left_to_right(x: Tensor) -> tuple[Tensor, Tensor]:
     >>> rank_left_to_right(x)[1].tolist()
     [1, 0]
     """
-    lateral = TCDIFFPP.root.start
+    lateral = TCDIFFPP.lateral
     x = x[left_to_right(x[:, 0, lateral])]
     return x, swap_mode(x[:, 0, lateral], x[:, -1, lateral])
 
@@ -89,7 +89,7 @@ def order_changes(takes: list[Take], num_frames: int, every: int = 5) -> list[np
     """
     found: dict[tuple[int, ...], list[tuple[int, int]]] = {}
     for k, take in enumerate(takes):
-        lateral = take.x[:, :, TCDIFFPP.root.start]
+        lateral = take.x[:, :, TCDIFFPP.lateral]
         starts = torch.arange(0, lateral.shape[1] - num_frames + 1, every)
         orders = swap_mode(lateral[:, starts].T, lateral[:, starts + num_frames - 1].T).tolist()
         for start, order in zip(starts.tolist(), orders, strict=True):

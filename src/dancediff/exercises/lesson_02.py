@@ -3,8 +3,9 @@
 import numpy as np
 import torch
 
+from dancediff.axes import FPS
 from dancediff.exercises.exercise import Exercise
-from dancediff.music.features import BEATS, FPS, HOP
+from dancediff.music.features import BEATS, HOP
 
 
 def _new_tone():

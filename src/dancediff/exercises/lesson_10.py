@@ -4,10 +4,9 @@ from itertools import permutations
 
 import torch
 
+from dancediff.axes import FPS
 from dancediff.exercises.exercise import Exercise
 from dancediff.exercises.shared import unlike
-
-FPS = 30
 
 
 def _join(segments, overlap):

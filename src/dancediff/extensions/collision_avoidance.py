@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from dancediff.axes import ON_FLOOR
 from dancediff.extensions.constraint import Constraint
 from dancediff.metrics.collision import CAPSULES
 from dancediff.motion.representation import TCDIFFPP, Normalizer, joints_of
@@ -29,7 +30,7 @@ MORE_SIGNAL = 0.03  # abar from which a guess says where somebody stands
 EVERY = 5  # frames between those that are looked at
 PASSING = 0.5  # m/s: who passes another faster than this steps aside, not back
 INSIDE = {"belly": "abdomen", "lhand": "left hand", "rhand": "right hand"}  # no capsule ends there
-X, Z = TCDIFFPP.root.start, TCDIFFPP.root.start + 2
+X, Z = range(TCDIFFPP.dim)[TCDIFFPP.floor]
 
 
 def girths() -> Tensor:
@@ -63,7 +64,7 @@ def pushes(joints: Tensor, fps: float = 30.0) -> Tensor:
     size = girths().to(joints)
     gap = torch.cdist(joints[i], joints[j]) - (size[:, None] + size)
     lack = (ROOM - gap.flatten(2).amin(2)).clamp_min(0)  # (p, f)
-    root = joints[:, :, 0][..., (0, 2)]
+    root = joints[:, :, 0][..., ON_FLOOR]
     apart = root[i] - root[j]
     past = torch.gradient(apart, dim=1)[0] * fps if f > 1 else torch.zeros_like(apart)
     speed = past.norm(dim=-1, keepdim=True)

@@ -27,7 +27,7 @@ from dancediff.motion.motion import Motion
 from dancediff.motion.order import left_to_right
 from dancediff.motion.representation import TCDIFFPP, Normalizer
 
-X, Z = TCDIFFPP.root.start, TCDIFFPP.root.start + 2
+X, Z = range(TCDIFFPP.dim)[TCDIFFPP.floor]
 UPPER = "belly spine chest neck head {}collar {}shoulder {}elbow {}wrist {}hand"
 LOWER = "root {}hip {}knee {}ankle {}toe"
 SAME = 1e-3  # two constraints may say the same twice

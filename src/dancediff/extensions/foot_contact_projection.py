@@ -86,9 +86,9 @@ def held(told: Constraint | None, known: int, n: int, f: int) -> dict[str, Tenso
     first = (torch.arange(f) < known).expand(n, f)
     channels = {
         "legs": TCDIFFPP.joint_channels(LEGS),
-        "height": [TCDIFFPP.root.start + 1],
+        "height": [TCDIFFPP.height],
         "turns": TCDIFFPP.rot6d,
-        "places": [TCDIFFPP.root.start, TCDIFFPP.root.start + 2],
+        "places": TCDIFFPP.floor,
     }
     return {
         part: first if told is None else first | told.mask[..., some].any(-1).cpu()

@@ -10,10 +10,10 @@ Symbols (axes: b batch · n dancers · f frames · d motion features · 4 ankles
 import torch
 from torch import Tensor
 
+from dancediff.axes import FPS
 from dancediff.motion.representation import Normalizer, unpack
 from dancediff.motion.skeleton import feet_of, forward_kinematics
 
-FPS = 30
 HEIGHTS = 5.0  # a foot on the floor against one at 20 cm
 SLOW = 8.0  # what a second look at the velocity is multiplied with: it ends at about 12 cm/s
 NUM_CUES = 40

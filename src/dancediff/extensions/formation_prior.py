@@ -20,8 +20,6 @@ from dancediff.extensions.preconditioning import SMALLEST, GroupModes, dct_matri
 from dancediff.lookup import table
 from dancediff.motion.representation import TCDIFFPP
 
-ON_FLOOR = slice(TCDIFFPP.root.start, TCDIFFPP.root.stop, 2)  # x and z: a list would wait for a GPU
-
 
 class FormationPrior(nn.Module):
     r"""A Gaussian over the paths of a group, given its size and S.
@@ -98,7 +96,7 @@ class FormationPrior(nn.Module):
         """What preconditioning needs to know about a batch of groups."""
         n, size, rows = S.shape[1], self._size(S), self._rows(f)
         return GroupModes(
-            features=ON_FLOOR,
+            features=TCDIFFPP.floor,
             mean=self.mean(S, f),
             basis=self.basis[size][:, rows, :, :n, :n],
             spread=self.spread[size][:, rows, :, :n].permute(0, 3, 1, 2),

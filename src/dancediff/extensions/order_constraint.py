@@ -24,7 +24,7 @@ from dancediff.motion.representation import TCDIFFPP, Normalizer
 
 ORDER = ("kept", "free")
 GAP = 0.45  # metres from left to right between neighbours; 95 % of the choreographed have more
-X = TCDIFFPP.root.start
+X = TCDIFFPP.lateral
 
 
 def in_order(x: Tensor, S: Tensor, gap: float = GAP) -> Tensor:

@@ -15,10 +15,11 @@ from functools import partial
 import torch
 from torch import Tensor
 
+from dancediff.axes import FPS
 from dancediff.diffusion.conditions import Conditions
 from dancediff.diffusion.guidance import autoguided, guided, off_at_the_end
 from dancediff.extensions import control
-from dancediff.generation.request import FPS, Wish
+from dancediff.generation.request import Wish
 from dancediff.motion.motion import Motion
 from dancediff.motion.representation import TCDIFFPP, cut_to_range
 from dancediff.nn.decoder import music_heard_once

@@ -20,6 +20,7 @@ from typing import Any, ClassVar, get_args
 import torch
 from torch import Tensor
 
+from dancediff.axes import FPS
 from dancediff.diffusion.pinning import MODES
 from dancediff.diffusion.samplers import SAMPLERS
 from dancediff.extensions import control
@@ -33,7 +34,6 @@ from dancediff.motion.order import check_order
 from dancediff.papers.lodge.group import RELATIONS, places
 from dancediff.papers.tcdiffpp.long_group_sampling import HOLDING, SEAMS
 
-FPS = 30
 SHORTEST_SONG = 1.0  # seconds; less holds no beat
 RENAMED = {  # old name: (new name, what the old values are now)
     "feet": ("foot_contact", {"planted": True, "free": False}),

@@ -11,6 +11,7 @@ Symbols (axes: n dancers · f frames · j joints)
 import torch
 from torch import Tensor
 
+from dancediff.axes import ON_FLOOR
 from dancediff.metrics.inputs import as_group
 from dancediff.motion.skeleton import SMPL24
 
@@ -101,7 +102,7 @@ def touches(joints: Tensor, *, bodies: str = "capsule", disc: float = DISC, mesh
     if bodies == "disc":
         if not 0 < disc < float("inf"):
             raise ValueError(f"disc={disc} is no width; pass metres, above 0")
-        floor = joints[:, :, 0, [0, 2]]
+        floor = joints[:, :, 0, ON_FLOOR]
         return (floor[first] - floor[second]).norm(dim=-1) < disc
     if joints.shape[2] != SMPL24.num_joints:
         raise ValueError(f"joints has {joints.shape[2]} joints, {bodies} bodies need all 24")

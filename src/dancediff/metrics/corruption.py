@@ -16,6 +16,7 @@ import numpy as np
 import roma
 import torch
 
+from dancediff.axes import ON_FLOOR
 from dancediff.motion.motion import Motion
 from dancediff.motion.rotation import axis_angle_to_matrix
 
@@ -122,8 +123,8 @@ def overlap_dancers(motion: Motion, amount: float, generator: np.random.Generato
     if not _amount(amount):
         return motion
     root = motion.root.clone()
-    floor = root[..., (0, 2)]
-    root[..., (0, 2)] = (1 - amount) * floor + amount * floor.mean(0)
+    floor = root[..., ON_FLOOR]
+    root[..., ON_FLOOR] = (1 - amount) * floor + amount * floor.mean(0)
     return replace(motion, root=root, contact=None)
 
 

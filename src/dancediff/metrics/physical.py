@@ -11,6 +11,7 @@ Symbols (axes: n dancers · f frames · j joints · 2 feet, left and right)
 import torch
 from torch import Tensor
 
+from dancediff.axes import ON_FLOOR
 from dancediff.metrics.inputs import as_group, check_compat
 from dancediff.motion.contact import CONTACT_HEIGHT
 from dancediff.motion.skeleton import FOOT_JOINTS
@@ -48,7 +49,7 @@ def pfc(joints: Tensor, *, fps: float = 30.0, compat: str | None = None) -> floa
     a = p[:, :, 0].diff(n=2, dim=1) * fps**2
     a[..., 1].clamp_(min=0)
     a = a.norm(dim=-1)
-    travel = p[:, 1:, FOOT_JOINTS][..., (0, 2)].diff(dim=1).norm(dim=-1) * rate
+    travel = p[:, 1:, FOOT_JOINTS][..., ON_FLOOR].diff(dim=1).norm(dim=-1) * rate
     u = torch.minimum(travel[..., :2], travel[..., 2:])  # left, right
     largest = a.amax(1, keepdim=True)
     effort = a / (largest if compat == "edge" else largest.where(largest > 0, torch.ones(())))
@@ -89,7 +90,7 @@ def fsr(
     if not threshold > 0:
         raise ValueError(f"threshold={threshold} must be positive, in metres a second")
     feet = as_group(joints, fps, least=2)[:, :, FOOT_JOINTS]
-    step = feet[..., (0, 2)].diff(dim=1) * fps
+    step = feet[..., ON_FLOOR].diff(dim=1) * fps
     if compat == "lodge":
         whole = as_group(joints, fps, least=2)
         height = feet[..., 1] - whole[:, :1, :, 1].amin(-1, keepdim=True)

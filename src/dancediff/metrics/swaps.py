@@ -15,11 +15,11 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
+from dancediff.axes import LATERAL, ON_FLOOR
 from dancediff.motion.order import check_order, swap_mode
 
 JUMP_SPEED = 0.12 * 30  # metres a second: 12 cm in a frame of 1/30 s
 SEAM_REACH = 3 / 30  # seconds before and after a seam: 3 frames
-LEFT_TO_RIGHT = 0  # the lateral axis of the stage
 KINDS = ("identity", "neighbours", "outer", "rotation")
 
 
@@ -84,7 +84,7 @@ def abrupt_swaps(
 def _exchanges(root: Tensor, seam: int, reach: int, jumps: list) -> list[AbruptSwap]:
     before, after = max(seam - reach, 0), min(seam + reach, root.shape[1] - 1)
     jumping = {d for d, t in jumps if before <= t < after}
-    floor = root[:, (before, after)][..., (0, 2)]
+    floor = root[:, (before, after)][..., ON_FLOOR]
     line = floor[:, None] - floor[None]
     traded = (line[:, :, 0] * line[:, :, 1]).sum(-1) < 0
     moved = (floor[:, 1] - floor[:, 0]).norm(dim=-1)
@@ -150,7 +150,7 @@ def final_order(root: Tensor) -> tuple[int, ...]:
     >>> final_order(torch.tensor([[[0.0, 0, 0], [2.0, 0, 0]], [[1.0, 0, 0], [1.0, 0, 0]]]))
     (1, 0)
     """
-    x = _check_root(root, frames=1)[..., LEFT_TO_RIGHT]
+    x = _check_root(root, frames=1)[..., LATERAL]
     return tuple(swap_mode(x[:, 0], x[:, -1]).tolist())
 
 

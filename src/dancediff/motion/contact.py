@@ -8,6 +8,7 @@ Symbols (axes: f frames · j joints)
 import torch
 from torch import Tensor
 
+from dancediff.axes import ON_FLOOR
 from dancediff.lookup import table
 from dancediff.motion.skeleton import feet_of
 
@@ -36,7 +37,7 @@ def foot_speed(joints: Tensor) -> Tensor:
     >>> foot_speed(torch.zeros(5, 24, 3)).shape
     torch.Size([5, 4])
     """
-    feet = feet_of(joints)[..., ::2]  # x and z
+    feet = feet_of(joints)[..., ON_FLOOR]
     if feet.shape[-3] == 1:
         return torch.zeros_like(feet[..., 0])
     speed = feet.diff(dim=-3).norm(dim=-1)

@@ -16,6 +16,7 @@ import torch
 from torch import Tensor
 from torch.nn.functional import avg_pool1d, max_pool1d, one_hot, pad
 
+from dancediff.axes import ON_FLOOR
 from dancediff.motion.banded import bends, nearness, solve_banded, steps
 from dancediff.motion.ground import AIR, TOE_CLEARANCE, flights
 from dancediff.motion.ik import two_bone_knee
@@ -232,7 +233,7 @@ def planting_shift(p: Tensor, c: Tensor, held: Tensor | None = None) -> Tensor:
     pull = (w[..., None] * step).sum(-2)  # each frame is pulled by the step to it and from it
     b = pad(pull, (0, 0, 0, 1)) - pad(pull, (0, 0, 1, 0))
     b_up = b[..., 1] + toe * (TOE_CLEARANCE - p[..., -1, 1].double())
-    x, z = solve_banded(A, b[..., (0, 2)]).unbind(-1)
+    x, z = solve_banded(A, b[..., ON_FLOOR]).unbind(-1)
     y = solve_banded(A + nearness(toe), b_up[..., None])[..., 0]
     u = torch.stack([x, y, z], -1).to(p)
     lowest = p.new_tensor(LOWEST[: p.shape[-2]])

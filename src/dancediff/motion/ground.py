@@ -98,5 +98,5 @@ def stand_on_floor(x: Tensor, held: Tensor | None = None, spec: MotionSpec = TCD
     """
     h = joints_of(x, spec)[..., 1].amin(-1) - TOE_CLEARANCE
     out = x.clone()
-    out[..., spec.root.start + 1] += grounding_shift(h, held)
+    out[..., spec.height] += grounding_shift(h, held)
     return out

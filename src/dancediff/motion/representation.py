@@ -36,6 +36,21 @@ class MotionSpec:
         return slice(4, 7)
 
     @property
+    def lateral(self) -> int:
+        """The pelvis's place from left to right."""
+        return self.root.start
+
+    @property
+    def height(self) -> int:
+        """The pelvis's height."""
+        return self.root.start + 1
+
+    @property
+    def floor(self) -> slice:
+        """The pelvis's place on the floor, x and z."""
+        return slice(self.root.start, self.root.stop, 2)
+
+    @property
     def rot6d(self) -> slice:
         """Where the rotations live."""
         return slice(7, self.dim)
@@ -203,6 +218,5 @@ def cut_to_range(x: Tensor) -> Tensor:
     [1.0, 3.0, 1.0, 3.0, 1.0]
     """
     cut = x.clamp(-1, 1)
-    floor = [TCDIFFPP.root.start, TCDIFFPP.root.start + 2]  # Lodge's vector has the same
-    cut[..., floor] = x[..., floor]
+    cut[..., TCDIFFPP.floor] = x[..., TCDIFFPP.floor]  # Lodge's vector has the same
     return cut

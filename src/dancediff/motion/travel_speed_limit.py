@@ -37,13 +37,12 @@ def limit_travel(
     Shapes: x (..., f, d) metres, held (..., f) bool -> (..., f, d).
 
     >>> x = torch.zeros(40, TCDIFFPP.dim)
-    >>> x[20:, TCDIFFPP.root.start] = 0.6                              # 60 cm in a frame
-    >>> y = limit_travel(x)[:, TCDIFFPP.root.start]
+    >>> x[20:, TCDIFFPP.lateral] = 0.6                              # 60 cm in a frame
+    >>> y = limit_travel(x)[:, TCDIFFPP.lateral]
     >>> round(y.diff().max().item(), 2), round(y[0].item(), 3), round(y[-1].item(), 3)
     (0.11, 0.0, 0.6)
     """
-    floor = [spec.root.start, spec.root.start + 2]
-    p, longest = x[..., floor], LIMIT / fps
+    p, longest = x[..., spec.floor].clone(), LIMIT / fps
     fast = (p.diff(dim=-2).norm(dim=-1) > longest).any(-1)
     if not fast.any():
         return x
@@ -60,7 +59,7 @@ def limit_travel(
     moved = torch.where((moved - path).norm(dim=-1, keepdim=True) > 1e-6, moved, path)
     p[fast] = moved.to(x)
     out = x.clone()
-    out[..., floor] = p
+    out[..., spec.floor] = p
     return out
 
 

@@ -14,7 +14,8 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-FPS = 30
+from dancediff.axes import FPS
+
 HOP = 512
 SAMPLE_RATE = FPS * HOP  # 15,360 Hz makes a hop of 512 samples exactly one frame of 30 fps
 NUM_FEATURES = 35

@@ -12,7 +12,8 @@ import torch
 from torch import Tensor
 
 from dancediff.atomic import atomic_write
-from dancediff.music.features import BEATS, FPS, HOP, SAMPLE_RATE, music_features
+from dancediff.axes import FPS
+from dancediff.music.features import BEATS, HOP, SAMPLE_RATE, music_features
 from dancediff.music.sound_on_disk import SoundOnDisk
 
 SILENT = 1e-4  # peak below which a song counts as silent

@@ -101,7 +101,7 @@ def fit_stage(
         torch.stack([x.amin((0, 1)), x.amax((0, 1))]) for x in windows.pieces()
     ]  # all pieces at once would take gigabytes
     model.normalizer = norm = Normalizer.fit(torch.cat(low_high), min_span=MIN_SPAN)
-    on_floor = [LODGE.root.start, LODGE.root.start + 2]  # a primitive never gets as far as a unit
+    on_floor = LODGE.floor  # a primitive never gets as far as a unit
     norm.low[on_floor] = norm.low[on_floor].clamp_min(-FLOOR_UNIT)
     norm.high[on_floor] = norm.high[on_floor].clamp_max(FLOOR_UNIT)
     songs = {solo.songs.data_ptr(): solo.songs[0] for solo in windows.solos}

@@ -11,7 +11,6 @@ from torch import Tensor, nn
 from dancediff.data.corpus import choreographed_corpus
 from dancediff.data.packed import PackedTakes
 from dancediff.data.windows import GroupDanceWindows, Take, ranked_windows
-from dancediff.extensions.formation_prior import ON_FLOOR
 from dancediff.extensions.metre_unit import FLOOR_UNIT, MIN_SPAN
 from dancediff.motion.representation import TCDIFFPP, Normalizer
 from dancediff.music.features import MusicNormalizer
@@ -96,7 +95,7 @@ def fit_statistics(
     else:
         stack = torch.cat([take.x.flatten(0, 1) for take in takes])
         model.normalizer = Normalizer.fit(stack, min_span=MIN_SPAN)
-        on_floor = [TCDIFFPP.root.start, TCDIFFPP.root.start + 2]
+        on_floor = TCDIFFPP.floor
         model.normalizer.low[on_floor], model.normalizer.high[on_floor] = -FLOOR_UNIT, FLOOR_UNIT
         songs = {take.M.data_ptr(): take.M for take in takes}
         model.music_normalizer = MusicNormalizer.fit(list(songs.values()))
@@ -115,12 +114,12 @@ def _fit_preconditioning(model, takes: list[Take], weights: list[float]) -> None
             yield model.normalizer.normalize(x), S
 
     if formation is not None:
-        formation.fit((x[..., ON_FLOOR], S) for x, S in windows())
+        formation.fit((x[..., TCDIFFPP.floor], S) for x, S in windows())
 
     def around_the_mean() -> Iterator[Tensor]:
         for x, S in windows():
             if formation is not None:
-                x[..., ON_FLOOR] -= formation.mean(S)
+                x[..., TCDIFFPP.floor] -= formation.mean(S)
             yield x.flatten(0, 1)
 
     model.decoder.precondition.fit(around_the_mean(), weights=weights)

@@ -11,6 +11,7 @@ Symbols (axes: n dancers · f frames)
 
 import numpy as np
 
+from dancediff.axes import ON_FLOOR
 from dancediff.motion.motion import Motion
 from dancediff.motion.skeleton import world_rotations
 from dancediff.viz.palette import BEAT, GRID, INK, PAPER, dancer_color, mix, rgb
@@ -181,7 +182,7 @@ def _discs(centres, radius: float, camera: Camera) -> np.ndarray:
 
 def floor_ribbon(a, b, width, camera: Camera) -> np.ndarray:
     """Quads on the floor along lines from a to b (..., 3), ``width`` metres wide, (k, 4, 2)."""
-    along = (b - a)[..., [0, 2]]
+    along = (b - a)[..., ON_FLOOR]
     along = along / np.maximum(np.linalg.norm(along, axis=-1, keepdims=True), 1e-9)
     side = np.stack([-along[..., 1], np.zeros(along.shape[:-1]), along[..., 0]], -1) * width / 2
     return camera.project(np.stack([a - side, b - side, b + side, a + side], -2))[0].reshape(
@@ -201,7 +202,7 @@ def grid_shapes(camera: Camera, pulse: float = 0.0, *, reach: int = 6, width: fl
     at = np.stack(np.broadcast_arrays(x, 0.0, z[:, None]), -1)
     a = np.concatenate([at[:, :-1].reshape(-1, 3), at[:-1].reshape(-1, 3)])
     b = np.concatenate([at[:, 1:].reshape(-1, 3), at[1:].reshape(-1, 3)])
-    away = np.linalg.norm(((a + b) / 2 - (cx, 0, cz))[:, [0, 2]], axis=1)
+    away = np.linalg.norm(((a + b) / 2 - (cx, 0, cz))[:, ON_FLOOR], axis=1)
     alpha = np.clip(1 - away / reach, 0, 1)
     quads = floor_ribbon(a, b, width * (1 + 0.6 * pulse), camera)
     tint = mix(GRID, BEAT, 0.4 * pulse)

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from dancediff.axes import ON_FLOOR
 from dancediff.metrics.drift import POSE_WINDOW
 from dancediff.metrics.posture import POSTURE
 from dancediff.motion.beats import mean_speed, motion_beats
@@ -83,7 +84,7 @@ def plot_distances(motion: Motion, *, ax=None, title=None):
         raise ValueError("plot_distances needs at least 2 dancers; this dance has 1")
     pairs = list(combinations(range(motion.num_dancers), 2))
     ax = new_axes(ax, (7.2, 0.7 + 0.26 * len(pairs)))
-    floor = motion.root[..., (0, 2)]
+    floor = motion.root[..., ON_FLOOR]
     rows = np.stack([(floor[a] - floor[b]).norm(dim=-1).numpy() for a, b in pairs])
     picture = ax.imshow(
         rows, aspect="auto", cmap="cividis", vmin=0, vmax=max(3.0, float(rows.max())),

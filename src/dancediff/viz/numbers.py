@@ -3,9 +3,10 @@
 import numpy as np
 import torch
 
+from dancediff.axes import FPS
 from dancediff.motion.representation import TCDIFFPP
 from dancediff.motion.skeleton import SMPL24, forward_kinematics
-from dancediff.music.features import BEATS, CHROMA, FPS, MFCC, ONSET, PEAKS
+from dancediff.music.features import BEATS, CHROMA, MFCC, ONSET, PEAKS
 from dancediff.viz.palette import BEAT, INK, MUTED, dancer_color, mix
 from dancediff.viz.style import bare, new_axes, set_title
 

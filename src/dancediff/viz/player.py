@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from dancediff.atomic import atomic_write
+from dancediff.axes import ON_FLOOR
 from dancediff.motion.contact import foot_contact
 from dancediff.motion.motion import Motion
 from dancediff.motion.skeleton import SMPL24
@@ -73,7 +74,7 @@ def save_player(
 def _facts(motions: list[Motion], song) -> dict:
     """What all panes share: length, beats, sound, the body, and where the floor lies."""
     motion, skeleton = motions[0], motions[0].skeleton
-    floor = np.concatenate([m.root.numpy().reshape(-1, 3)[:, [0, 2]] for m in motions])
+    floor = np.concatenate([m.root.numpy().reshape(-1, 3)[:, ON_FLOOR] for m in motions])
     low, high = floor.min(0), floor.max(0)
     beats = [] if song is None else song.beats()
     return {

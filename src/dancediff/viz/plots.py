@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from dancediff.atomic import atomic_write
+from dancediff.axes import ON_FLOOR
 from dancediff.motion.contact import foot_contact
 from dancediff.motion.motion import Motion
 from dancediff.viz.body import (
@@ -257,10 +258,10 @@ def plot_floor_paths(motion: Motion, *, ax=None, title: str | None = None):
     for k, path in enumerate(root):
         color = dancer_color(k)
         ax.plot(path[:, 0], path[:, 2], color=color, lw=2, solid_capstyle="round", zorder=2)
-        ax.plot(*path[0, [0, 2]], "o", ms=9, mfc="white", mec=color, mew=2, zorder=3)
-        ax.plot(*path[-1, [0, 2]], "o", ms=13, color=color, mec="white", zorder=4)
+        ax.plot(*path[0, ON_FLOOR], "o", ms=9, mfc="white", mec=color, mew=2, zorder=3)
+        ax.plot(*path[-1, ON_FLOOR], "o", ms=13, color=color, mec="white", zorder=4)
         ax.annotate(
-            str(k + 1), path[-1, [0, 2]], ha="center", va="center", fontsize=8,
+            str(k + 1), path[-1, ON_FLOOR], ha="center", va="center", fontsize=8,
             color="white", fontweight="bold", zorder=5,
         )  # fmt: skip
     (x0, x1), (z0, z1) = ((root[..., c].min() - 0.5, root[..., c].max() + 0.5) for c in (0, 2))

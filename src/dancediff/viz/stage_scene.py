@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 
+from dancediff.axes import ON_FLOOR
 from dancediff.motion.motion import Motion
 from dancediff.viz.palette import FLOOR, GRID, MUTED, WALL
 from dancediff.viz.stage_cameras import middle
@@ -108,8 +109,8 @@ def _letters(p3, dances: list[Motion]) -> list:
 
 def _room(p3, root: np.ndarray) -> list:
     low, high = root.min((0, 1)), root.max((0, 1))
-    side = 2 * int(np.ceil((high - low)[[0, 2]].max() / 2 + 3))
-    x, z = (round(float(at)) for at in ((low + high) / 2)[[0, 2]])
+    side = 2 * int(np.ceil((high - low)[ON_FLOOR].max() / 2 + 3))
+    x, z = (round(float(at)) for at in ((low + high) / 2)[ON_FLOOR])
     floor = p3.Mesh(
         p3.PlaneBufferGeometry(side, side),
         p3.MeshStandardMaterial(color=FLOOR, roughness=1.0, metalness=0.0),

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
+from dancediff.axes import FPS
 from dancediff.data.choreographer.arms import ARM_JOINTS, arm_matrices, arm_track, elbow_room
 from dancediff.data.choreographer.body import (
     LEGS,
@@ -29,7 +30,6 @@ from dancediff.data.choreographer.walk import Walk, plan_walk
 from dancediff.motion.ik import two_bone_ik
 from dancediff.motion.skeleton import SMPL24
 
-FPS = 30
 _OFFSETS = SMPL24.offsets.numpy().astype(np.float64)
 _FACE = CHANNEL["face"]
 _SPINE = tuple(SMPL24.index(name) for name in ("belly", "spine", "chest", "neck", "head"))

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
+from dancediff.axes import FPS
 from dancediff.data.choreographer.assemble import Part, assemble, plan_parts
 from dancediff.data.choreographer.formations import min_distance
 from dancediff.data.choreographer.genres import draw_genre
@@ -22,7 +23,6 @@ from dancediff.data.choreographer.score import Score, write_score
 from dancediff.data.choreographer.structure import Section, drawn_sections, given_sections
 from dancediff.motion.motion import Motion
 
-FPS = 30
 MAX_DANCERS = 5
 MIN_ROOT_DISTANCE = 0.55  # metres; a dance that comes closer takes smaller steps, or is drawn again
 _REACHES = (1.0, 0.7, 0.4, 0.2)

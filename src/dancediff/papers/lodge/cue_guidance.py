@@ -26,7 +26,6 @@ from dancediff.extensions.foot_contact_projection import MORE_SIGNAL
 from dancediff.motion.representation import LODGE
 
 BORDER = 4  # frames: half a hard primitive
-FLOOR = [LODGE.root.start, LODGE.root.start + 2]  # features: where on the floor, x and z
 
 
 def cue_channels() -> Tensor:
@@ -227,7 +226,10 @@ class CueGuidance:
         mask, value = mask.cpu().clone(), self.value.cpu().clone()
         if self.home is not None:
             for end in (0, -1):
-                mask[:, end, FLOOR], value[:, end, FLOOR] = True, self.home.cpu()[FLOOR].to(value)
+                mask[:, end, LODGE.floor], value[:, end, LODGE.floor] = (
+                    True,
+                    self.home.cpu()[LODGE.floor].to(value),
+                )
         return Constraint(mask, value)
 
     def _pasted(self, mask: Tensor, cue: Tensor, x: Tensor) -> Tensor:

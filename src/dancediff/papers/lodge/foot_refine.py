@@ -15,13 +15,13 @@ Symbols (axes: b batch · f frames · d motion features)
 import torch
 from torch import Tensor, nn
 
+from dancediff.axes import FPS, ON_FLOOR
 from dancediff.lookup import table
 from dancediff.motion.contact import feet_low
 from dancediff.motion.representation import LODGE, unpack
 from dancediff.motion.skeleton import SMPL24, feet_of, forward_kinematics
 from dancediff.papers.lodge.trunk import SoloLayer
 
-FPS = 30
 FEATURES = 48  # 4 joints x 4 quantities x 3 numbers
 SCORE_HEIGHT = (0.12, 0.12, 0.08, 0.08)  # metres above the floor: ankles, toes
 SCORE_SPEED = 0.01  # metres a frame in the floor plane
@@ -89,7 +89,7 @@ def foot_features(joints: Tensor) -> Tensor:
     feet = feet_of(joints)
     step = step_of(feet)
     label = feet_low(joints).to(feet)
-    score = contact_score(feet[..., 1], step[..., ::2].norm(dim=-1))
+    score = contact_score(feet[..., 1], step[..., ON_FLOOR].norm(dim=-1))
     thrice = [a[..., None].expand(feet.shape) for a in (label, score)]
     velocity = (FPS * step).clamp(-FASTEST, FASTEST)
     return torch.cat([*thrice, feet, velocity], dim=-2).flatten(-2)

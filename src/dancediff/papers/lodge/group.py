@@ -16,6 +16,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from dancediff.axes import ON_FLOOR
 from dancediff.data.choreographer.formations import MIN_DISTANCE, formation_names, slots
 from dancediff.motion.mirror import mirror_features
 from dancediff.motion.representation import LODGE
@@ -86,7 +87,7 @@ class Group:
             raise ValueError(f"relation={self.relation!r} is not one of {known}")
         self.x = at_origin(self.x)
         self.home = torch.zeros(len(self.slots), 1, 3, dtype=self.x.dtype)
-        self.home[:, 0, [0, 2]] = torch.from_numpy(self.slots).to(self.x)
+        self.home[:, 0, ON_FLOOR] = torch.from_numpy(self.slots).to(self.x)
         if len(self.slots) > 1:
             self.home *= _wide_enough(self._paths(), self.home)
 
@@ -155,6 +156,6 @@ def nearest(path: Tensor) -> float:
     """
     if len(path) < 2:
         return float("inf")
-    floor = path[..., [0, 2]].transpose(0, 1)
+    floor = path[..., ON_FLOOR].transpose(0, 1)
     i, j = torch.triu_indices(len(path), len(path), 1)
     return float((floor[:, i] - floor[:, j]).norm(dim=-1).min())

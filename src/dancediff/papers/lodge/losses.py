@@ -20,6 +20,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
+from dancediff.axes import FPS
 from dancediff.lookup import table
 from dancediff.motion.representation import Normalizer
 from dancediff.motion.skeleton import feet_of
@@ -27,7 +28,6 @@ from dancediff.papers.lodge.foot_refine import joints_of
 from dancediff.papers.tcdiffpp.losses import l_contact as l_foot
 from dancediff.papers.tcdiffpp.losses import l_vel, mean
 
-FPS = 30
 PLANTED_HEIGHT = (0.08, 0.08, 0.05, 0.05)  # metres: ankles, toes; Lodge's code for eq. 7
 CONTACTS = ("label", "soft", "height")
 FORMS = ("hinge", "log")

@@ -14,10 +14,10 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
+from dancediff.axes import FPS
 from dancediff.motion.representation import TCDIFFPP, MotionSpec
 from dancediff.motion.skeleton import LOWER_BODY
 
-FPS = 30
 LEAK = 0.01  # slope of LeakyReLU below zero
 
 FASTEST = 3.0  # normalised units a second: the width of the stage in less than a second

@@ -15,10 +15,9 @@ import torch
 from einops import rearrange
 from torch import Tensor
 
+from dancediff.axes import FPS
 from dancediff.motion.representation import TCDIFFPP, Normalizer, unpack
 from dancediff.motion.skeleton import feet_of, forward_kinematics
-
-FPS = 30
 
 
 @dataclass(frozen=True)
