@@ -157,8 +157,8 @@ def test_metrics_of_a_dance(kind, seed, n, f, dtype, body, fps):
     for direction in ("music", "motion"):
         beats = {"beats": [0.0], "direction": direction, "fps": fps}
         calls.append((direction, lambda how=beats: beat_alignment(joints, **how)))
-    calls += [("speed", lambda: joint_speed(joints, fps)), ("tif", lambda: tif(joints))]
-    calls += [("beats", lambda: beats_per_second(joints, fps))]
+    calls += [("speed", lambda: joint_speed(joints, fps=fps)), ("tif", lambda: tif(joints))]
+    calls += [("beats", lambda: beats_per_second(joints, fps=fps))]
     for name, compute in calls:
         try:
             assert finite(compute()), name

@@ -20,11 +20,10 @@ from dancediff.metrics import rows as rows_module
 from dancediff.metrics.bootstrap import bootstrap_interval
 from dancediff.metrics.collision import tif
 from dancediff.metrics.fidelity import diversity, fid
-from dancediff.metrics.gather import find_dances
 from dancediff.metrics.geometric import geometric_features
 from dancediff.metrics.group import gmc, gmr, group_features
 from dancediff.metrics.kinetic import kinetic_features
-from dancediff.metrics.measure import Measured, measure
+from dancediff.metrics.measure import Measured, find_dances, measure
 from dancediff.metrics.physical import fsr, pfc
 from dancediff.metrics.report import evaluate, evaluate_dances
 from dancediff.metrics.rhythm import beat_alignment
@@ -307,11 +306,24 @@ def test_bad_arguments(dances, options, words):
 def test_no_dances(tmp_path):
     with pytest.raises(ValueError, match="list is empty"):
         find_dances([])
-    with pytest.raises(ValueError, match=r"holds no \.npz"):
+    with pytest.raises(ValueError, match=r"holds no dance"):
         find_dances(tmp_path)
     (tmp_path / "song.wav").write_bytes(b"")
-    with pytest.raises(ValueError, match=r"is no \.npz"):
+    with pytest.raises(ValueError, match=r"is no dance that can be read"):
         find_dances(tmp_path / "song.wav")
+
+
+def test_other_formats_are_read_too(dances, tmp_path):
+    pytest.importorskip("pygltflib")
+    direct = evaluate_dances(dances[:1], song=BEATS)
+    for name in ("dance.glb", "other.npz"):
+        dances[0].save(tmp_path / name)
+        again = evaluate_dances(tmp_path / name, song=BEATS)
+        assert again["TIF"].value == direct["TIF"].value
+        assert again["FSR"].value == pytest.approx(direct["FSR"].value, abs=0.01)
+    dances[0].save(tmp_path / "dance.bvh")
+    assert evaluate_dances(tmp_path / "dance.1.bvh").dances["dancers"] == [1]
+    assert evaluate_dances(tmp_path).dances["count"] == 2  # dance.glb and other.npz
 
 
 # ------------------------------------------------------------------------------------ many, words
@@ -401,7 +413,7 @@ def test_the_command_prints_and_writes(files, capsys):
     ("args", "status", "words"),
     [
         (["nowhere.npz"], 2, ["nowhere.npz", "does not exist"]),
-        ([], 2, ["evaluate", "npz"]),
+        ([], 2, ["evaluate", "name dances"]),
         (["broken.npz"], 2, ["broken.npz", "no dancediff motion"]),
         (["d0.npz", "--window", "2"], 2, ["window=2"]),
         (["d0.npz", "--window", "x"], 2, ["--window 'x'", "whole number"]),

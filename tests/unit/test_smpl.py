@@ -18,7 +18,7 @@ def group():
 
 def test_a_group_comes_back_from_a_file_each(group, tmp_path):
     first = group.save(tmp_path / "dance.smpl.npz")
-    assert first.name == "dance.smpl.1.npz"
+    assert first.name == "dance.1.smpl.npz"
     again = Motion.load(*sorted(tmp_path.glob("*.npz")))
     assert (again.num_dancers, again.fps) == (2, 30.0)
     assert (again.joints() - group.joints()).norm(dim=-1).max() < 1e-3

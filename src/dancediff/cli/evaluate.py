@@ -14,7 +14,7 @@ class Evaluate:
     """Measure dances: print a table of every metric, with intervals."""
 
     motion: tyro.conf.Positional[tuple[str, ...]]
-    """Dances as .npz files, folders of them, or prepared folders."""
+    """Dances (.npz, .glb, .bvh), folders of them, or prepared folders."""
     song: str | None = None
     """Sound file whose beats are taken for dances that bring none; 'packaged' for the song that
     comes with dancediff."""
@@ -41,7 +41,7 @@ class Evaluate:
         from dancediff.metrics.report import evaluate_dances
 
         if not self.motion:
-            raise ValueError("name .npz dances or folders; see `dancediff evaluate --help`")
+            raise ValueError("name dances or folders of them; see `dancediff evaluate --help`")
         for name in ("out", "drift"):
             self._check_file(name, getattr(self, name))
         song = hub.packaged_song() if self.song in ("packaged", hub.SONG) else self.song
@@ -72,14 +72,13 @@ class Evaluate:
 
         from dancediff.atomic import atomic_write
         from dancediff.metrics.drift import drift, mean_drift
-        from dancediff.metrics.gather import find_dances
-        from dancediff.metrics.measure import read_dance
+        from dancediff.metrics.measure import find_dances, read_dance
         from dancediff.viz.charts import plot_drift
 
         drifts = []
         for source in find_dances(list(self.motion)):
             with contextlib.suppress(ValueError, OSError):  # too short, or named in the table
-                motion = read_dance(source)[2]
+                motion = read_dance(source).motion
                 drifts.append(drift(motion.joints(), fps=motion.fps))
         found = mean_drift(drifts)
         figure = plot_drift(found, title="Posture over the dance").figure

@@ -13,7 +13,7 @@ class Gallery:
     """Make a page of all dances in a folder: pictures, metrics, players; failures included."""
 
     folder: tyro.conf.Positional[Path]
-    """Where the dances are: .npz, .glb or .bvh files, in folders within it, too."""
+    """Where the dances are (.npz, .glb, .bvh), in folders within it, too."""
     song: str | None = None
     """A sound file that all of them danced to; 'packaged' for the song of the package."""
     out: Path | None = None

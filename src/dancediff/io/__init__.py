@@ -9,17 +9,19 @@
 | ``.html`` | a page that plays the dance in 3-D, with its song, from disk | no |
 """
 
+import re
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
+from dancediff.data.prepared import PreparedData
 from dancediff.io.npz import load_npz, save_npz
 from dancediff.motion.files import Files, register
 from dancediff.motion.motion import Motion
 
 PER_DANCER = (".bvh", ".smpl.npz")
 SUFFIXES = (".npz", ".mp4", ".gif", ".png", ".html", ".glb", *PER_DANCER)
-READABLE = (".npz", ".glb", ".bvh")  # .smpl.npz is an .npz
+READABLE = (".npz", ".glb", ".smpl.npz", ".bvh")  # the one that keeps most of a dance first
 
 
 def save(motion: Motion, path, song=None, *, body: str = "mannequin") -> Path:
@@ -34,7 +36,8 @@ def save(motion: Motion, path, song=None, *, body: str = "mannequin") -> Path:
     if kind not in PER_DANCER or motion.num_dancers == 1:
         write(motion, path)
         return path
-    numbered = [path.with_suffix(f".{k + 1}{path.suffix}") for k in range(motion.num_dancers)]
+    stem = path.name.removesuffix(kind)
+    numbered = [path.with_name(f"{stem}.{k + 1}{kind}") for k in range(motion.num_dancers)]
     for k, name in enumerate(numbered):
         write(motion.dancer(k), name)
     return numbered[0]
@@ -44,6 +47,47 @@ def load(path, *more) -> Motion:
     """Read a dance in a format that can be read; see `dancediff.motion.motion.Motion.load`."""
     motions = [_reader(Path(name))(Path(name)) for name in (path, *more)]
     return motions[0] if len(motions) == 1 else Motion.side_by_side(motions)
+
+
+def dance_files(path) -> list[Path]:
+    """The dances that a path means: a file itself, or all in a folder and the folders in it.
+
+    Of a dance that is there in several formats (``dance.npz``, ``dance.glb``, ``dance.1.bvh``) the
+    one that keeps most of it counts. A prepared folder has those of its index. Files and folders
+    under a name with a dot in front are still being written.
+
+    Raises: ValueError naming a path that does not exist, is no dance, or holds none.
+    """
+    path, known = Path(path), " ".join(READABLE)
+    if not path.exists():
+        raise ValueError(f"{str(path)!r} does not exist; name a dance or a folder of dances")
+    if not path.is_dir():
+        if suffix_of(path) not in READABLE:
+            raise ValueError(f"{str(path)!r} is no dance that can be read; name a file in {known}")
+        if not path.is_file():  # a pipe would be waited for without end
+            raise ValueError(f"{str(path)!r} is no regular file; save the dance to one first")
+        return [path]
+    if (path / "index.json").is_file():
+        found = [path / entry.file for entry in PreparedData(path)]
+    else:
+        found = _best_files(path)
+    if not found:
+        raise ValueError(f"{str(path)!r} holds no dance ({known}); name a folder that does")
+    return found
+
+
+def _best_files(folder: Path) -> list[Path]:
+    dances: dict[Path, dict[int, list[Path]]] = {}
+    for path in sorted(folder.rglob("*")):
+        hidden = any(part.startswith(".") for part in path.relative_to(folder).parts)
+        kind = suffix_of(path)
+        if kind in READABLE and not hidden and path.is_file():
+            name = path.name.removesuffix(kind)
+            if kind in PER_DANCER:
+                name = re.sub(r"\.\d+$", "", name)
+            formats = dances.setdefault(path.with_name(name), {})
+            formats.setdefault(READABLE.index(kind), []).append(path)
+    return [path for formats in dances.values() for path in formats[min(formats)]]
 
 
 def suffix_of(path: Path) -> str:
@@ -100,4 +144,4 @@ def _picture(motion: Motion) -> str:
     return dance_html(motion)
 
 
-register(Files(save, load, _picture, READABLE))
+register(Files(save, load, _picture, dance_files))

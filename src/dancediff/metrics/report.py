@@ -14,8 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from dancediff.atomic import atomic_write
-from dancediff.metrics.gather import find_dances, measure_all
-from dancediff.metrics.measure import SHORTEST_WINDOW, Measured
+from dancediff.metrics.measure import SHORTEST_WINDOW, Measured, find_dances, measure_all
 from dancediff.metrics.rows import DRAWS, LEVEL, METRICS, Row, table_rows
 from dancediff.music.song import Music
 
@@ -200,18 +199,18 @@ def evaluate_dances(
         raise ValueError(f"workers={workers} must be at least 1")
     beats = _beats(song, len(sources))
     how = {"window": window, "workers": workers, "progress": progress}
-    ours, skipped = measure_all(sources, beats, "dances", **how)
-    theirs: list[Measured] | None = None
+    measured, skipped = measure_all(sources, beats, "dances", **how)
+    real: list[Measured] | None = None
     notes = [] if window is None else [f"dances are cut into windows of {window} frames"]
     if others is not None:
-        theirs, lost = measure_all(others, itertools.repeat(None), "reference", **how)
+        real, lost = measure_all(others, itertools.repeat(None), "reference", **how)
         skipped |= {f"reference {name}": why for name, why in lost.items()}
-        if both := _in_both(sources, others):
+        if both := len(_identities(sources) & _identities(others)):
             notes.append(f"{both} dances are in the reference too: distances to it are too small")
     return Report(
-        rows=list(table_rows(ours, theirs, seed=seed)),
-        dances=_about(ours),
-        reference=None if theirs is None else _about(theirs),
+        rows=list(table_rows(measured, real, seed=seed)),
+        dances=_about(measured),
+        reference=None if real is None else _about(real),
         skipped=skipped,
         notes=notes,
     )
@@ -237,11 +236,8 @@ def _beats_of(song) -> np.ndarray | None:
     return np.asarray(song.beats() if isinstance(song, Music) else song, dtype=np.float64)
 
 
-def _in_both(sources, others) -> int:
-    ours, theirs = (
-        {s.resolve() if isinstance(s, Path) else id(s) for s in side} for side in (sources, others)
-    )
-    return len(ours & theirs)
+def _identities(sources) -> set:
+    return {source.resolve() if isinstance(source, Path) else id(source) for source in sources}
 
 
 def _about(found: list[Measured]) -> dict:

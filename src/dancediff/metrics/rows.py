@@ -84,21 +84,24 @@ class Row:
 
 
 def table_rows(
-    ours: list[Measured], theirs: list[Measured] | None, *, seed: int = 0
+    dances: list[Measured], reference: list[Measured] | None, *, seed: int = 0
 ) -> Iterator[Row]:
     """A row for each metric, of dances and a reference set as `measure` left them.
 
     Kinds of swaps that nobody asked for have no row.
     """
     for metric in METRICS:
-        asked = any(metric.source in dance.numbers for dance in ours)
+        asked = any(metric.source in dance.numbers for dance in dances)
         if asked or not metric.name.startswith(f"{OBEDIENCE},"):
-            yield _row(metric, ours, theirs, seed)
+            yield _row(metric, dances, reference, seed)
 
 
-def _row(metric: Metric, ours: list[Measured], theirs: list[Measured] | None, seed: int) -> Row:
-    whole = _parts(metric, ours)
-    parts = _some(whole, seed) if metric.compare is diversity else whole
+def _row(
+    metric: Metric, dances: list[Measured], reference: list[Measured] | None, seed: int
+) -> Row:
+    parts = _parts(metric, dances)
+    if metric.compare is diversity:
+        parts = _sample(parts, seed)
     row = Row(
         name=metric.name,
         value=math.nan,
@@ -108,21 +111,19 @@ def _row(metric: Metric, ours: list[Measured], theirs: list[Measured] | None, se
         samples=sum(map(len, parts)),
         unit=metric.unit,
         arrow=metric.arrow,
-        reference=_of_reference(metric, theirs),
+        reference=_of_reference(metric, reference),
     )
-    if why := _why_not(metric, parts, ours, theirs):
+    if why := _why_not(metric, dances, reference):
         return replace(row, reason=why)
-    reference = _joined(_parts(metric, theirs)) if metric.compare else None
+    real = _joined(_parts(metric, reference)) if metric.compare else None
 
     def statistic(chosen) -> float:
         features = _joined([parts[int(k)] for k in chosen])
-        if metric.compare is None:
-            return float(features.mean())
-        return float(metric.compare(features, reference))
+        return float(metric.compare(features, real) if metric.compare else features.mean())
 
     everyone = torch.arange(len(parts))
     try:
-        row = replace(row, value=statistic(everyone), reason=_lacks(metric, parts, ours, reference))
+        row = replace(row, value=statistic(everyone), reason=_lacks(metric, parts, dances, real))
         if len(parts) > 1:
             low, high = bootstrap_interval(statistic, everyone, level=LEVEL, draws=DRAWS, seed=seed)
             if metric.compare in (fid, gmr):  # moved onto the value, it may reach below what can be
@@ -135,12 +136,17 @@ def _row(metric: Metric, ours: list[Measured], theirs: list[Measured] | None, se
 
 def _parts(metric: Metric, dances: list[Measured]) -> list[np.ndarray]:
     """What there is of a metric, one array for each dance that has any."""
-    if metric.compare is None:
-        return [np.array(m.numbers[metric.source]) for m in dances if m.numbers.get(metric.source)]
-    return [np.concatenate(m.rows[metric.source]) for m in dances if m.rows.get(metric.source)]
+    join = np.array if metric.compare is None else np.concatenate
+    return [join(entries) for dance in dances if (entries := _entries(metric, dance))]
 
 
-def _some(parts: list[np.ndarray], seed: int) -> list[np.ndarray]:
+def _entries(metric: Metric, dance: Measured) -> list:
+    """One entry for each window (or whole dance) that has the metric."""
+    kept = dance.numbers if metric.compare is None else dance.rows
+    return kept.get(metric.source, [])
+
+
+def _sample(parts: list[np.ndarray], seed: int) -> list[np.ndarray]:
     """Dances drawn until there are `MOST` vectors: all pairs of more take too long."""
     order = np.random.default_rng(seed).permutation(len(parts))
     ends = np.cumsum([len(parts[k]) for k in order])
@@ -151,54 +157,46 @@ def _joined(parts: list[np.ndarray]) -> Tensor:
     return torch.from_numpy(np.concatenate(parts))
 
 
-def _why_not(metric: Metric, parts: list, ours: list[Measured], theirs) -> str:
+def _why_not(metric: Metric, dances: list[Measured], reference: list[Measured] | None) -> str:
     """Why a metric has no value; empty if it may have one."""
-    if metric.compare and theirs is None:
+    if metric.compare and reference is None:
         return NO_REFERENCE
-    if not parts:
-        return next(iter(_missing(metric, ours)), "no dance has it")
-    rates = {m.fps for m in ours} | ({m.fps for m in theirs} if metric.compare else set())
+    sides = [("", dances), *([("reference: ", reference)] if metric.compare else [])]
+    rates = {dance.fps for _, side in sides for dance in side}
+    for name, side in sides:
+        if not any(_entries(metric, dance) for dance in side):
+            return name + next(iter(_missing(metric, side)), "no dance has it")
     if len(rates) > 1 and not metric.whole:
         words = " and ".join(f"{fps:g}" for fps in sorted(rates))
         return f"dances have {words} frames a second; bring them to one rate (resample_motion)"
-    if metric.compare and not _parts(metric, theirs):
-        return f"reference: {next(iter(_missing(metric, theirs)), 'no dance has it')}"
     return ""
 
 
-def _lacks(metric: Metric, parts: list, ours: list[Measured], reference: Tensor | None) -> str:
+def _lacks(metric: Metric, parts: list, dances: list[Measured], real: Tensor | None) -> str:
     """What a reader must know about a value that there is."""
     words = []
-    if len(parts) < (dances := len(_parts(metric, ours))):
-        words.append(f"of {len(parts)} of {dances} dances, drawn at random")
-    if gone := _missing(metric, ours):
-        of = len(gone) + len(_numbers(metric, ours))
+    if len(parts) < (count := len(_parts(metric, dances))):
+        words.append(f"of {len(parts)} of {count} dances, drawn at random")
+    if gone := _missing(metric, dances):
+        of = len(gone) + sum(len(_entries(metric, dance)) for dance in dances)
         words.append(f"{len(gone)} of {of} left out: {gone[0]}")
     if metric.compare in (fid, gmr):
-        few = too_few(_joined(parts), "dances"), too_few(reference, "reference")
+        few = too_few(_joined(parts), "dances"), too_few(real, "reference")
         words += [text for text in few if text]
     return "; ".join(words)
 
 
 def _missing(metric: Metric, dances: list[Measured]) -> list[str]:
-    return [why for m in dances for why in m.missing.get(metric.source, [])]
+    return [why for dance in dances for why in dance.missing.get(metric.source, [])]
 
 
-def _numbers(metric: Metric, dances: list[Measured]) -> list:
-    """One entry for each window (or whole dance) that has the metric."""
-    kind = "numbers" if metric.compare is None else "rows"
-    return [x for m in dances for x in getattr(m, kind).get(metric.source, [])]
-
-
-def _of_reference(metric: Metric, theirs: list[Measured] | None) -> float | None:
+def _of_reference(metric: Metric, reference: list[Measured] | None) -> float | None:
     """The metric of the reference set itself; None where it makes no sense or there is none."""
-    if theirs is None or len({m.fps for m in theirs}) > 1 or metric.compare in (fid, gmr):
+    mixed = reference is None or len({dance.fps for dance in reference}) > 1
+    if mixed or metric.compare in (fid, gmr) or not (parts := _parts(metric, reference)):
         return None
-    parts = _parts(metric, theirs)
-    if not parts:
-        return None
-    x = _joined(_some(parts, 0) if metric.compare is diversity else parts)
+    x = _joined(_sample(parts, 0) if metric.compare is diversity else parts)
     try:
-        return float(x.mean() if metric.compare is None else metric.compare(x, x))
+        return float(metric.compare(x, x) if metric.compare else x.mean())
     except ValueError:
         return None

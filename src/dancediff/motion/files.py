@@ -14,12 +14,12 @@ import dancediff
 
 @dataclass(frozen=True)
 class Files:
-    """The functions behind the methods of `Motion`, and the suffixes that ``load`` knows."""
+    """The functions behind the methods of `Motion`, and the one that finds files of dances."""
 
     save: Callable
     load: Callable
     picture: Callable
-    readable: tuple[str, ...]
+    find: Callable
 
 
 _registered: list[Files] = []
@@ -33,8 +33,8 @@ def register(files: Files) -> None:
 def files() -> Files:
     """The functions that were registered.
 
-    >>> ".npz" in files().readable
-    True
+    >>> files().save.__module__
+    'dancediff.io'
     """
     if not _registered:
         dancediff.import_io()

@@ -16,12 +16,11 @@ from tqdm.auto import tqdm
 
 from dancediff.atomic import atomic_write
 from dancediff.metrics.report import evaluate_dances
+from dancediff.motion.files import files
 from dancediff.motion.motion import Motion
 from dancediff.viz.player import PAGE, SHOWN, save_player
 from dancediff.viz.plots import filmstrip_page
 from dancediff.viz.style import as_png, data_url
-
-SUFFIXES = (".npz", ".glb", ".bvh")
 
 
 @dataclass
@@ -36,20 +35,16 @@ class Gallery:
 def save_gallery(folder, out, song=None, *, progress: bool = False) -> Gallery:
     """Write a page with all dances of a folder and of the folders in it.
 
-    Dances are .npz, .glb or .bvh files. One that cannot be read or measured has its line, too, with
-    the reason. ``song`` is played with each and gives the beats.
+    Dances are the files that `dancediff evaluate` reads, too. One that cannot be read or measured
+    has its line with the reason. ``song`` is played with each and gives the beats.
 
     Raises: ValueError when the folder holds no such file.
     """
     folder, out = Path(folder), Path(out)
-    files = sorted(
-        path for path in folder.rglob("*") if path.suffix in SUFFIXES and out not in path.parents
-    )
-    if not files:
-        raise ValueError(f"{str(folder)!r} holds no dance ({', '.join(SUFFIXES)}); name another")
+    found = files().find(folder)
     out.mkdir(parents=True, exist_ok=True)
     made, rows = Gallery(out / "index.html"), []
-    for path in tqdm(files, desc="gallery", unit="dance", disable=not progress):
+    for path in tqdm(found, desc="gallery", unit="dance", disable=not progress):
         name = path.relative_to(folder).as_posix()
         try:
             rows.append(_row(name, Motion.load(path), out, song))

@@ -1,0 +1,40 @@
+"""Which files hold dances."""
+
+import pytest
+import torch
+
+from dancediff.io import dance_files
+from dancediff.motion.motion import Motion
+
+
+@pytest.fixture
+def pair():
+    return Motion(torch.eye(3).expand(2, 3, 24, 3, 3), torch.zeros(2, 3, 3))
+
+
+def test_a_dance_in_several_formats_counts_once(pair, tmp_path):
+    for name in ("a.npz", "a.bvh", "a.smpl.npz", "b.bvh", "b.smpl.npz", "c.bvh"):
+        pair.save(tmp_path / name)
+    (tmp_path / ".half").mkdir()
+    pair.save(tmp_path / ".half" / "d.npz")
+    (tmp_path / "song.wav").touch()
+    names = [path.name for path in dance_files(tmp_path)]
+    solos = ["b.1.smpl.npz", "b.2.smpl.npz", "c.1.bvh", "c.2.bvh"]
+    assert names == ["a.npz", *solos]
+
+
+def test_dances_of_the_same_name_in_two_folders_are_two(pair, tmp_path):
+    for folder in ("x", "y"):
+        (tmp_path / folder).mkdir()
+        pair.save(tmp_path / folder / "dance.npz")
+    assert len(dance_files(tmp_path)) == 2
+
+
+def test_what_is_no_dance_is_named(pair, tmp_path):
+    with pytest.raises(ValueError, match=r"nowhere' does not exist"):
+        dance_files(tmp_path / "nowhere")
+    with pytest.raises(ValueError, match=r"holds no dance \(\.npz \.glb"):
+        dance_files(tmp_path)
+    pair.save(tmp_path / "dance.png")
+    with pytest.raises(ValueError, match=r"dance\.png' is no dance that can be read"):
+        dance_files(tmp_path / "dance.png")
