@@ -16,7 +16,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from unittest import mock
 
@@ -31,7 +31,7 @@ from dancediff.diffusion.guidance import guided
 from dancediff.nn import ssm
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 from dancediff.training import run
-from dancediff.training.config import TrainConfig
+from dancediff.training.statistics import fit_statistics
 from dancediff.training.trainer import Trainer
 
 PARTS = ("start", "features", "group", "paper", "lodge", "training", "scan", "video")
@@ -193,15 +193,16 @@ def lodge(args: Args) -> list[dict]:
 
 def training(args: Args) -> list[dict]:
     """Steps of the packaged recipe: clips a second, and the share of it that waits for data."""
-    config = run.check_tables(run.read_toml(RECIPE), str(RECIPE))
+    config = run.read_config(RECIPE)
     takes = choreographed_corpus(range(4), seconds=30, workers=args.threads)
     rows = []
     for precision in ("fp32", "bf16"):
         torch.manual_seed(0)
         model = TCDiffPP(TCDiffPPConfig(**config["model"]))
-        run.fit_statistics(model, takes)
+        settings = run.settings_of(config)
+        fit_statistics(model, takes, settings.extensions)
         data = Timed(GroupDanceWindows(takes, swaps=0.3, mirror=0.5))
-        settings = TrainConfig(**config["train"] | {"steps": 1000, "precision": precision})
+        settings = replace(settings, precision=precision)
         trainer = Trainer(model, data, settings)
         model.train()
         for step in range(WARM_UP + STEPS):

@@ -8,14 +8,13 @@ import torch
 from fuzzing import fuzz, mutated, num_inputs, put
 
 from dancediff import hub
-from dancediff.papers.tcdiffpp.losses import LossWeights
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 from dancediff.training.ablation_config import read_ablation
 from dancediff.training.checkpoint import load_checkpoint, save_checkpoint
 from dancediff.training.config import TrainConfig
 from dancediff.training.ema import EMA
 from dancediff.training.optimizer import make_optimizer
-from dancediff.training.run import MODELS, read_config
+from dancediff.training.run import MODELS, read_config, settings_of
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 SMALL = {"d_model": 8, "num_heads": 1, "num_layers": 1, "ff_dim": 8, "max_dancers": 2}
@@ -75,7 +74,7 @@ def test_a_config(name, tmp_path, record_property):
         tables = read_config(path)
         _, sizes = MODELS[tables["model"].pop("class", "TCDiffPP")]
         sizes(**tables["model"])
-        return TrainConfig(**tables["train"], weights=LossWeights(**tables["weights"]))
+        return settings_of(tables)
 
     out = fuzz(read, mutated(whole, num_inputs()))
     record_property("trust", f"fuzz, config {name}.toml: {out}")

@@ -17,8 +17,8 @@ from dancediff.diffusion.conditions import Conditions
 from dancediff.motion.representation import unpack
 from dancediff.motion.skeleton import forward_kinematics
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
-from dancediff.training.config import TrainConfig
-from dancediff.training.run import fit_statistics
+from dancediff.training.config import TrainConfig, TrainingExtensions
+from dancediff.training.statistics import fit_statistics
 from dancediff.training.trainer import Trainer
 
 pytestmark = pytest.mark.slow
@@ -50,7 +50,9 @@ def learn(song_seeds, folder, **switches):
     torch.manual_seed(0)
     config = TCDiffPPConfig(**SIZES, num_frames=FRAMES, head_dim=32, d_state=4, **switches)
     model = TCDiffPP(config)
-    fit_statistics(model, takes + others)  # one dance alone would give its pose away
+    fit_statistics(
+        model, takes + others, TrainingExtensions(metre_unit=True)
+    )  # one dance alone would give its pose away
     data = FewClips(takes)
     frames = torch.cat([take.x.flatten(0, 1) for take in takes + others])
     data.mean_pose = model.normalizer.normalize(frames).mean(0)

@@ -15,7 +15,7 @@ from dancediff.papers.lodge.foot_refine import joints_of
 from dancediff.papers.lodge.local_diffusion import LocalConfig, LocalDenoiser
 from dancediff.papers.lodge.losses import LodgeWeights
 from dancediff.papers.lodge.primitives import at_origin
-from dancediff.training.config import TrainConfig
+from dancediff.training.config import TrainConfig, TrainingExtensions
 from dancediff.training.lodge import fit_stage
 from dancediff.training.lodge_data import SoloWindows, solos_of
 from dancediff.training.lodge_losses import LodgeObjective
@@ -50,7 +50,8 @@ def learn(solos, folder, *, same_music):
     genres = tuple(sorted({solo.genre for solo in solos}))
     torch.manual_seed(0)
     model = LocalDenoiser(LocalConfig(**SIZES, num_frames=FRAMES, genres=genres, style_noise=8))
-    fit_stage(model, SoloWindows(solos, genres, num_frames=FRAMES))
+    extensions = TrainingExtensions(metre_unit=True)
+    fit_stage(model, SoloWindows(solos, genres, num_frames=FRAMES), extensions)
     part = slice(30, 30 + FRAMES)
     x = torch.stack([at_origin(solo.x[part]) for solo in solos[:2]])
     M = torch.stack([solo.songs[0][part] for solo in solos[:2]])

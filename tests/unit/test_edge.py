@@ -13,7 +13,8 @@ from dancediff.diffusion.conditions import Conditions
 from dancediff.papers.edge.model import EDGE, SPACING, EDGEConfig, solo_takes, start_slots
 from dancediff.papers.tcdiffpp.losses import LossWeights, tcdiffpp_losses
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
-from dancediff.training.run import fit_statistics, read_config, train_from_config
+from dancediff.training.run import read_config, train_from_config
+from dancediff.training.statistics import fit_statistics
 
 TINY = {"d_model": 16, "num_heads": 2, "num_layers": 1, "ff_dim": 32}
 
@@ -266,7 +267,7 @@ def test_round_trip_and_command_line(trained, tmp_path, capsys):
 def test_config_mistakes_are_named(tmp_path):
     path = tmp_path / "c.toml"
     for text, words in (('class = "GPT"', "'GPT' is not one of TCDiffPP, EDGE"),):
-        path.write_text(f"[model]\n{text}\n")
+        path.write_text(f"[train]\n[model]\n{text}\n")
         with pytest.raises(ValueError, match=words):
             read_config(path)
     path.write_text('[model]\nclass = "EDGE"\nfp = false\n')

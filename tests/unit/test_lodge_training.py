@@ -22,7 +22,7 @@ from dancediff.papers.lodge.losses import LodgeWeights, lodge_losses
 from dancediff.papers.lodge.model import Lodge
 from dancediff.papers.lodge.primitives import LAYOUT, Layout, primitives_of
 from dancediff.training.checkpoint import load_extra
-from dancediff.training.config import TrainConfig
+from dancediff.training.config import TrainConfig, TrainingExtensions
 from dancediff.training.lodge import (
     check_lodge_tables,
     fit_stage,
@@ -31,7 +31,8 @@ from dancediff.training.lodge import (
 )
 from dancediff.training.lodge_data import Solo, SoloWindows, prepared_solos, solos_of
 from dancediff.training.lodge_losses import Critic, LodgeObjective
-from dancediff.training.run import read_toml, train_from_config
+from dancediff.training.run import train_from_config
+from dancediff.training.tables import read_toml
 
 GENRES = ("hiphop", "salsa")
 TINY = {"d_model": 16, "num_heads": 2, "num_layers": 1, "ff_dim": 32}
@@ -190,11 +191,11 @@ def test_statistics_fit_what_the_stage_sees(solos):
     assert model.normalizer.low[4] < 0 < model.normalizer.high[4] < 1, "root from the origin"
     assert model.spread.std() > 0.01
     far = SoloWindows([Solo("far", 9 * solos[0].x, solos[0].songs, "salsa")], GENRES, num_frames=64)
-    fit_stage(model, far)
+    fit_stage(model, far, TrainingExtensions(metre_unit=True))
     on_floor = [LODGE.root.start, LODGE.root.start + 2]
     assert model.normalizer.scale[on_floor].max() <= FLOOR_UNIT, "no unit is as wide as the stage"
     assert model.normalizer.normalize(far.batch(0)[0])[..., on_floor].max() > 3
-    fit_stage(model, data, ["chroma"])
+    fit_stage(model, data, TrainingExtensions(masked_music=("chroma",)))
     assert model.music_normalizer.normalize(solos[0].songs[0])[:, CHROMA].abs().max() < 1e-4
     coarse = GlobalDenoiser(GlobalConfig(**TINY, music_frames=256, local_frames=64, genres=GENRES))
     fit_stage(coarse, windows(solos, num_frames=256, layout=SMALL))
@@ -247,8 +248,8 @@ def test_levels_count_as_often_as_they_are_drawn_too_rarely(solos):
     x, M, genre = data.batch(0)
     batch = x[:1], M[:1], genre[:1]
     one, plain = (
-        LodgeObjective(model, replace(even, level_power=power)).losses(model, batch, 0)
-        for power in (0.5, 0.0)
+        LodgeObjective(model, replace(even, extensions=extensions)).losses(model, batch, 0)
+        for extensions in (TrainingExtensions(level_weights=0.5), TrainingExtensions())
     )
     weight = levels[seen[0]].sqrt() * levels.sqrt().mean()
     assert one["recon"].item() == pytest.approx((weight * plain["recon"]).item(), rel=1e-4)
@@ -345,9 +346,10 @@ def test_a_stopped_run_goes_on_bit_by_bit_with_its_discriminator(solos, tmp_path
         train_lodge(other, tmp_path / "parts", solos=solos, resume=True)
 
 
-def test_level_power_muon_and_bf16(solos, tmp_path):
+def test_level_weights_muon_and_bf16(solos, tmp_path):
     tables = TABLES | {
-        "train": {"steps": 1, "level_power": 0.5, "optimizer": "muon", "precision": "bf16"}
+        "train": {"steps": 1, "optimizer": "muon", "precision": "bf16"},
+        "extensions": {"level_weights": 0.5},
     }
     model = train_lodge(tables | {"train_fine_tune": {"steps": 0}}, tmp_path, solos=solos)
     assert all(p.isfinite().all() for p in model.parameters())

@@ -9,8 +9,9 @@ from dancediff.data.corpus import choreographed_takes
 from dancediff.data.windows import GroupDanceWindows
 from dancediff.music.features import CHROMA
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
-from dancediff.training.config import TrainConfig
-from dancediff.training.run import fit_statistics, read_config, take_over, train_from_config
+from dancediff.training.config import TrainConfig, TrainingExtensions
+from dancediff.training.run import read_config, train_from_config
+from dancediff.training.statistics import fit_statistics, take_over
 from dancediff.training.trainer import Trainer
 
 TINY = {
@@ -85,16 +86,17 @@ def test_without_chroma_another_harmony_changes_nothing(takes):
     other = M.clone()
     other[:, CHROMA] = other[:, CHROMA].flip(1)
     change = {}
-    for unheard in ((), ("chroma",)):
-        fit_statistics(model, takes, unheard=unheard)
+    for masked in ((), ("chroma",)):
+        fit_statistics(model, takes, TrainingExtensions(masked_music=masked))
         heard = model.music_normalizer.normalize
-        change[unheard] = (heard(M) - heard(other)).abs().max()
+        change[masked] = (heard(M) - heard(other)).abs().max()
     assert change[()] > 1 and change["chroma",] < 1e-4
     started = TCDiffPP(model.config)
     fit_statistics(started, takes, start=model)
     assert torch.equal(started.music_normalizer.std, model.music_normalizer.std)
     fit_statistics(model, takes)
-    fit_statistics(started, takes, start=model, unheard=["chroma"])  # a start that hears it
+    deaf = TrainingExtensions(masked_music=("chroma",))
+    fit_statistics(started, takes, deaf, start=model)  # a start that does not mask it
     assert (started.music_normalizer.normalize(M) - heard(M)).abs().max() < 1e-4
 
 
@@ -106,7 +108,15 @@ def test_bf16_runs(takes, tmp_path):
 
 def test_config_mistakes_are_named(tmp_path):
     path = tmp_path / "c.toml"
-    for text, word in (("[model]\ncolour=1", "colour"), ("[moodel]\n", "moodel"), ("a=[", "TOML")):
+    both = "[model]\n[train]\n"
+    for text, word in (
+        ("", r"no table \[model\]"),
+        ("[model]\n", r"no table \[train\]"),
+        ("[train]\n[model]\ncolour=1", "colour"),
+        (both + "[moodel]\n", "moodel"),
+        ("a=[", "TOML"),
+        ("a=" + 5000 * "[", "nested too deeply"),
+    ):
         path.write_text(text)
         with pytest.raises(ValueError, match=word):
             read_config(path)
@@ -119,6 +129,8 @@ def test_train_from_config(takes, tmp_path):
     model = "\n".join(f"{k} = {v}" for k, v in TINY.items())
     path.write_text(f"[model]\n{model}\n[train]\nsteps = 2\n[data]\ndancers_per_batch = 2\n")
     trained = train_from_config(path, tmp_path / "run", takes=takes)
+    with pytest.raises(ValueError, match="holds a training"):
+        train_from_config(path, tmp_path / "run", takes=takes)
     assert trained.config.d_model == 32 and (tmp_path / "run" / "checkpoint.safetensors").exists()
 
 

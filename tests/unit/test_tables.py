@@ -1,5 +1,7 @@
 """Values of a TOML config: what is of another kind is named, before anything is done."""
 
+import re
+
 import pytest
 
 from dancediff.training.lodge import check_lodge_tables
@@ -16,7 +18,24 @@ from dancediff.training.run import check_tables
         ({"model": {"fp": 1}}, "'model': fp=1 should be true or false"),
         ({"model": {"ssm": 2}}, "ssm=2 should be a text"),
         ({"model": {"class": ["EDGE"]}}, "class \\['EDGE'\\] is not one of"),
-        ({"data": {"unheard": "mfcc"}}, "unheard='mfcc' should be a list"),
+        ({"extensions": {"masked_music": "mfcc"}}, "masked_music='mfcc' should be a list"),
+        ({"extensions": {"masked_music": ["bass"]}}, "masked_music: 'bass' is not one of"),
+        ({"extensions": {"level_weights": 1.5}}, "'extensions': level_weights=1.5 must lie"),
+        ({"extensions": {"slide_loss": -1}}, "'extensions': slide_loss=-1 must be 0 or more"),
+        ({"data": {"dancers_per_batch": 0}}, "'data': dancers_per_batch=0 must be 1 or more"),
+        ({"data": {"dancers_per_batch": -4}}, "dancers_per_batch=-4 must be 0 or more"),
+        ({"data": {"seconds": 1}}, "seconds=1 must be 3 or more"),
+        ({"data": {"songs": 0}}, "songs=0 must be 1 or more"),
+        ({"data": {"real": 1.5}}, "'data': real=1.5 must lie in 0 ... 1"),
+        ({"train": {"warmup": -1}}, "'train': warmup=-1 must be 0 or more"),
+        ({"train": {"preview_every": -1}}, "preview_every=-1 must be 0 or more"),
+        ({"train": {"lr": float("nan")}}, "lr=nan must be 0 or more"),
+        ({"train": {"seed": 10**30}}, "'train': seed=1000000000000000000000000000000 must lie in"),
+        ({"weights": {"vel": -0.1}}, "'weights': vel=-0.1 must be 0 or more"),
+        ({"model": {"num_layers": 10**9}}, "'model': num_layers=1000000000 must lie in 1 ... 64"),
+        ({"model": {"d_model": 0}}, "'model': d_model=0 must lie in 1 ... 8192"),
+        ({"model": {"num_frames": 1}}, "'model': num_frames=1 must lie in 2 ..."),
+        ({"model": {"class": "EDGE", "ff_dim": -8}}, "'model': ff_dim=-8 must lie in 1 ..."),
         ({"data": 5}, "'data' is 5, no table"),
         ({"weights": {"dist": "high"}}, "'weights': dist='high' should be a number"),
     ],
@@ -26,14 +45,38 @@ def test_values_of_another_kind_are_named(config, words):
         check_tables(config, "a.toml")
 
 
+@pytest.mark.parametrize(
+    "table, key, now",
+    [
+        ("data", "unheard", "masked_music in [extensions]"),
+        ("data", "captured", "real"),
+        ("train", "level_power", "level_weights in [extensions]"),
+        ("train", "max_minutes", "gone: "),
+        ("weights", "slide", "slide_loss in [extensions]"),
+    ],
+)
+def test_keys_of_before_name_those_of_now(table, key, now):
+    with pytest.raises(ValueError, match=re.escape(f"'{table}': {key}=0.5 is now {now}")):
+        check_tables({table: {key: 0.5}}, "a.toml")
+
+
 def test_of_lodge_too():
     with pytest.raises(ValueError, match=r"'train_local': steps=1\.5 should be a whole number"):
         check_lodge_tables({"train_local": {"steps": 1.5}}, "a.toml")
+    for bad, words in (
+        ({"local_stage": {"num_layers": 65}}, "'local_stage': num_layers=65 must lie in 1 ... 64"),
+        ({"data": {"windows_per_batch": 0}}, "'data': windows_per_batch=0 must be 1 or more"),
+        ({"weights_local": {"slide": 0.1}}, "'weights_local': slide=0.1 is now slide_loss in"),
+        ({"train_global": {"steps": -1}}, "'train_global': steps=-1 must be 0 or more"),
+        ({"model": {"d_model": 8}}, "'model' has no 'd_model'"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            check_lodge_tables(bad, "a.toml")
     tables = check_lodge_tables({"local_stage": {"genres": ["salsa"]}}, "a.toml")
     assert tables["local_stage"] == {"genres": ("salsa",)}
 
 
 def test_whole_numbers_are_numbers_and_lists_become_tuples():
-    tables = check_tables({"train": {"lr": 1, "max_minutes": 5}, "model": {"class": "EDGE"}}, "")
-    assert tables["train"] == {"lr": 1, "max_minutes": 5}
+    tables = check_tables({"train": {"lr": 1, "decay": 0}, "model": {"class": "EDGE"}}, "")
+    assert tables["train"] == {"lr": 1, "decay": 0}
     assert tables["data"] == {}

@@ -13,7 +13,7 @@ from dancediff.motion.representation import Normalizer
 from dancediff.papers.tcdiffpp.fusion_projection import FusionProjection
 from dancediff.training import objective
 from dancediff.training.checkpoint import load_average, read_facts
-from dancediff.training.config import TrainConfig
+from dancediff.training.config import TrainConfig, TrainingExtensions
 from dancediff.training.evaluator import Evaluator
 from dancediff.training.logger import Logger
 from dancediff.training.objective import GroupObjective
@@ -254,18 +254,19 @@ def test_heavy_levels_are_drawn_more_often_and_count_as_much_as_they_should():
     assert counted.mean().item() == pytest.approx(weights.mean().item(), rel=0.05)
 
 
-def test_level_power_needs_preconditioning(tmp_path):
-    with pytest.raises(ValueError, match=r"level_power=0.5 needs a model with preconditioning"):
-        train(Toy(), Data(), TrainConfig(steps=1, level_power=0.5), tmp_path)
+def test_level_weights_need_preconditioning(tmp_path):
+    weighted = TrainingExtensions(level_weights=0.5)
+    with pytest.raises(ValueError, match=r"level_weights=0.5 needs a model with preconditioning"):
+        train(Toy(), Data(), TrainConfig(steps=1, extensions=weighted), tmp_path)
 
 
-def test_level_power_goes_from_all_alike_to_all_missed_alike():
+def test_level_weights_go_from_all_alike_to_all_missed_alike():
     error = torch.tensor([1e-4, 1e-2, 5e-2])
     assert torch.equal(level_weights(error, 0.0), torch.ones(3))
     missed = level_weights(error, 1.0) * error
     torch.testing.assert_close(missed, error.mean().expand(3))
-    with pytest.raises(ValueError, match=r"level_power=1\.5"):
-        TrainConfig(level_power=1.5)
+    with pytest.raises(ValueError, match=r"level_weights=1\.5"):
+        TrainingExtensions(level_weights=1.5)
 
 
 # ---- folders, signals, validation ----

@@ -34,7 +34,7 @@ def weights_of(model: nn.Module, power: float) -> Tensor | None:
         return None
     known = next((p for p in model.modules() if isinstance(p, Preconditioning)), None)
     if known is None:
-        raise ValueError(f"level_power={power} needs a model with preconditioning; use 0")
+        raise ValueError(f"level_weights={power} needs a model with preconditioning; use 0")
     return level_weights(known.error(model.abar.float()), power)
 
 

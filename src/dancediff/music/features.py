@@ -25,7 +25,7 @@ CHROMA = slice(21, 33)
 PEAKS = slice(33, 34)
 BEATS = slice(34, 35)
 BLOCKS = {"onset": ONSET, "mfcc": MFCC, "chroma": CHROMA, "peaks": PEAKS, "beats": BEATS}
-_UNHEARD = 1e6  # a spread so wide that no value is far from the mean
+_MASKED = 1e6  # a spread so wide that no value is far from the mean
 _SHORTEST = 16 * HOP  # librosa's filters want half a second; shorter sound is padded with silence
 _WINDOW = 2048  # samples of a spectrum
 _RATE = {"sr": SAMPLE_RATE, "hop_length": HOP}
@@ -187,7 +187,7 @@ class MusicNormalizer(nn.Module):
         return cls(mean, std)
 
     def without(self, blocks: Iterable[str]) -> "MusicNormalizer":
-        """One that turns every value of these `BLOCKS` into 0, the mean: the model is deaf to them.
+        """One that turns every value of these `BLOCKS` into 0, the mean: they are masked.
 
         Raises: ValueError naming what is no block.
 
@@ -198,8 +198,8 @@ class MusicNormalizer(nn.Module):
         std = self.std.clone()
         for name in blocks:
             if name not in BLOCKS:
-                raise ValueError(f"unheard: {name!r} is not one of {', '.join(BLOCKS)}")
-            std[BLOCKS[name]] = _UNHEARD
+                raise ValueError(f"masked_music: {name!r} is not one of {', '.join(BLOCKS)}")
+            std[BLOCKS[name]] = _MASKED
         return MusicNormalizer(self.mean, std)
 
     def normalize(self, M: Tensor) -> Tensor:

@@ -12,17 +12,22 @@ from dataclasses import asdict, dataclass, field, fields, replace
 from hashlib import sha256
 
 from dancediff.data.corpus import SIZES
-from dancediff.training.config import TrainConfig
+from dancediff.training.config import SHORTEST_SONG, GroupData, SoloData
 from dancediff.training.lodge import STAGES, check_lodge_tables, is_lodge, stage_config
-from dancediff.training.run import MODELS, check_tables, read_toml
-from dancediff.training.tables import check_table, kinds_of
+from dancediff.training.run import MODELS, check_tables
+from dancediff.training.tables import check_table, read_toml
 
-SHORTEST = 3.0  # seconds in which every synthetic song has the beats a dance needs
 SEED_STRIDE = 100_000  # more than there are held-out songs: no song meets the same noise twice
 TRUTH = "choreographer"  # the row of the dances that were made, not learned
-_CHANGEABLE = ("model", "train", "weights", "sample")  # all are measured on the same songs
+_CHANGEABLE = (
+    "model",
+    "train",
+    "weights",
+    "extensions",
+    "sample",
+)  # all are measured on the same songs
 _CHANGEABLE_LODGE = (
-    *("global_stage", "local_stage", "discriminator", "train", "sample"),
+    *("global_stage", "local_stage", "discriminator", "train", "extensions", "sample"),
     *(f"{table}_{stage}" for table in ("train", "weights") for stage in STAGES),
 )
 
@@ -44,8 +49,8 @@ class HeldOut:
                 raise ValueError(f"{name}={getattr(self, name)} must be above 0")
         if self.dancers not in SIZES:
             raise ValueError(f"dancers={self.dancers} must lie in 1 ... {max(SIZES)}")
-        if not self.seconds >= SHORTEST:
-            raise ValueError(f"seconds={self.seconds} must be at least {SHORTEST:g}: 4 beats")
+        if not self.seconds >= SHORTEST_SONG:
+            raise ValueError(f"seconds={self.seconds} must be at least {SHORTEST_SONG:g}: 4 beats")
 
 
 @dataclass(frozen=True)
@@ -170,9 +175,8 @@ def _variant(name: str, changes: dict, config: dict, source: str) -> Variant:
     tables = check_lodge_tables(merged, source) if lodge else check_tables(merged, source)
     if lodge:
         _check_stages(tables, held_out, source)
-    else:
-        _options(TrainConfig, tables["train"], f"{source}: 'train'")
-    usual = {"songs": 100, "first_seed": 0, "seconds": 40.0 if lodge else 30.0}
+    corpus = (SoloData if lodge else GroupData)(**tables["data"])
+    usual = {key: getattr(corpus, key) for key in ("songs", "first_seed", "seconds")}
     tables["data"] = usual | tables["data"]
     _check_songs(held_out, tables["data"], source)
     return Variant(name, tables, sample, held_out)
@@ -215,8 +219,4 @@ def _check_songs(held_out: HeldOut, data: dict, source: str) -> None:
 
 
 def _options(kind, values: dict, source: str):
-    values = check_table(values, kinds_of(kind), source)
-    try:
-        return kind(**values)
-    except (TypeError, ValueError) as err:
-        raise ValueError(f"{source}: {err}") from err
+    return kind(**check_table(values, kind, source))

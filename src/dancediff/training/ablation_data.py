@@ -15,7 +15,7 @@ from dancediff.music.synth import synth_song
 from dancediff.training.ablation_config import Variant
 from dancediff.training.lodge import is_lodge
 from dancediff.training.lodge_data import Solo, prepared_solos, solos_of
-from dancediff.training.run import prepared_takes
+from dancediff.training.run import MODELS, prepared_takes
 
 
 def corpus(variant: Variant, out: Path) -> list[Take] | list[Solo]:
@@ -27,7 +27,9 @@ def corpus(variant: Variant, out: Path) -> list[Take] | list[Solo]:
             return prepared_solos(data["folder"], genres)
         return solos_of(_solo_takes(data["first_seed"], data["songs"], data["seconds"]), genres)
     if "folder" in data:
-        return prepared_takes(data["folder"])
+        kind = MODELS[variant.tables["model"].get("class", "TCDiffPP")][1]
+        sizes = {k: v for k, v in variant.tables["model"].items() if k != "class"}
+        return prepared_takes(data["folder"], kind(**sizes))
     seeds = range(data["first_seed"], data["first_seed"] + data["songs"])
     return choreographed_corpus(
         seeds, seconds=data["seconds"], workers=data.get("workers", 2), cache=out / "songs"

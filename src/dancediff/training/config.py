@@ -1,12 +1,102 @@
-"""What a training needs besides the model and the data: the table ``[train]`` of a config."""
+"""The tables of a training config that do not depend on the model.
+
+Read first: a file of configs/.
+
+    [data]         what is learned from, and how windows are drawn: `GroupData`
+    [model]        ``class`` and sizes
+    [train]        `TrainConfig`
+    [weights]      of the losses
+    [extensions]   what training adds to the papers: `TrainingExtensions`
+"""
 
 from dataclasses import dataclass, field
 
+from dancediff.music.features import BLOCKS
 from dancediff.papers.tcdiffpp.losses import LossWeights
 
 OPTIMIZERS = ("adamw", "muon", "adan")
 PRECISIONS = ("fp32", "bf16")
 LARGEST_SEED = 2**40  # the seed of a batch's noise is a million times as large
+SHORTEST_SONG = 3.0  # seconds in which every synthetic song has the beats a dance needs
+
+
+@dataclass(frozen=True)
+class TrainingExtensions:
+    """What training adds to the papers, each off by default; see `dancediff.extensions.registry`.
+
+    Raises: ValueError naming the key, its value and what is allowed.
+    """
+
+    metre_unit: bool = False  # a metre is a unit of the floor
+    level_weights: float = 0.0  # the power p; 0: all noise levels count the same
+    joint_velocity_loss: float = 0.0  # weight
+    slide_loss: float = 0.0  # weight
+    masked_music: tuple[str, ...] = ()  # blocks of the music features that are always 0
+    any_song: float = 0.0  # Lodge: share of real windows that are danced to another dance's song
+
+    def __post_init__(self):
+        for name in ("level_weights", "any_song"):
+            _check_share(name, getattr(self, name))
+        for name in ("joint_velocity_loss", "slide_loss"):
+            _check_least(name, getattr(self, name), 0)
+        for block in self.masked_music:
+            if block not in BLOCKS:
+                raise ValueError(f"masked_music: {block!r} is not one of {', '.join(BLOCKS)}")
+
+
+@dataclass(frozen=True)
+class Data:
+    """What is learned from: a prepared folder, or choreographed dances to synthetic songs.
+
+    Raises: ValueError naming the key, its value and what is allowed.
+    """
+
+    folder: str | None = None  # of prepared takes
+    songs: int = 100  # without a folder: how many
+    first_seed: int = 0
+    seconds: float = 30.0
+    workers: int = 2
+    held_out: int = 5  # without a folder: how many more songs to evaluate on
+    mirror: float = 0.0  # share of windows mirrored left to right
+    music: bool = False  # any of the songs that fit a take's beats
+    real: float | None = None  # share of windows that people danced
+
+    def __post_init__(self):
+        _check_least("songs", self.songs, 1)
+        _check_least("workers", self.workers, 1)
+        _check_least("held_out", self.held_out, 1)
+        _check_least("seconds", self.seconds, SHORTEST_SONG)
+        _check_share("mirror", self.mirror)
+        _check_share("real", self.real or 0.0)
+
+
+@dataclass(frozen=True)
+class GroupData(Data):
+    """For TCDiff++ and EDGE; see `dancediff.data.windows.GroupDanceWindows`."""
+
+    dancers_per_batch: int = 24
+    shift: float = 0.0
+    rotate: float = 0.0
+    swaps: float = 0.0  # share of windows that show a change of order
+
+    def __post_init__(self):
+        super().__post_init__()
+        _check_least("dancers_per_batch", self.dancers_per_batch, 1)
+        _check_share("swaps", self.swaps)
+
+
+@dataclass(frozen=True)
+class SoloData(Data):
+    """For Lodge; see `dancediff.training.lodge_data.SoloWindows`."""
+
+    seconds: float = 40.0
+    windows_per_batch: int = 16
+    global_windows_per_batch: int = 16
+
+    def __post_init__(self):
+        super().__post_init__()
+        _check_least("windows_per_batch", self.windows_per_batch, 1)
+        _check_least("global_windows_per_batch", self.global_windows_per_batch, 1)
 
 
 @dataclass(frozen=True)
@@ -32,8 +122,8 @@ class TrainConfig:
     evaluate_every: int = 0  # steps; 0: never
     evaluate_batches: int = 8  # of the validation split
     preview_every: int = 0  # steps; 0: never
-    level_power: float = 0.0  # see `level_weights`; 0: all levels count the same
     weights: LossWeights = field(default_factory=LossWeights)
+    extensions: TrainingExtensions = field(default_factory=TrainingExtensions)
 
     @classmethod
     def paper(cls, **changes) -> "TrainConfig":
@@ -50,19 +140,25 @@ class TrainConfig:
             if getattr(self, name) not in known:
                 words = ", ".join(map(repr, known))
                 raise ValueError(f"{name}={getattr(self, name)!r} is not one of {words}")
-        ranges = {
-            "decay": (0 <= self.decay <= 1, "lie in 0 ... 1: it is a share of the run"),
-            "ema": (0 <= self.ema < 1, "lie in 0 ... 1, 1 left out: it is a share kept"),
-            "level_power": (0 <= self.level_power <= 1, "lie in 0 (off) ... 1"),
-            "seed": (0 <= self.seed < LARGEST_SEED, f"lie in 0 ... {LARGEST_SEED - 1}"),
-        }
-        for name in (
-            *("steps", "lr", "fusion_lr", "clip"),
-            *("save_every", "accumulate", "evaluate_batches"),
-        ):
-            ranges[name] = (0 < getattr(self, name) < float("inf"), "be above 0")
+        for name in ("lr", "fusion_lr", "clip"):
+            if not 0 < getattr(self, name) < float("inf"):
+                raise ValueError(f"{name}={getattr(self, name)} must be above 0")
+        for name in ("steps", "save_every", "accumulate", "evaluate_batches"):
+            _check_least(name, getattr(self, name), 1)
         for name in ("warmup", "weight_decay", "evaluate_every", "preview_every"):
-            ranges[name] = (0 <= getattr(self, name) < float("inf"), "be 0 or more")
-        for name, (fits, allowed) in ranges.items():
-            if not fits:
-                raise ValueError(f"{name}={getattr(self, name)} must {allowed}")
+            _check_least(name, getattr(self, name), 0)
+        _check_share("decay", self.decay)
+        if not 0 <= self.ema < 1:
+            raise ValueError(f"ema={self.ema} must lie in 0 ... 1, 1 left out: it is a share kept")
+        if not 0 <= self.seed < LARGEST_SEED:
+            raise ValueError(f"seed={self.seed} must lie in 0 ... {LARGEST_SEED - 1}")
+
+
+def _check_least(name: str, value: float, least: float) -> None:
+    if not least <= value < float("inf"):
+        raise ValueError(f"{name}={value} must be {least:g} or more")
+
+
+def _check_share(name: str, value: float) -> None:
+    if not 0 <= value <= 1:
+        raise ValueError(f"{name}={value} must lie in 0 ... 1: it is a share")

@@ -9,15 +9,19 @@ Tables of the file
                               stage is not trained, and taken from its folder if it is there
     [weights_global], [weights_local], [weights_fine_tune]  see LodgeWeights
     [discriminator]           see DiscriminatorConfig; only with this table there is one
+    [extensions]              see TrainingExtensions
 """
 
-from collections.abc import Callable, Iterable
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import torch
 
 from dancediff.data.choreographed import choreograph_jobs
-from dancediff.extensions.metre_unit import FLOOR_UNIT, MIN_SPAN
+from dancediff.extensions.metre_unit import metre_unit_normalizer
 from dancediff.motion.representation import LODGE, Normalizer
 from dancediff.music.features import MusicNormalizer
 from dancediff.papers.lodge.genre_discriminator import DiscriminatorConfig
@@ -26,13 +30,15 @@ from dancediff.papers.lodge.local_diffusion import LocalConfig, LocalDenoiser
 from dancediff.papers.lodge.losses import LodgeWeights
 from dancediff.papers.lodge.model import Lodge, LodgeConfig
 from dancediff.papers.lodge.parallel import layout_of
+from dancediff.papers.lodge.primitives import Layout
 from dancediff.training.checkpoint import NAME, check_free, load_average
-from dancediff.training.config import TrainConfig
+from dancediff.training.config import SoloData, TrainConfig, TrainingExtensions
 from dancediff.training.distributed import World
 from dancediff.training.evaluator import Evaluator
 from dancediff.training.lodge_data import Solo, SoloWindows, prepared_solos, solos_of
 from dancediff.training.lodge_losses import Critic, LodgeObjective
-from dancediff.training.tables import check_all, kinds_of
+from dancediff.training.statistics import PLAIN, window_weights
+from dancediff.training.tables import check_all, check_sizes
 from dancediff.training.trainer import Trainer, name_of
 
 STAGES = {
@@ -40,14 +46,20 @@ STAGES = {
     "local": LodgeWeights.local,
     "fine_tune": LodgeWeights.fine_tune,
 }
-_CORPUS = {"folder": str, "songs": int, "first_seed": int, "seconds": float, "unheard": list}
-_WINDOWS = {
-    "windows_per_batch": int,
-    "mirror": float,
-    "captured": float,
-    "music": bool,
-    "any_song": float,
-}
+
+
+@dataclass(frozen=True)
+class _Model:
+    """The table [model] has its class alone."""
+
+
+@dataclass(frozen=True)
+class _Stage(TrainConfig):
+    """A table of settings, in which ``steps = 0`` leaves a stage out."""
+
+    def __post_init__(self):
+        if self.steps != 0:
+            super().__post_init__()
 
 
 def check_lodge_tables(config: dict, source: str) -> dict:
@@ -55,19 +67,21 @@ def check_lodge_tables(config: dict, source: str) -> dict:
 
     Raises: ValueError naming the source, the table and the key that does not fit.
     """
-    train = kinds_of(TrainConfig)
-    del train["weights"]
     known = {
-        "data": _CORPUS | _WINDOWS | {"global_windows_per_batch": int},
-        "model": {"class": str},
-        "global_stage": kinds_of(GlobalConfig),
-        "local_stage": kinds_of(LocalConfig),
-        "train": train,
+        "data": SoloData,
+        "model": _Model,
+        "global_stage": GlobalConfig,
+        "local_stage": LocalConfig,
+        "train": _Stage,
+        "extensions": TrainingExtensions,
     }
     for stage in STAGES:
-        known |= {f"train_{stage}": train, f"weights_{stage}": kinds_of(LodgeWeights)}
+        known |= {f"train_{stage}": _Stage, f"weights_{stage}": LodgeWeights}
     if "discriminator" in config:  # without its table there is none
-        known["discriminator"] = kinds_of(DiscriminatorConfig)
+        known["discriminator"] = DiscriminatorConfig
+    for table in ("global_stage", "local_stage", "discriminator"):
+        if isinstance(config.get(table), dict):
+            check_sizes(config[table], f"{source}: {table!r}")
     return check_all(config, known, source)
 
 
@@ -80,47 +94,41 @@ def is_lodge(tables: dict) -> bool:
 def stage_config(tables: dict, stage: str) -> TrainConfig | None:
     """How a stage is trained; None for ``steps = 0``.
 
-    >>> tables = {"train": {"steps": 5, "lr": 1e-4}, "train_local": {"steps": 7}}
+    >>> tables = {"train": {"steps": 5}, "train_local": {"steps": 7}, "extensions": {}}
     >>> stage_config(tables | {"weights_local": {"jacc": 0.5}}, "local").steps
     7
     """
     settings = tables["train"] | tables[f"train_{stage}"]
     if settings.get("steps") == 0:
         return None
-    return TrainConfig(**settings, weights=STAGES[stage](**tables[f"weights_{stage}"]))
+    extensions = TrainingExtensions(**tables["extensions"])
+    slide = 0.0 if stage == "global" else extensions.slide_loss  # primitives are eight frames
+    weights = STAGES[stage](**tables[f"weights_{stage}"], slide=slide)
+    return TrainConfig(**settings, weights=weights, extensions=extensions)
 
 
 def fit_stage(
-    model: GlobalDenoiser | LocalDenoiser, windows: SoloWindows, unheard: Iterable[str] = ()
+    model: GlobalDenoiser | LocalDenoiser,
+    windows: SoloWindows,
+    extensions: TrainingExtensions = PLAIN,
 ) -> None:
-    """Set the scales of motion and music and the spectrum of dance from the windows, once.
-
-    ``unheard``: blocks of the music that the model shall be deaf to, see `MusicNormalizer.without`.
-    """
-    low_high = [
-        torch.stack([x.amin((0, 1)), x.amax((0, 1))]) for x in windows.pieces()
-    ]  # all pieces at once would take gigabytes
-    model.normalizer = norm = Normalizer.fit(torch.cat(low_high), min_span=MIN_SPAN)
-    on_floor = LODGE.floor  # a primitive never gets as far as a unit
-    norm.low[on_floor] = norm.low[on_floor].clamp_min(-FLOOR_UNIT)
-    norm.high[on_floor] = norm.high[on_floor].clamp_max(FLOOR_UNIT)
-    songs = {solo.songs.data_ptr(): solo.songs[0] for solo in windows.solos}
-    model.music_normalizer = MusicNormalizer.fit(list(songs.values())).without(unheard)
-    model.fit_precondition(
-        (model.normalizer.normalize(x) for x in windows.pieces()), weights=_weights(windows)
+    """Set the scales of motion and music and the spectrum of dance from the windows, once."""
+    extremes = torch.cat(
+        [torch.stack([x.amin((0, 1)), x.amax((0, 1))]) for x in windows.pieces()]
+    )  # all pieces at once would take gigabytes
+    model.normalizer = (
+        metre_unit_normalizer(extremes, LODGE, at_most=True)  # primitives do not get that far
+        if extensions.metre_unit
+        else Normalizer.fit(extremes)
     )
-
-
-def _weights(windows: SoloWindows) -> list[float]:
-    """How much a window of each solo counts, so that captured ones have their share together."""
-    frames = {False: 0, True: 0}
-    for solo in windows.solos:
-        frames[solo.captured] += len(solo.x)
-    share = windows.captured
-    if share is None or not all(frames.values()):
-        return [1.0] * len(windows.solos)
-    part = {False: (1 - share) / frames[False], True: share / frames[True]}
-    return [part[solo.captured] for solo in windows.solos]
+    songs = {solo.songs.data_ptr(): solo.songs[0] for solo in windows.solos}
+    music = MusicNormalizer.fit(list(songs.values()))
+    model.music_normalizer = music.without(extensions.masked_music)
+    frames = [(solo.captured, len(solo.x)) for solo in windows.solos]
+    model.fit_precondition(
+        (model.normalizer.normalize(x) for x in windows.pieces()),
+        weights=window_weights(frames, windows.captured),
+    )
 
 
 def train_lodge(
@@ -147,31 +155,38 @@ def train_lodge(
     coarse = GlobalConfig(**tables["global_stage"])
     sizes = LodgeConfig(coarse, LocalConfig(**tables["local_stage"]))
     settings = {stage: stage_config(tables, stage) for stage in STAGES}
-    if solos is None:
-        solos = _solos(tables["data"], data, sizes.genres)
+    extensions, corpus = TrainingExtensions(**tables["extensions"]), SoloData(**tables["data"])
     out = Path(out)
     for stage in (name for name in STAGES if settings[name] is not None):
         check_free(out / stage, resume=resume, overwrite=overwrite)
-    unheard = tables["data"].get("unheard", ())
+    if solos is None:
+        solos = _solos(corpus, data, sizes.genres)
+    seed = tables["train"].get("seed", 0)
+    cut = partial(_windows, corpus=corpus, extensions=extensions, sizes=sizes, seed=seed)
+    evaluates = any(one is not None and one.evaluate_every for one in settings.values())
+    held_out = _held_out(corpus, data, sizes.genres) if evaluates else []
     device = device if world is None else world.device
     options = {"resume": resume, "overwrite": overwrite, "world": world}
 
     model = _start(GlobalDenoiser, coarse, tables).to(device)
-    windows = _windows(tables, solos, sizes, layout_of(model), batch="global_windows_per_batch")
-    fit_stage(model, windows, unheard)
+    layout = layout_of(model)
+    windows = cut(solos, layout=layout)
+    fit_stage(model, windows, extensions)
     objective = LodgeObjective(model, settings["global"])
-    first = _train(objective, windows, out / "global", **options)
+    validation = cut(held_out, layout=layout) if held_out else None
+    first = _train(objective, windows, out / "global", validation, **options)
 
     model = _start(LocalDenoiser, sizes.local_stage, tables).to(device)
-    windows = _windows(tables, solos, sizes)
-    fit_stage(model, windows, unheard)
+    windows = cut(solos)
+    fit_stage(model, windows, extensions)
+    validation = cut(held_out) if held_out else None
     show = preview and (lambda made, step: preview(Lodge.of(first, made).eval(), step))
     for stage in ("local", "fine_tune"):
         critic = _critic(tables, sizes, settings[stage], device, out / stage if resume else None)
         objective = LodgeObjective(
             model, settings[stage], clean=stage == "fine_tune", critic=critic
         )
-        model = _train(objective, windows, out / stage, preview=show, **options)
+        model = _train(objective, windows, out / stage, validation, preview=show, **options)
     return Lodge.of(first, model).eval()
 
 
@@ -180,32 +195,50 @@ def _start(kind, sizes, tables: dict):
     return kind(sizes)
 
 
-def _solos(corpus: dict, data, genres: tuple[str, ...]) -> list[Solo]:
-    if data := data or corpus.get("folder"):
-        return prepared_solos(data, genres)
-    jobs = choreograph_jobs(
-        corpus.get("songs", 100),
-        seed=corpus.get("first_seed", 0),
-        seconds=corpus.get("seconds", 40.0),
-        sizes=(1,),
-        share=0.0,
-    )
+def _solos(corpus: SoloData, folder, genres: tuple[str, ...]) -> list[Solo]:
+    if folder := folder or corpus.folder:
+        return prepared_solos(folder, genres)
+    return _choreographed(corpus.songs, corpus.first_seed, corpus.seconds, genres)
+
+
+def _held_out(corpus: SoloData, folder, genres: tuple[str, ...]) -> list[Solo]:
+    """Solos to evaluate on; none, with a warning, where a prepared folder has none."""
+    if folder := folder or corpus.folder:
+        try:
+            return prepared_solos(folder, genres, "val")
+        except ValueError as err:
+            warnings.warn(f"there is no validation: {err}", stacklevel=3)
+            return []
+    after = corpus.first_seed + corpus.songs
+    return _choreographed(corpus.held_out, after, corpus.seconds, genres)
+
+
+def _choreographed(songs: int, first_seed: int, seconds: float, genres) -> list[Solo]:
+    jobs = choreograph_jobs(songs, seed=first_seed, seconds=seconds, sizes=(1,), share=0.0)
     return solos_of((job.make() for job in jobs), genres)
 
 
 def _windows(
-    tables: dict, solos, sizes: LodgeConfig, layout=None, *, batch: str = "windows_per_batch"
+    solos: list[Solo],
+    corpus: SoloData,
+    extensions: TrainingExtensions,
+    sizes: LodgeConfig,
+    seed: int,
+    layout: Layout | None = None,
 ) -> SoloWindows:
-    options = {key: value for key, value in tables["data"].items() if key in _WINDOWS}
-    if batch in tables["data"]:
-        options["windows_per_batch"] = tables["data"][batch]
+    """Windows for the local stage, or primitives for the global one, whose ``layout`` they have."""
+    batch = corpus.windows_per_batch if layout is None else corpus.global_windows_per_batch
     return SoloWindows(
         solos,
         sizes.genres,
         num_frames=sizes.num_frames if layout is None else layout.global_frames,
+        windows_per_batch=batch,
         layout=layout,
-        seed=tables["train"].get("seed", 0),
-        **options,
+        seed=seed,
+        mirror=corpus.mirror,
+        captured=corpus.real,
+        music=corpus.music,
+        any_song=extensions.any_song,
     )
 
 
@@ -223,13 +256,14 @@ def _critic(tables, sizes: LodgeConfig, settings, device, kept: Path | None) -> 
     )
 
 
-def _train(objective: LodgeObjective, windows, folder: Path, *, preview=None, **options):
+def _train(
+    objective: LodgeObjective, windows, folder: Path, validation=None, *, preview=None, **options
+):
     """Train one stage; returns the averaged model, ready to be trained on."""
     model, settings = objective.model, objective.config
     if settings is None:
         kept = folder / NAME
         return load_average(kept, model) if kept.exists() else model
-    show = Evaluator(None, settings, preview)
     name = name_of(windows.solos, {})
     trainer = Trainer(
         model,
@@ -237,7 +271,7 @@ def _train(objective: LodgeObjective, windows, folder: Path, *, preview=None, **
         settings,
         folder,
         objective=objective,
-        evaluator=show,
+        evaluator=Evaluator(validation, settings, preview),
         data_name=name,
         **options,
     )

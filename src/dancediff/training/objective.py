@@ -51,7 +51,7 @@ class Objective:
     @cached_property
     def level_weights(self) -> Tensor | None:
         """See `dancediff.extensions.level_weights`."""
-        return weights_of(self.model, self.config.level_power)
+        return weights_of(self.model, self.config.extensions.level_weights)
 
     def to_network(self, batch) -> tuple[Tensor, Tensor, Tensor]:
         """Motion and music of a batch in the network's units, and its third part, on its device."""

@@ -1,14 +1,58 @@
 """Tables of a TOML config: their keys must be known, and their values of the right kind."""
 
+import math
+import tomllib
 from dataclasses import fields
+from pathlib import Path
 from types import UnionType
 from typing import get_args, get_origin, get_type_hints
 
 _WORDS = {int: "a whole number", float: "a number", str: "a text", bool: "true or false"}
+_LARGEST_SIZE, _MOST_LAYERS = 8192, 64  # a network beyond is a slip, and never done building
+_NOW = {  # keys of before, and what they are now
+    "unheard": "masked_music in [extensions]",
+    "captured": "real",
+    "any_song": "any_song in [extensions]",
+    "level_power": "level_weights in [extensions]",
+    "joint_vel": "joint_velocity_loss in [extensions]",
+    "slide": "slide_loss in [extensions]",
+    "max_minutes": "gone: stop the run (SIGTERM writes a checkpoint) and go on with --resume",
+    "beat_waves": "beat_phase",
+    "non_local": "non_local_filter",
+    "precondition": "preconditioning",
+}
+
+
+def read_toml(path) -> dict:
+    """A TOML file as it is.
+
+    Raises: ValueError naming the file when it is missing or no TOML.
+    """
+    path = Path(path)
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError as err:
+        raise ValueError(f"config {str(path)!r} does not exist; see configs/") from err
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as err:
+        raise ValueError(f"config {str(path)!r} is no TOML file: {err}") from err
+    except RecursionError as err:
+        raise ValueError(f"config {str(path)!r} is nested too deeply") from err
+
+
+def read_training(path) -> dict:
+    """A TOML file with the tables that every training needs.
+
+    Raises: ValueError naming the file when one is missing.
+    """
+    config = read_toml(path)
+    for table in ("model", "train"):
+        if table not in config:
+            raise ValueError(f"config {str(path)!r} has no table [{table}]; see configs/")
+    return config
 
 
 def kinds_of(config_class) -> dict[str, type]:
-    """What kind of value each field of a dataclass takes, by the field's name.
+    """What kind of value each plain field of a dataclass takes, by the field's name.
 
     >>> from dancediff.papers.tcdiffpp.losses import LossWeights
     >>> kinds_of(LossWeights)["dist"]
@@ -19,42 +63,74 @@ def kinds_of(config_class) -> dict[str, type]:
         kind = hints[field.name]
         if isinstance(kind, UnionType):  # a number or None, which TOML cannot say
             kind = next(part for part in get_args(kind) if part is not type(None))
-        kinds[field.name] = get_origin(kind) or kind
+        kind = get_origin(kind) or kind
+        if kind in (*_WORDS, tuple, list):
+            kinds[field.name] = kind
     return kinds
 
 
-def check_all(config: dict, known: dict[str, dict[str, type]], source: str) -> dict[str, dict]:
-    """Every known table of a config, empty where left out; see `check_table`.
+def check_all(config: dict, known: dict[str, type], source: str) -> dict[str, dict]:
+    """Every known table of a config, empty where left out; ``known`` names their dataclasses.
 
-    Raises: ValueError naming the source, the table and the key that is unknown or does not fit.
+    Raises: ValueError naming the source, the table, the key and the value that does not fit.
     """
     for table in config:
         if table not in known:
-            known_ones = ", ".join(known)
-            raise ValueError(f"{source}: there is no table {table!r}; known: {known_ones}")
+            words = ", ".join(known)
+            raise ValueError(f"{source}: there is no table {table!r}; known: {words}")
     return {
-        table: check_table(config.get(table, {}), kinds, f"{source}: {table!r}")
-        for table, kinds in known.items()
+        table: check_table(config.get(table, {}), kind, f"{source}: {table!r}")
+        for table, kind in known.items()
     }
 
 
-def check_table(values, kinds: dict[str, type], source: str) -> dict:
+def check_table(values, kind: type, source: str) -> dict:
     """The table, with lists as tuples where the field is one; ``source`` begins the message.
+
+    ``class``, which names a model, may stand in any table.
 
     Raises: ValueError naming the source, the key, its value and what it should be.
 
-    >>> check_table({"steps": 5, "lr": 1}, {"steps": int, "lr": float}, "a.toml: 'train'")
+    >>> from dancediff.training.config import TrainConfig
+    >>> check_table({"steps": 5, "lr": 1}, TrainConfig, "a.toml: 'train'")
     {'steps': 5, 'lr': 1}
-    >>> check_table({"steps": "many"}, {"steps": int}, "a.toml: 'train'")
+    >>> check_table({"steps": "many"}, TrainConfig, "a.toml: 'train'")
     Traceback (most recent call last):
     ValueError: a.toml: 'train': steps='many' should be a whole number
     """
     if not isinstance(values, dict):
         raise ValueError(f"{source} is {values!r}, no table; write its keys below its [name]")
-    for key in values:
+    kinds = kinds_of(kind) | {"class": str}
+    for key, value in values.items():
+        if key in _NOW and (key not in kinds or key in ("joint_vel", "slide")):
+            raise ValueError(f"{source}: {key}={value!r} is now {_NOW[key]}")
         if key not in kinds:
             raise ValueError(f"{source} has no {key!r}; known: {', '.join(sorted(kinds))}")
-    return {key: _checked(key, value, kinds[key], source) for key, value in values.items()}
+    checked = {key: _checked(key, value, kinds[key], source) for key, value in values.items()}
+    build(kind, {key: value for key, value in checked.items() if key != "class"}, source)
+    return checked
+
+
+def build(kind: type, values: dict, source: str):
+    """The dataclass of a table; what it complains of is named with the source."""
+    try:
+        return kind(**values)
+    except (TypeError, ValueError) as err:
+        raise ValueError(f"{source}: {err}") from err
+
+
+def check_sizes(values: dict, source: str) -> None:
+    """Refuse sizes that no network can have.
+
+    >>> check_sizes({"num_layers": 1_000_000_000}, "a.toml: 'model'")
+    Traceback (most recent call last):
+    ValueError: a.toml: 'model': num_layers=1000000000 must lie in 1 ... 64
+    """
+    for key, value in values.items():
+        least = 2 if key == "num_frames" else 1  # motion takes two frames
+        most = _MOST_LAYERS if key == "num_layers" else _LARGEST_SIZE
+        if type(value) is int and not least <= value <= most:
+            raise ValueError(f"{source}: {key}={value} must lie in {least} ... {most}")
 
 
 def _checked(key: str, value, kind: type, source: str):
@@ -63,6 +139,8 @@ def _checked(key: str, value, kind: type, source: str):
             raise ValueError(f"{source}: {key}={value!r} should be a list")
         return kind(value)
     # whole numbers are numbers, too, but true and false are none
-    if type(value) is kind or (kind is float and type(value) is int):
-        return value
-    raise ValueError(f"{source}: {key}={value!r} should be {_WORDS.get(kind, kind.__name__)}")
+    if type(value) is not kind and not (kind is float and type(value) is int):
+        raise ValueError(f"{source}: {key}={value!r} should be {_WORDS.get(kind, kind.__name__)}")
+    if kind in (int, float) and not 0 <= value < math.inf:
+        raise ValueError(f"{source}: {key}={value} must be 0 or more")
+    return value

@@ -1,0 +1,104 @@
+"""What a model knows of its training set before training: scales, and the spectrum of dance."""
+
+from collections.abc import Iterator
+
+import torch
+from torch import Tensor, nn
+
+from dancediff.data.windows import Take, ranked_windows
+from dancediff.extensions.metre_unit import metre_unit_normalizer
+from dancediff.motion.representation import TCDIFFPP, Normalizer
+from dancediff.music.features import MusicNormalizer
+from dancediff.papers.edge.model import EDGE
+from dancediff.papers.tcdiffpp.model import TCDiffPP
+from dancediff.training.config import TrainingExtensions
+
+PLAIN = TrainingExtensions()
+
+
+def fit_statistics(
+    model: TCDiffPP | EDGE,
+    takes: list[Take],
+    extensions: TrainingExtensions = PLAIN,
+    *,
+    real: float | None = None,
+    start: nn.Module | None = None,
+) -> None:
+    """Set the scales of motion and music and the spectrum of dance from the takes, once.
+
+    ``real``: the share of real takes that training will see, see `GroupDanceWindows`.
+    ``start``: a model to take the scales from, because its weights go with them.
+    """
+    if start is not None:
+        model.normalizer.load_state_dict(start.normalizer.state_dict())
+        model.music_normalizer.load_state_dict(start.music_normalizer.state_dict())
+    else:
+        x = torch.cat([take.x.flatten(0, 1) for take in takes])
+        unit = extensions.metre_unit
+        model.normalizer = metre_unit_normalizer(x, TCDIFFPP) if unit else Normalizer.fit(x)
+        songs = {take.M.data_ptr(): take.M for take in takes}
+        model.music_normalizer = MusicNormalizer.fit(list(songs.values()))
+    model.music_normalizer = model.music_normalizer.without(extensions.masked_music)
+    if model.decoder.precondition is not None:
+        frames = [(take.captured, take.x[..., 0].numel()) for take in takes]
+        _fit_preconditioning(model, takes, window_weights(frames, real))
+
+
+def _fit_preconditioning(model, takes: list[Take], weights: list[float]) -> None:
+    """The spectrum of dance, around where the formation prior, if there is one, expects it."""
+    f, formation = model.config.num_frames, model.decoder.formation
+
+    def windows() -> Iterator[tuple[Tensor, Tensor]]:
+        for take in takes:
+            x, S = ranked_windows(take.x, f, f // 2)
+            yield model.normalizer.normalize(x), S
+
+    if formation is not None:
+        formation.fit((x[..., TCDIFFPP.floor], S) for x, S in windows())
+
+    def around_the_mean() -> Iterator[Tensor]:
+        for x, S in windows():
+            if formation is not None:
+                x[..., TCDIFFPP.floor] -= formation.mean(S)
+            yield x.flatten(0, 1)
+
+    model.decoder.precondition.fit(around_the_mean(), weights=weights)
+
+
+def window_weights(takes: list[tuple[bool, int]], real: float | None) -> list[float]:
+    """How much a window of each take counts, so that real ones have the share ``real`` together.
+
+    ``takes``: of each take whether it is real, and its number of frames.
+
+    >>> window_weights([(True, 10), (False, 40), (False, 40)], real=0.5)
+    [0.05, 0.00625, 0.00625]
+    """
+    frames = {kind: sum(f for is_real, f in takes if is_real == kind) for kind in (False, True)}
+    if real is None or not all(frames.values()):
+        return [1.0] * len(takes)
+    share = {False: (1 - real) / frames[False], True: real / frames[True]}
+    return [share[is_real] for is_real, _ in takes]
+
+
+def take_over(model: nn.Module, start: nn.Module) -> list[str]:
+    """Copy all weights of ``start`` that fit; returns the names of those left new.
+
+    Statistics are not weights: they are fitted on the data, in the units of ``start``.
+
+    Raises: ValueError when nothing fits.
+
+    >>> small = nn.Sequential(nn.Linear(2, 3))
+    >>> large = nn.Sequential(nn.Linear(2, 3), nn.Linear(3, 1))
+    >>> take_over(large, small), bool((large[0].weight == small[0].weight).all())
+    (['1.weight', '1.bias'], True)
+    """
+    mine = dict(model.named_parameters())
+    fits = {
+        name: value
+        for name, value in start.named_parameters()
+        if name in mine and mine[name].shape == value.shape
+    }
+    if not fits:
+        raise ValueError(f"start, a {type(start).__name__}, has no weight of the model's shapes")
+    model.load_state_dict(fits, strict=False)
+    return [name for name in mine if name not in fits]
