@@ -270,7 +270,7 @@ def test_config_mistakes_are_named(tmp_path):
         path.write_text(f"[train]\n[model]\n{text}\n")
         with pytest.raises(ValueError, match=words):
             read_config(path)
-    path.write_text('[model]\nclass = "EDGE"\nfp = false\n')
+    path.write_text('[train]\n[model]\nclass = "EDGE"\nfp = false\n')
     with pytest.raises(ValueError, match="'model' has no 'fp'"):
         read_config(path)
 
