@@ -9,6 +9,7 @@
 
 import os
 from importlib import import_module
+from typing import TYPE_CHECKING
 
 # Before torch is imported: its threads wait for each other actively, but not for long. Measured on
 # two cores, 5 s of dance: 3.2 s (2.8 by default), and 9 s (51) beside another busy program; beside
@@ -17,11 +18,21 @@ os.environ.setdefault("GOMP_SPINCOUNT", "5000")
 
 __version__ = "0.1.0"
 
-# Names are looked up on first use (PEP 562), so that `import dancediff` costs nothing.
+# Names are looked up on first use (PEP 562), so that `import dancediff` costs nothing. Those who
+# check types read the imports instead.
+if TYPE_CHECKING:
+    from dancediff.data.choreographer.choreograph import choreograph
+    from dancediff.genre import genres
+    from dancediff.hub import load, packaged_models, packaged_song
+    from dancediff.metrics.report import evaluate
+    from dancediff.motion.motion import Motion
+    from dancediff.music.song import Music
+    from dancediff.viz.stage import play
+
 _HOME = {
     "Music": "dancediff.music.song",
     "Motion": "dancediff.motion.motion",
-    "choreograph": "dancediff.data.choreographer",
+    "choreograph": "dancediff.data.choreographer.choreograph",
     "evaluate": "dancediff.metrics.report",
     "genres": "dancediff.genre",
     "load": "dancediff.hub",
@@ -29,7 +40,18 @@ _HOME = {
     "packaged_song": "dancediff.hub",
     "play": "dancediff.viz.stage",
 }
-__all__ = [*_HOME, "__version__"]  # noqa: PLE0604 - strings all of them
+__all__ = [
+    "Motion",
+    "Music",
+    "__version__",
+    "choreograph",
+    "evaluate",
+    "genres",
+    "load",
+    "packaged_models",
+    "packaged_song",
+    "play",
+]
 
 
 def __getattr__(name: str):

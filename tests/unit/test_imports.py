@@ -149,6 +149,17 @@ def test_public_names_resolve():
         dancediff.nothing  # noqa: B018
 
 
+def test_type_checkers_see_the_public_names():
+    """What is imported for them is what is looked up at run time, and py.typed lets them look."""
+    import dancediff
+
+    tree = ast.parse((SOURCE / "__init__.py").read_text(encoding="utf-8"))
+    block = next(n for n in tree.body if isinstance(n, ast.If))
+    seen = {a.name: n.module for n in block.body for a in n.names}
+    assert seen == dancediff._HOME and {*seen, "__version__"} == {*dancediff.__all__}
+    assert (SOURCE / "py.typed").is_file()
+
+
 @pytest.mark.parametrize("own, wanted", [(None, "5000"), ("7", "7")])
 def test_torchs_threads_do_not_wait_for_ever(own, wanted):
     """On a busy machine threads that spin without end make a dance five times as slow."""

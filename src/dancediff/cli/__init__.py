@@ -7,7 +7,7 @@ input; the last line then names the value and the fix. torch is imported inside 
 import contextlib
 import io
 import sys
-from typing import Annotated
+from typing import Annotated, Any
 
 import tyro
 
@@ -37,7 +37,7 @@ def main(args: list[str] | None = None) -> int:
 
 
 def _parse(args: list[str]):
-    union = Annotated[Generate, tyro.conf.subcommand("generate", prefix_name=False)]
+    union: Any = Annotated[Generate, tyro.conf.subcommand("generate", prefix_name=False)]
     for name, command in list(COMMANDS.items())[1:]:
         union = union | Annotated[command, tyro.conf.subcommand(name, prefix_name=False)]
     words = io.StringIO()

@@ -8,6 +8,7 @@ import copy
 import inspect
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import torch
@@ -39,7 +40,7 @@ class Exercise:
     """
 
     title: str
-    spec: object
+    spec: Any
     hint: str
     cases: Callable[[], list[tuple]] = lambda: [()]
     accepts: Callable | None = None

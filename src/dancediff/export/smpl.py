@@ -50,16 +50,16 @@ def save_smpl(motion: Motion, path) -> Path:
     poses = torch.zeros(motion.num_frames, JOINTS, 3, dtype=torch.float64)
     poses[:, :BODY] = matrix_to_axis_angle(R)
     trans = motion.root[0].double() @ up.T - torch.tensor(J_0, dtype=torch.float64)
-    arrays = {
+    arrays: dict[str, np.ndarray] = {
         "poses": poses.flatten(1).numpy(),
         "trans": trans.numpy(),
         "betas": np.zeros(16),
         "gender": np.array("neutral"),
-        "mocap_framerate": np.float64(motion.fps),
+        "mocap_framerate": np.array(float(motion.fps)),
     }
     path = Path(path)
     with atomic_write(path) as part, part.open("wb") as file:
-        np.savez(file, **arrays)
+        np.savez(file, **arrays)  # type: ignore[arg-type]
     return path
 
 

@@ -15,11 +15,13 @@ from functools import partial
 from pathlib import Path
 
 from dancediff.data.prepared import PreparedData
+from dancediff.export.bvh import load_bvh, save_bvh
+from dancediff.export.smpl import save_smpl
 from dancediff.io.npz import load_npz, save_npz
 from dancediff.motion.files import Files, register
 from dancediff.motion.motion import Motion
 
-PER_DANCER = (".bvh", ".smpl.npz")
+PER_DANCER: dict[str, Callable] = {".bvh": save_bvh, ".smpl.npz": save_smpl}
 SUFFIXES = (".npz", ".mp4", ".gif", ".png", ".html", ".glb", *PER_DANCER)
 READABLE = (".npz", ".glb", ".smpl.npz", ".bvh")  # the one that keeps most of a dance first
 
@@ -104,32 +106,28 @@ def _writer(kind: str, song, body: str) -> Callable[[Motion, Path], object]:
     """What writes a format; only that one's libraries are imported."""
     if kind == ".npz":
         return save_npz
-    if kind == ".bvh":
-        from dancediff.export.bvh import save_bvh
-
-        return save_bvh
-    if kind == ".smpl.npz":
-        from dancediff.export.smpl import save_smpl
-
-        return save_smpl
+    if kind in PER_DANCER:
+        return PER_DANCER[kind]
     if kind == ".glb":
         from dancediff.export.gltf import save_glb
 
         return partial(save_glb, body=body)
     if kind == ".png":
-        from dancediff.viz.plots import save_filmstrip as write
-    elif kind == ".html":
-        from dancediff.viz.player import save_player as write
-    else:
-        from dancediff.viz.video import save_video as write
-    return partial(write, song=song)
+        from dancediff.viz.plots import save_filmstrip
+
+        return partial(save_filmstrip, song=song)
+    if kind == ".html":
+        from dancediff.viz.player import save_player
+
+        return partial(save_player, song=song)
+    from dancediff.viz.video import save_video
+
+    return partial(save_video, song=song)
 
 
 def _reader(path: Path) -> Callable[[Path], Motion]:
     """What reads a format; whatever has another suffix is tried as an .npz."""
     if path.suffix == ".bvh":
-        from dancediff.export.bvh import load_bvh
-
         return load_bvh
     if path.suffix == ".glb":
         from dancediff.export.gltf import load_glb

@@ -28,7 +28,7 @@ _PARTS = ("rot6d", "root", "fps", "offsets", "header", "contact")
 def save_npz(motion: Motion, path: Path) -> None:
     """Write a dance; the file appears whole or not at all."""
     with atomic_write(path) as part, part.open("wb") as file:
-        np.savez(file, **npz_arrays(motion))
+        np.savez(file, **npz_arrays(motion))  # type: ignore[arg-type]
 
 
 def npz_arrays(motion: Motion) -> dict[str, np.ndarray]:
@@ -39,10 +39,10 @@ def npz_arrays(motion: Motion) -> dict[str, np.ndarray]:
         "names": motion.skeleton.names,
         "parents": motion.skeleton.parents,
     }
-    arrays = {
+    arrays: dict[str, np.ndarray] = {
         "rot6d": matrix_to_rot6d(motion.pose).numpy(),
         "root": motion.root.numpy(),
-        "fps": np.float64(motion.fps),
+        "fps": np.array(float(motion.fps)),
         "offsets": motion.skeleton.offsets.numpy(),
         "header": np.array(json.dumps(header)),
     }

@@ -39,7 +39,8 @@ def save_pieces(pieces: Iterable[Motion], path) -> Path:
         folder = stack.enter_context(
             tempfile.TemporaryDirectory(prefix=".dancediff-", dir=path.parent)
         )
-        files, last, frames = {}, None, 0
+        files: dict = {}
+        last, frames = None, 0
         for piece in pieces:
             last, arrays = piece, npz_arrays(piece)
             here = {

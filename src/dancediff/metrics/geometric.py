@@ -7,7 +7,9 @@ Symbols (axes: n dancers · f frames · j joints)
     HL, SW, HW   length of an upper arm, width of shoulders and of hips, metres
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -106,7 +108,7 @@ def angle(m: Frames, names, limits: tuple[float, float]) -> Tensor:
 
 
 # name, test, joints, threshold (metres, metres a second or degrees), in the published order
-TESTS = (
+TESTS: tuple[tuple[str, Callable, str, Any], ...] = (
     ("right hand moves back", nmove, "neck rhip lhip rwrist", 1.8 * HL),
     ("left hand moves forward", nmove, "neck lhip rhip lwrist", 1.8 * HL),
     ("right hand over neck", nplane, "chest neck neck rwrist", 0.2 * HL),
@@ -140,7 +142,6 @@ TESTS = (
     ("left hand low", nplane, "zero down lowest lwrist", -1.2 * HL),
     ("root fast", fast, "root", 2.3 * HL),
 )
-GEOMETRIC_NAMES = tuple(name for name, *_ in TESTS)
 
 
 def geometric_features(joints: Tensor, *, fps: float = 30.0, compat: str | None = None) -> Tensor:

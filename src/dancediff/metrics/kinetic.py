@@ -48,7 +48,7 @@ def kinetic_features(joints: Tensor, *, fps: float = 30.0, compat: str | None = 
     p = as_group(many, fps, least=MIN_FRAMES)
     if compat == "lodge":
         p = lodge_positions(p)
-    dt = PUBLISHED_DT.get(compat, 1 / fps)
+    dt = PUBLISHED_DT[compat] if compat else 1 / fps
     E = frame_energies(p, window=WINDOW, dt=dt)
     if compat:
         E[..., 2] = published_expenditure(p, dt=dt)

@@ -261,8 +261,9 @@ def measure_all(
     """
     from tqdm.auto import tqdm
 
-    found, skipped = [], {}
-    jobs = [
+    found: list[Measured] = []
+    skipped: dict[str, str] = {}
+    jobs: list[Callable] = [
         partial(_measure_or_reason, source, f"dance {k}", times, window)
         for k, (source, times) in enumerate(zip(sources, beats, strict=False))
     ]

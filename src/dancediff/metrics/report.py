@@ -9,6 +9,7 @@ import math
 import operator
 from collections import Counter
 from dataclasses import asdict, dataclass, field
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -95,7 +96,9 @@ def _as_text(report: Report) -> str:
             f"intervals: bootstrap, {DRAWS} draws of whole dances; the reference is not drawn again"
         )
     notes = list(dict.fromkeys(row.reason for row in report.rows if row.reason))
-    table = [("metric", "value", f"{LEVEL:.0%} interval", "n", "samples", "unit", "better")]
+    table: list[tuple[str, ...]] = [
+        ("metric", "value", f"{LEVEL:.0%} interval", "n", "samples", "unit", "better")
+    ]
     table += [_cells(row) for row in report.rows]
     if report.reference is not None:
         own = ["reference", *(_number(row.reference) for row in report.rows)]
@@ -197,13 +200,12 @@ def evaluate_dances(
         raise ValueError(f"window={window} must be at least {SHORTEST_WINDOW} frames")
     if operator.index(workers) < 1:
         raise ValueError(f"workers={workers} must be at least 1")
-    beats = _beats(song, len(sources))
-    how = {"window": window, "workers": workers, "progress": progress}
-    measured, skipped = measure_all(sources, beats, "dances", **how)
+    how = partial(measure_all, window=window, workers=workers, progress=progress)
+    measured, skipped = how(sources, _beats(song, len(sources)), "dances")
     real: list[Measured] | None = None
     notes = [] if window is None else [f"dances are cut into windows of {window} frames"]
     if others is not None:
-        real, lost = measure_all(others, itertools.repeat(None), "reference", **how)
+        real, lost = how(others, itertools.repeat(None), "reference")
         skipped |= {f"reference {name}": why for name, why in lost.items()}
         if both := len(_identities(sources) & _identities(others)):
             notes.append(f"{both} dances are in the reference too: distances to it are too small")

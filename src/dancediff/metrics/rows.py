@@ -115,7 +115,9 @@ def _row(
     )
     if why := _why_not(metric, dances, reference):
         return replace(row, reason=why)
-    real = _joined(_parts(metric, reference)) if metric.compare else None
+    real = torch.empty(0)
+    if metric.compare and reference:
+        real = _joined(_parts(metric, reference))
 
     def statistic(chosen) -> float:
         features = _joined([parts[int(k)] for k in chosen])
@@ -161,7 +163,7 @@ def _why_not(metric: Metric, dances: list[Measured], reference: list[Measured] |
     """Why a metric has no value; empty if it may have one."""
     if metric.compare and reference is None:
         return NO_REFERENCE
-    sides = [("", dances), *([("reference: ", reference)] if metric.compare else [])]
+    sides = [("", dances), *([("reference: ", reference or [])] if metric.compare else [])]
     rates = {dance.fps for _, side in sides for dance in side}
     for name, side in sides:
         if not any(_entries(metric, dance) for dance in side):
@@ -172,7 +174,7 @@ def _why_not(metric: Metric, dances: list[Measured], reference: list[Measured] |
     return ""
 
 
-def _lacks(metric: Metric, parts: list, dances: list[Measured], real: Tensor | None) -> str:
+def _lacks(metric: Metric, parts: list, dances: list[Measured], real: Tensor) -> str:
     """What a reader must know about a value that there is."""
     words = []
     if len(parts) < (count := len(_parts(metric, dances))):
@@ -192,8 +194,9 @@ def _missing(metric: Metric, dances: list[Measured]) -> list[str]:
 
 def _of_reference(metric: Metric, reference: list[Measured] | None) -> float | None:
     """The metric of the reference set itself; None where it makes no sense or there is none."""
-    mixed = reference is None or len({dance.fps for dance in reference}) > 1
-    if mixed or metric.compare in (fid, gmr) or not (parts := _parts(metric, reference)):
+    dances = reference or []
+    mixed = len({dance.fps for dance in dances}) > 1
+    if mixed or metric.compare in (fid, gmr) or not (parts := _parts(metric, dances)):
         return None
     x = _joined(_sample(parts, 0) if metric.compare is diversity else parts)
     try:

@@ -186,8 +186,8 @@ class Motion:
                     )
             if other.skeleton.names != first.skeleton.names:
                 raise ValueError("the dances have different skeletons")
-        parts = [motion.contact for motion in motions]
-        contact = None if any(part is None for part in parts) else torch.cat(parts)
+        known = [motion.contact for motion in motions if motion.contact is not None]
+        contact = torch.cat(known) if len(known) == len(motions) else None
         pose = torch.cat([motion.pose for motion in motions])
         return replace(
             first, pose=pose, root=torch.cat([motion.root for motion in motions]), contact=contact

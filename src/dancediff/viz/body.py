@@ -100,7 +100,7 @@ def body_points(motion: Motion) -> np.ndarray:
     """
     joints = motion.joints().numpy()
     Q = world_rotations(motion.pose, motion.skeleton).numpy()
-    extra = [joints[:, :, j] + Q[:, :, j] @ np.float32(offset) for _, j, offset in _EXTRA]
+    extra = [joints[:, :, j] + Q[:, :, j] @ np.array(offset, np.float32) for _, j, offset in _EXTRA]
     return np.concatenate([joints, np.stack(extra, 2)], axis=2)
 
 

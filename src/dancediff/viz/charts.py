@@ -202,8 +202,8 @@ def plot_radar(
         if missing:
             raise ValueError(f"{label!r} lacks {', '.join(missing)}")
     if ax is None:
-        size = {"figsize": (4.6, 4.2), "layout": "constrained"}
-        ax = plt.subplots(subplot_kw={"projection": "polar"}, **size)[1]
+        polar = {"projection": "polar"}
+        ax = plt.subplots(subplot_kw=polar, figsize=(4.6, 4.2), layout="constrained")[1]
     elif ax.name != "polar":
         raise ValueError(f'ax is {ax.name}; make it with subplot_kw={{"projection": "polar"}}')
     angle = np.linspace(0, 2 * np.pi, len(names), endpoint=False)

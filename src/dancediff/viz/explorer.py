@@ -32,7 +32,8 @@ class Explorer:
         self.slow = "report" in inspect.signature(panel).parameters
         self.dance = self.dance_a = self.song = self._still = None
         self._first = {name: control.value for name, control in controls.items()}
-        self._wish, self._busy, self._thread = 0, threading.Lock(), None
+        self._wish, self._busy = 0, threading.Lock()
+        self._thread: threading.Thread | None = None
 
         self.run = _button("Dance", "play", self.draw)
         self.reset = _button("Reset", "undo", self._reset)

@@ -36,7 +36,8 @@ def rgb(color: str) -> tuple[float, float, float]:
     >>> rgb("#FF0000")
     (1.0, 0.0, 0.0)
     """
-    return tuple(int(color[i : i + 2], 16) / 255 for i in (1, 3, 5))
+    red, green, blue = (int(color[i : i + 2], 16) / 255 for i in (1, 3, 5))
+    return red, green, blue
 
 
 def mix(color, other, amount: float) -> tuple[float, float, float]:

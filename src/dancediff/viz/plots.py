@@ -168,7 +168,7 @@ def filmstrip_page(motion: Motion, *, count: int = 8, song=None, title: str | No
     rows = _rows(count, size[0] / size[1])
     height = _strip_size(rows, -(-count // rows), size[0] / size[1])[1]
     figure = Figure(figsize=(_PAGE, height + 3.3), dpi=110, layout="constrained")
-    top, bottom = figure.subfigures(2, 1, height_ratios=[height, 3.0])
+    top, bottom = figure.subfigures(2, 1, height_ratios=[height, 3.0])  # type: ignore[misc]
     plot_filmstrip(motion, ax=top.subplots(), count=count, song=song)
     floor, feet = bottom.subplots(1, 2, width_ratios=[1, 1.5])
     beats = _beat_frames(motion, song) / motion.fps

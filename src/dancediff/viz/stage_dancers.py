@@ -38,7 +38,7 @@ def make_shapes(p3, skeleton: Skeleton, body: str) -> dict:
 def make_dancer(p3, motion: Motion, k: int, shapes: dict, number: int) -> list:
     """What dancer k is made of, in her first pose; ``number`` counts all on the stage."""
     skeleton, color = motion.skeleton, dancer_color(k)
-    facts = {"roughness": 0.75, "metalness": 0.0, "skinning": SKIN in shapes}
+    facts: dict = {"roughness": 0.75, "metalness": 0.0, "skinning": SKIN in shapes}
     paint = p3.MeshStandardMaterial(color=color, **facts)
     face = p3.MeshStandardMaterial(color=lighter(color), roughness=0.8, metalness=0.0)
     turns = steady_quaternions(motion.frames(0, 1))[k, 0].tolist()

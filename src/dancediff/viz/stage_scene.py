@@ -5,6 +5,7 @@ Symbols (axes: n dancers · f frames)
 """
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import torch
@@ -23,11 +24,11 @@ GAP = 2.0  # metres between two dances on one floor
 class Scene:
     """pythreejs' scene and clip, and those parts of the scene that a control reaches for."""
 
-    scene: object
-    clip: object
-    trails: object
-    dots: object
-    middle: object
+    scene: Any
+    clip: Any
+    trails: Any
+    dots: Any
+    middle: Any
 
 
 def side_by_side(a: Motion, b: Motion) -> list[Motion]:

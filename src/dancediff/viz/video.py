@@ -89,7 +89,7 @@ class Canvas:
         bodies = shadow_shapes(points, camera) + dancer_shapes(points, camera)
         paths, colors = to_paths(floor + bodies)
         self.shapes.set_paths(paths)
-        self.shapes.set_facecolors(colors)
+        self.shapes.set_facecolor(colors)
         self.canvas.restore_region(self.background)
         self.axes.draw_artist(self.shapes)
         picture = np.array(self.canvas.buffer_rgba())
@@ -199,7 +199,8 @@ def _write_mp4(motion: Motion, path: Path, song, size, fps: float) -> None:
     with av.open(str(path), "w", format="mp4", options={"movflags": "+faststart"}) as file:
         rate = Fraction(fps).limit_denominator(1001)
         video = file.add_stream("libx264", rate=rate, options={"crf": "20", "preset": "superfast"})
-        video.width, video.height, video.pix_fmt = *size, "yuv420p"
+        video.width, video.height = size
+        video.pix_fmt = "yuv420p"
         video.codec_context.thread_type = "FRAME"  # else x264 keeps us waiting for each picture
         audio = None
         if song is not None:
