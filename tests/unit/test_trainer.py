@@ -189,7 +189,7 @@ def test_broken_numbers_stop_the_run_before_they_spread(tmp_path):
         {"lr": -1.0},
         {"decay": 1.5},
         {"ema": 1.0},
-        {"clip": 0.0},
+        {"clip": -1.0},
         {"save_every": 0},
         {"warmup": -1},
         {"preview_every": -1},

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from dancediff.music.features import BLOCKS
 from dancediff.papers.tcdiffpp.losses import LossWeights
 
-OPTIMIZERS = ("adamw", "muon", "adan")
+OPTIMIZERS = ("adamw", "adam", "adan", "muon")
 PRECISIONS = ("fp32", "bf16")
 LARGEST_SEED = 2**40  # the seed of a batch's noise is a million times as large
 SHORTEST_SONG = 3.0  # seconds in which every synthetic song has the beats a dance needs
@@ -107,13 +107,13 @@ class TrainConfig:
     """
 
     steps: int = 10_000
-    optimizer: str = "adamw"  # or "muon", or "adan"; see `training.optimizer`
+    optimizer: str = "adamw"  # or one of `OPTIMIZERS`; see `training.optimizer`
     lr: float = 1e-3
     fusion_lr: float = 0.2  # share of lr that the Fusion Projection gets
     warmup: int = 300  # steps until the full learning rate
     decay: float = 0.3  # last share of the run over which the learning rate falls to zero
     weight_decay: float = 0.01
-    clip: float = 1.0  # longest gradient
+    clip: float = 1.0  # longest gradient; 0: any
     ema: float = 0.999
     precision: str = "fp32"  # or "bf16"
     accumulate: int = 1  # batches a step and process, whose gradients are averaged
@@ -125,27 +125,17 @@ class TrainConfig:
     weights: LossWeights = field(default_factory=LossWeights)
     extensions: TrainingExtensions = field(default_factory=TrainingExtensions)
 
-    @classmethod
-    def paper(cls, **changes) -> "TrainConfig":
-        """TCDiff++ section 5.1: Adam (no weight decay) at 5e-5; the rest as in its code.
-
-        >>> TrainConfig.paper(steps=100).lr
-        5e-05
-        """
-        paper = {"lr": 5e-5, "fusion_lr": 1.0, "weight_decay": 0.0, "ema": 0.9999}
-        return cls(**paper | changes)
-
     def __post_init__(self):
         for name, known in (("optimizer", OPTIMIZERS), ("precision", PRECISIONS)):
             if getattr(self, name) not in known:
                 words = ", ".join(map(repr, known))
                 raise ValueError(f"{name}={getattr(self, name)!r} is not one of {words}")
-        for name in ("lr", "fusion_lr", "clip"):
+        for name in ("lr", "fusion_lr"):
             if not 0 < getattr(self, name) < float("inf"):
                 raise ValueError(f"{name}={getattr(self, name)} must be above 0")
         for name in ("steps", "save_every", "accumulate", "evaluate_batches"):
             _check_least(name, getattr(self, name), 1)
-        for name in ("warmup", "weight_decay", "evaluate_every", "preview_every"):
+        for name in ("warmup", "weight_decay", "clip", "evaluate_every", "preview_every"):
             _check_least(name, getattr(self, name), 0)
         _check_share("decay", self.decay)
         if not 0 <= self.ema < 1:

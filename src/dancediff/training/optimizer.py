@@ -10,7 +10,7 @@ from dancediff.training.muon import MuonAdamW
 
 
 def make_optimizer(model: nn.Module, config: TrainConfig) -> torch.optim.Optimizer:
-    """AdamW in one fused pass over all weights, `MuonAdamW` or `Adan`.
+    """AdamW or Adam in one fused pass over all weights, `MuonAdamW` or `Adan`.
 
     The Fusion Projection has its own lr, and Adam with Muon, too.
 
@@ -18,8 +18,8 @@ def make_optimizer(model: nn.Module, config: TrainConfig) -> torch.optim.Optimiz
     and most where they are all positive. The Fusion Projection has two layers of ReLU over 512
     inputs and more: with the full lr its units fell silent within some thousand steps, for good.
 
-    Differs: TCDiff++ writes Adam at 5e-5, its released code runs Adan at 4e-4; a small model that
-    must be done in an hour wants a larger step, warm-up and clipping.
+    Differs: TCDiff++ writes Adam at 5e-5 (configs/tcdiffpp_paper.toml), its released code runs Adan
+    at 4e-4; a small model that must be done in an hour wants a larger step, warm-up and clipping.
     """
     fusions = (part for part in model.modules() if isinstance(part, FusionProjection))
     slow = [weight for fusion in fusions for weight in fusion.parameters()]
@@ -32,6 +32,8 @@ def make_optimizer(model: nn.Module, config: TrainConfig) -> torch.optim.Optimiz
         return MuonAdamW(groups, **options)
     if config.optimizer == "adan":
         return Adan(groups, **options)
+    if config.optimizer == "adam":
+        return torch.optim.Adam(groups, fused=True, **options)
     return torch.optim.AdamW(groups, betas=(0.9, 0.99), fused=True, **options)
 
 

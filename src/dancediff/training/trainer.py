@@ -8,6 +8,7 @@ stopped goes on exactly where it was, bit by bit.
 """
 
 import json
+import math
 import signal
 from hashlib import sha256
 from pathlib import Path
@@ -117,7 +118,7 @@ class Trainer:
                 total[name] = total.get(name, 0.0) + value.detach().float() / config.accumulate
         self.world.average_gradients(self.model)
         self.world.average(list(total.values()))
-        norm = nn.utils.clip_grad_norm_(self.model.parameters(), config.clip)
+        norm = nn.utils.clip_grad_norm_(self.model.parameters(), config.clip or math.inf)
         if not norm.isfinite():
             raise RuntimeError(
                 f"the gradient of step {step} is not finite (loss {total['total'].item()}): "
