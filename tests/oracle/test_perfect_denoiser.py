@@ -29,10 +29,9 @@ def test_ddpm_recovers_x_0():
 
 
 @pytest.mark.parametrize("mode", MODES)
-@pytest.mark.parametrize("resample", [1, 3])
-def test_pinned_sampling_recovers_x_0(mode, resample):
+def test_pinned_sampling_recovers_x_0(mode):
     pin = Pinning(X_0[:, :, :5], ABAR, mode=mode)
-    x = sample(perfect, X_0.shape, abar=ABAR, steps=8, pin=pin, resample=resample)
+    x = sample(perfect, X_0.shape, abar=ABAR, steps=8, pin=pin)
     assert torch.equal(x, X_0)
 
 

@@ -12,7 +12,7 @@ import torch
 from dancediff.axes import FPS, from_tokens, to_tokens
 from dancediff.data.windows import GroupDanceWindows, Take, rank_left_to_right
 from dancediff.diffusion.conditions import Conditions
-from dancediff.generation.generate import denoise_segments
+from dancediff.generation.generate import binder
 from dancediff.motion.order import swap_mode
 from dancediff.motion.representation import TCDIFFPP, MotionSpec
 from dancediff.motion.skeleton import LOWER_BODY, SMPL24
@@ -21,7 +21,7 @@ from dancediff.nn.decoder import DecoderLayer
 from dancediff.nn.ssm import MambaBlock
 from dancediff.papers.tcdiffpp.dancer_positioning import DancerPositioning
 from dancediff.papers.tcdiffpp.footwork_adaptor import ConcatSquashLinear, FootworkAdaptor
-from dancediff.papers.tcdiffpp.long_group_sampling import long_group_sample
+from dancediff.papers.tcdiffpp.long_group_sampling import LongGroupSampler
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 from dancediff.training.config import TrainConfig
 from dancediff.training.objective import GroupObjective
@@ -126,19 +126,15 @@ def test_t07_nobody_swaps_unless_asked():
     """Released: inference never passes an order. Ours: what the caller says is what is heard."""
     model, heard = make(), []
     model.register_forward_pre_hook(lambda _, args: heard.append(args[2].swap[0].tolist()))
-    for order in (None, [[2, 0, 1]]):
-        long_group_sample(
-            denoise_segments(model, 1.0),
-            torch.zeros(1, 150, 35),
-            dancers=3,
-            motion_dim=151,
+    for order in ((), [[2, 0, 1]]):
+        LongGroupSampler(
+            shape=(3, 150, 151),
+            bind=binder(model, 1.0),
+            music=torch.zeros(1, 150, 35),
             root_x=lambda frame: frame[:, 4],
-            abar=model.abar,
-            target_orders=order,
-            steps=1,
-            device="cpu",
-            dtype=torch.float32,
-        )
+            targets=order,
+            settings={"abar": model.abar, "steps": 1},
+        ).dance()
     assert heard == [[0, 1, 2], [2, 0, 1]]
 
 

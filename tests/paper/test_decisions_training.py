@@ -14,7 +14,7 @@ from dancediff.diffusion.schedule import cosine_abar
 from dancediff.generation.request import Wish
 from dancediff.motion.representation import Normalizer
 from dancediff.nn import ssm
-from dancediff.papers.tcdiffpp.long_group_sampling import iter_long_group_sample, long_group_sample
+from dancediff.papers.tcdiffpp.long_group_sampling import LongGroupSampler
 from dancediff.papers.tcdiffpp.losses import LossWeights, l_contact, l_dist, l_vel
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 from dancediff.training.ablation_config import HeldOut
@@ -90,20 +90,25 @@ def test_t21_the_first_segment_is_kept():
     """Released: it is made, then left out, so that the dance runs 2.5 s behind its music."""
     dance, network = long_dance(4)
     music = torch.arange(4.0)[:, None, None].expand(4, 150, 35)
-    options = {"dancers": 1, "motion_dim": 1, "root_x": lambda frame: frame[:, 0]}
-    options |= {"abar": cosine_abar(), "steps": 2, "device": "cpu", "dtype": torch.float32}
-    x = long_group_sample(network, music, **options)
+    sampler = LongGroupSampler(
+        shape=(1, 150, 1),
+        bind=lambda c: lambda x_t, t: network(x_t, t, c.music, c.swap),
+        music=music,
+        root_x=lambda frame: frame[:, 0],
+        settings={"abar": cosine_abar(), "steps": 2},
+    )
+    x = sampler.dance()
     torch.testing.assert_close(x, dance, atol=1e-6, rtol=0)
     segments = [network(None, 0, M[None], None)[0] for M in music]
     released = torch.cat([segments[1], *(part[:, 75:] for part in segments[2:])], dim=1)
     late = (released - dance[:, : released.shape[1]]) * 1000 / 30  # in seconds
     torch.testing.assert_close(late, torch.full_like(late, 2.5), atol=1e-3, rtol=0)
-    assert inspect.signature(iter_long_group_sample).parameters["pinning"].default == "renoise"
+    assert sampler.pinning == "init"
 
 
 def test_t22_segments_share_half_of_their_frames():
     asked = inspect.signature(TCDiffPP.generate).parameters["overlap"].default
-    sampled = inspect.signature(iter_long_group_sample).parameters["overlap"].default
+    sampled = inspect.signature(LongGroupSampler).parameters["overlap"].default
     wish = Wish(5, 60.0)
     assert asked == sampled == wish.overlap == TCDiffPPConfig.paper().num_frames // 2 == 75
     assert Wish(5, 60.0, overlap=30).stride == 120

@@ -45,8 +45,8 @@ def test_tcdiffpp_eq02_reverse_step_is_bayes_rule():
 def test_tcdiffpp_eq19_input_is_noised_past_then_fresh_noise():
     past = torch.rand(1, 2, 75, 3)
     z = torch.randn(1, 2, 150, 3)
-    z_hat = Pinning(past, ABAR, mode="init", t_star=12).start(z)
-    assert torch.equal(z_hat[:, :, :75], q_sample(past, 12, ABAR, z[:, :, :75]))
+    z_hat = Pinning(past, ABAR, mode="init").start(z)
+    assert torch.equal(z_hat[:, :, :75], q_sample(past, len(ABAR) - 1, ABAR, z[:, :, :75]))
     assert torch.equal(z_hat[:, :, 75:], z[:, :, 75:])
 
 

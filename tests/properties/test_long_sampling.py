@@ -6,6 +6,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from dancediff.diffusion.long_sampling import SEAMS
 from dancediff.diffusion.pinning import MODES
 from dancediff.diffusion.samplers import SAMPLERS
 from dancediff.diffusion.schedule import cosine_abar
@@ -13,11 +14,7 @@ from dancediff.motion.representation import LODGE
 from dancediff.papers.lodge.choreography import make_cues
 from dancediff.papers.lodge.primitives import Layout
 from dancediff.papers.lodge.stitch import plan, stitch
-from dancediff.papers.tcdiffpp.long_group_sampling import (
-    SEAMS,
-    iter_long_group_sample,
-    long_group_sample,
-)
+from dancediff.papers.tcdiffpp.long_group_sampling import LongGroupSampler
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 
 often = settings(deadline=None, derandomize=True, max_examples=60)
@@ -35,17 +32,17 @@ def long_dances(draw):
     f = draw(st.integers(2, 20))
     overlap = draw(st.integers(1, f - 1))
     how = {
-        "dancers": draw(st.integers(1, 5)),
-        "motion_dim": draw(st.integers(2, 4)),
+        "shape": (draw(st.integers(1, 5)), f, draw(st.integers(2, 4))),
         "overlap": overlap,
         "pinning": draw(st.sampled_from(MODES)),
         "seam": draw(st.sampled_from(sorted(SEAMS))),
-        "redo": draw(st.integers(0, overlap - 1)),
-        "sampler": draw(st.sampled_from(SAMPLERS)),
-        "steps": draw(st.integers(1, 5)),
-        "eta": draw(st.floats(0, 1)),
-        "resample": draw(st.integers(1, 2)),
-        "abar": cosine_abar(draw(st.integers(5, 12))),
+        "resampled": draw(st.integers(0, overlap - 1)),
+        "settings": {
+            "sampler": draw(st.sampled_from(SAMPLERS)),
+            "steps": draw(st.integers(1, 5)),
+            "eta": draw(st.floats(0, 1)),
+            "abar": cosine_abar(draw(st.integers(5, 12))),
+        },
     }
     return f, draw(st.integers(1, 6)), how
 
@@ -55,15 +52,12 @@ def music(segments, f):
     return torch.arange(segments).float()[:, None, None].expand(segments, f, 35)
 
 
-def run(denoise, f, segments, how, seed=0, sample=long_group_sample):
-    return sample(
-        denoise,
-        music(segments, f),
+def sampler(denoise, f, segments, how, seed=0):
+    return LongGroupSampler(
+        bind=lambda c: lambda x_t, t: denoise(x_t, t, c.music, c.swap),
+        music=music(segments, f),
         root_x=lambda frame: frame[:, 0],
-        generator=generator(seed),
-        device="cpu",
-        dtype=torch.float32,
-        **how,
+        **how | {"settings": how["settings"] | {"generator": generator(seed)}},
     )
 
 
@@ -80,13 +74,13 @@ def test_who_knows_the_dance_gets_all_of_it(cut, seed):
     f, segments, how = cut
     stride = f - how["overlap"]
     frames = f + (segments - 1) * stride
-    dance = crossing(seed, how["dancers"], frames, how["motion_dim"])
+    dance = crossing(seed, how["shape"][0], frames, how["shape"][2])
 
     def perfect(x_t, t, M, S):
         window = dance[:, int(M[0, 0, 0]) * stride :][:, :f]
         return window[window[:, 0, 0].argsort()][None]  # ranked, as the network is trained
 
-    x = run(perfect, f, segments, how, seed + 1)
+    x = sampler(perfect, f, segments, how, seed + 1).dance()
     assert x.shape == dance.shape
     # where two segments are blended, both are right
     torch.testing.assert_close(x, dance, atol=1e-6, rtol=0)
@@ -97,9 +91,9 @@ def test_who_knows_the_dance_gets_all_of_it(cut, seed):
 def test_pieces_are_the_dance(cut, seed):
     f, segments, how = cut
     network = lambda x_t, t, M, S: torch.tanh(1.2 * x_t) + 0.01 * S[..., None, None]  # noqa: E731
-    whole = run(network, f, segments, how, seed)
+    whole = sampler(network, f, segments, how, seed).dance()
     stride = f - how["overlap"]
-    kept, pieces = [], run(network, f, segments, how, seed, sample=iter_long_group_sample)
+    kept, pieces = [], sampler(network, f, segments, how, seed).pieces()
     for piece in pieces:
         assert piece.shape[1] == (stride if len(kept) < segments else how["overlap"])
         kept.append(piece.clone())
@@ -113,8 +107,8 @@ def test_pieces_are_the_dance(cut, seed):
 def test_a_dance_does_not_depend_on_what_comes_later(cut, seed):
     f, segments, how = cut
     network = lambda x_t, t, M, S: torch.tanh(1.2 * x_t) + 0.01 * M.mean()  # noqa: E731
-    long = run(network, f, segments + 1, how, seed)
-    short = run(network, f, segments, how, seed)
+    long = sampler(network, f, segments + 1, how, seed).dance()
+    short = sampler(network, f, segments, how, seed).dance()
     final = segments * (f - how["overlap"])
     assert torch.equal(long[:, :final], short[:, :final])
 

@@ -13,8 +13,8 @@ from dancediff import hub
 from dancediff.data.choreographer.formations import slots
 from dancediff.diffusion.conditions import Conditions
 from dancediff.extensions.beat_phase import beat_waves
-from dancediff.extensions.collision_avoidance import Spacing
-from dancediff.extensions.foot_contact_projection import Planting
+from dancediff.extensions.collision_avoidance import CollisionAvoidance
+from dancediff.extensions.foot_contact_projection import foot_contact_hook
 from dancediff.metrics.collision import tif
 from dancediff.metrics.fidelity import diversity, fid
 from dancediff.metrics.geometric import geometric_features
@@ -125,12 +125,11 @@ def test_what_bodies_cannot_do_is_taken_out(kind, seed, n, f, dtype, solo):
     for mend in (limit_turns, limit_travel, stand_on_floor, plant_feet):
         assert finite(mend(x, None, spec)), mend.__name__
     held = torch.rand(n, f, generator=torch.Generator().manual_seed(seed)) < 0.5
-    masks = dict.fromkeys(("legs", "height", "turns", "places"), held)
     norm = Normalizer(-torch.ones(spec.dim), torch.ones(spec.dim))
-    assert finite(Planting(norm, **masks, spec=spec)(x, 0.9))
+    assert finite(foot_contact_hook(norm, held[..., None].expand(x.shape), spec).apply(x, 0.9))
     if not solo and dtype == torch.float32:
-        rule = Spacing(norm)(x, 0.9)
-        assert rule is None or finite([rule.value, rule.looseness])
+        asked = CollisionAvoidance(norm).at(x, 0.9)
+        assert asked is None or finite([asked.value, asked.slack])
 
 
 METRICS = {  # and what they know of published forms

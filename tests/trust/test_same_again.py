@@ -9,9 +9,10 @@ import pytest
 import torch
 
 from dancediff import hub
+from dancediff.diffusion.conditions import Conditions
 from dancediff.diffusion.samplers import sample
-from dancediff.extensions.foot_contact_projection import Planting
-from dancediff.generation.generate import AUTOGUIDANCE, denoise_segments, largest_guess
+from dancediff.extensions.foot_contact_projection import foot_contact_hook
+from dancediff.generation.generate import AUTOGUIDANCE, binder, largest_guess
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(1200)]
 LONG = os.environ.get("DANCEDIFF_TRUST") == "long"
@@ -49,11 +50,10 @@ def test_a_group_dance_alone_and_among_others(n, record_property):
     S = torch.arange(n).expand(b, n).contiguous()
 
     def danced(part: slice):
-        denoise = denoise_segments(model, 1.0, autoguidance=AUTOGUIDANCE)
-        music, order = M[part], S[part]
+        bind = binder(model, 1.0, autoguidance=AUTOGUIDANCE)
         seeds = range(b)[part]
         x = sample(
-            lambda x, t: denoise(x, t, music, order),
+            bind(Conditions(M[part], swap=S[part])),
             (len(seeds), n, 150, 151),
             abar=model.abar,
             sampler="dpm",
@@ -61,7 +61,7 @@ def test_a_group_dance_alone_and_among_others(n, record_property):
             eta=0.0,
             clamp=largest_guess(model),
             generator=[torch.Generator().manual_seed(k) for k in seeds],
-            bend=Planting(model.normalizer.on_cpu()),
+            hooks=[foot_contact_hook(model.normalizer.on_cpu())],
         )
         return model.normalizer.unnormalize(x)
 

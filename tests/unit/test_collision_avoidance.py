@@ -1,11 +1,19 @@
-"""Spacing: who would run into somebody is asked to make room, and nobody else."""
+"""Collision avoidance: who would run into somebody is asked to make room, and nobody else."""
 
 import pytest
 import torch
 
 import dancediff as dd
-from dancediff.extensions.collision_avoidance import ROOM, SLACK, Spacing, X, Z, girths, pushes
-from dancediff.extensions.constraint import Bending, Constraint
+from dancediff.extensions.collision_avoidance import (
+    ROOM,
+    SLACK,
+    CollisionAvoidance,
+    X,
+    Z,
+    girths,
+    pushes,
+)
+from dancediff.extensions.constraint import Conditioning, Constraint
 from dancediff.generation.generate import generate
 from dancediff.metrics.collision import tif
 from dancediff.motion.representation import Normalizer, pack
@@ -27,10 +35,10 @@ def joints(x):
     return dd.Motion.from_features(x).joints()
 
 
-def spacing(told=None):
+def spaced(x, abar, *before):
     norm = Normalizer(-torch.ones(151), torch.ones(151))
     spread = 4.0 / (1 + torch.arange(F, dtype=torch.float32)[:, None]) ** 1.5
-    return Bending(spread.expand(F, 151), told, (Spacing(norm),))
+    return Conditioning(spread.expand(F, 151), [*before, CollisionAvoidance(norm)]).apply(x, abar)
 
 
 def gap(x):
@@ -48,7 +56,7 @@ def test_girths_are_those_of_the_bodies_that_collide():
 def test_who_has_room_is_left_alone():
     x = standing((-1.5, 0), (1.5, 0))
     assert not pushes(joints(x)).any()
-    assert torch.equal(spacing()(x[None], 0.5), x[None])
+    assert torch.equal(spaced(x[None], 0.5), x[None])
 
 
 def test_both_step_aside_by_half_of_what_is_lacking():
@@ -72,7 +80,7 @@ def test_who_passes_by_steps_across_not_back():
 
 def test_a_noisy_guess_is_moved_as_a_whole_and_a_sure_one_not():
     x = standing((-0.8, 0), (0.8, 0))[None]
-    early, late = spacing()(x, 0.3), spacing()(x, 1 - 1e-7)
+    early, late = spaced(x, 0.3), spaced(x, 1 - 1e-7)
     assert gap(early[0]) > gap(x[0]) + 0.5 * (ROOM - gap(x[0]))
     step = early[0, :, :, X] - x[0, :, :, X]
     assert step.std(dim=1).max() < 0.1 * step.abs().min(), "it is one step aside, not a wobble"
@@ -85,7 +93,7 @@ def test_what_is_told_is_kept():
     x = standing((-0.8, 0), (0.8, 0))
     mask = torch.zeros_like(x, dtype=torch.bool)
     mask[0, :, [X, Z]] = True  # the left one may not move
-    bent = spacing(Constraint(mask, x.clone()))(x[None], 0.3)[0]
+    bent = spaced(x[None], 0.3, Constraint(mask, x.clone()))[0]
     assert torch.allclose(bent[0], x[0], atol=1e-4)
     assert bent[1, :, X].mean() > x[1, :, X].mean() + 0.02
 

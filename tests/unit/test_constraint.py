@@ -3,10 +3,11 @@
 import pytest
 import torch
 
+from dancediff.diffusion.long_sampling import Segment
 from dancediff.diffusion.pinning import Pinning
 from dancediff.diffusion.samplers import sample
 from dancediff.diffusion.schedule import abar_at, cosine_abar
-from dancediff.extensions.constraint import Constraint, covariance
+from dancediff.extensions.constraint import Conditioning, Constraint, covariance
 from dancediff.extensions.preconditioning import Preconditioning, dct_matrix
 
 ABAR = cosine_abar()
@@ -51,7 +52,7 @@ def draw(constraint, b=3000, **options):
         generator=gen(1),
         dtype=torch.float64,
         clamp=None,
-        bend=lambda x, a: constraint.bend(x, a, SPREAD),
+        hooks=[Conditioning(SPREAD, [constraint])],
         **options,
     )[:, 0, :, 0]
 
@@ -74,7 +75,7 @@ def test_the_bent_guess_is_the_conditional_mean():
     a = abar_at(ABAR, t)
     x_t = a**0.5 * x_0 + (1 - a) ** 0.5 * eps
     y = x_0[0, 0, frames, 0]
-    bent = known_at(frames, y[:, None]).bend(exact()(x_t[:1], t), a, SPREAD)[0, 0, :, 0]
+    bent = known_at(frames, y[:, None]).condition(exact()(x_t[:1], t), a, SPREAD)[0, 0, :, 0]
     # the slow way: all that is known, noisy frames and clean entries, in one equation
     A = torch.cat([a**0.5 * torch.eye(F).double(), torch.eye(F).double()[frames]])
     noise = torch.cat([torch.full((F,), 1 - a), torch.full((4,), 1e-12)]).double()
@@ -105,18 +106,20 @@ def test_pasting_alone_leaves_a_jump():
             exact(), (400, 1, F, 1), abar=ABAR, generator=gen(2), pin=pin, clamp=None,
             dtype=torch.float64, **options,
         )  # fmt: skip
+        x = torch.cat([known, x[:, :, 30:]], 2)
         speed = x.diff(dim=2).square().mean((0, 1, 3)).sqrt()
         return float(speed[29] / natural[29])
 
-    def bend(x, a):  # every draw has known frames of its own
-        rows = [known_at(torch.arange(22, 30), k[0, 22:]) for k in known]
-        together = Constraint(
-            *(torch.cat([getattr(r, n) for r in rows]) for n in ("mask", "value"))
-        )
-        return together.bend(x.transpose(0, 1), a, SPREAD).transpose(0, 1)
+    class Hook:
+        def apply(self, x, a):  # every draw has known frames of its own
+            rows = [known_at(torch.arange(22, 30), k[0, 22:]) for k in known]
+            together = Constraint(
+                *(torch.cat([getattr(r, n) for r in rows]) for n in ("mask", "value"))
+            )
+            return together.condition(x.transpose(0, 1), a, SPREAD).transpose(0, 1)
 
     assert seam_over_natural() > 2
-    assert seam_over_natural(bend=bend) < 1.15
+    assert seam_over_natural(hooks=[Hook()]) < 1.15
 
 
 def test_slack_gives_way():
@@ -133,34 +136,41 @@ def test_many_dancers_and_features_at_once_equal_one_at_a_time():
     value, slack = torch.rand(2, 3, F, 4, generator=draw, dtype=torch.float64)
     spread = SPREAD * torch.tensor([1.0, 0.3, 0.1, 2.0])
     x = torch.randn(2, 3, F, 4, generator=draw, dtype=torch.float64)
-    together = Constraint(mask, value, slack).bend(x, 0.4, spread)
+    together = Constraint(mask, value, slack).condition(x, 0.4, spread)
     for n in range(3):
         for d in range(4):
             one = (slice(n, n + 1), slice(None), slice(d, d + 1))
             alone = Constraint(mask[one], value[one], slack[one])
-            bent = alone.bend(x[:, n : n + 1, :, d : d + 1], 0.4, spread[:, d : d + 1])
+            bent = alone.condition(x[:, n : n + 1, :, d : d + 1], 0.4, spread[:, d : d + 1])
             torch.testing.assert_close(together[:, n, :, d], bent[:, 0, :, 0])
 
 
 def test_nothing_known_changes_nothing():
     x = torch.randn(1, 1, F, 1, generator=gen())
     nothing = Constraint(torch.zeros(1, F, 1, dtype=torch.bool), torch.zeros(1, F, 1))
-    assert torch.equal(nothing.bend(x, 0.5, SPREAD), x)
-    assert x.dtype == nothing.bend(x, 0.5, SPREAD).dtype
+    assert torch.equal(nothing.condition(x, 0.5, SPREAD), x)
+    assert x.dtype == nothing.condition(x, 0.5, SPREAD).dtype
+
+
+def segment(start=30, n=1, order=(0,), context=None):
+    shape = (n, 30, 1)
+    return Segment(0, start, shape, torch.tensor(order), torch.zeros(shape), context)
 
 
 def test_windows_orders_and_unions():
     a, b = known_at(torch.tensor([50]), 1.0), known_at(torch.tensor([50, 55]), 2.0, slack=0.1)
-    window = b.frames(45, 75)
+    window = b.for_segment(segment(start=45))
     assert window.mask.nonzero()[:, 1].tolist() == [5, 10] and window.mask.shape == (1, 30, 1)
-    assert not b.frames(60, 90).mask.any()
+    assert not b.for_segment(segment(start=60)).mask.any()
+    danced = b.for_segment(segment(start=45, context=torch.zeros(1, 6, 1)))
+    assert danced.mask.nonzero()[:, 1].tolist() == [10]
     both = a.over(b)
     assert both.value[0, [50, 55], 0].tolist() == [1.0, 2.0]
-    assert both.looseness[0, [50, 55], 0].tolist() == pytest.approx([0.0, 0.1])
+    assert both.slack[0, [50, 55], 0].tolist() == pytest.approx([0.0, 0.1])
     pair = Constraint(
         *(torch.cat(p) for p in zip((a.mask, a.value), (b.mask, b.value), strict=True))
     )
-    assert pair.dancers(torch.tensor([1, 0])).value[0, 55, 0] == 2.0
+    assert pair.for_segment(segment(n=2, order=[1, 0])).value[0, 25, 0] == 2.0
 
 
 def test_errors():

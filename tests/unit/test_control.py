@@ -9,9 +9,9 @@ from dancediff.extensions.control import (
     StartAt,
     WalkAlong,
     combine,
+    final_order,
+    initial_order,
     normalized,
-    numbers_at_start,
-    order_at_end,
 )
 from dancediff.motion.representation import TCDIFFPP, Normalizer
 
@@ -24,7 +24,7 @@ def dance():
 
 
 def known(control, n=2, frames=120):
-    return control.known(n, frames, 30.0)
+    return control.constraint(n, frames, 30.0)
 
 
 def test_formations_fix_the_floor_plane_of_one_frame():
@@ -101,13 +101,13 @@ def test_normalized_scales_values_and_slack():
 
 def test_numbers_and_orders_follow_from_places():
     c = combine([StartAt([(1, 0), (-1, 0), (0, 0)]), EndAt([(0, 0), (1, 0), (2, 0)])], 3, 90, 30.0)
-    assert numbers_at_start(c).tolist() == [1, 2, 0]
-    assert order_at_end(c).tolist() == [0, 1, 2]
+    assert initial_order(c).tolist() == [1, 2, 0]
+    assert final_order(c).tolist() == [0, 1, 2]
     some = combine([WalkAlong(0, [(0, 0, 0)]), WalkAlong(2, [(0, 1, 0)])], 3, 90, 30.0)
-    assert numbers_at_start(some) is None and order_at_end(some) is None
+    assert initial_order(some) is None and final_order(some) is None
     wrong = combine([WalkAlong(0, [(0, 2, 0)]), WalkAlong(2, [(0, 1, 0)])], 3, 90, 30.0)
     with pytest.raises(ValueError, match="do not rise from left to right"):
-        numbers_at_start(wrong)
+        initial_order(wrong)
 
 
 @pytest.mark.parametrize(

@@ -35,7 +35,7 @@ def cues(segments=2, f=64, *, sampler="ddim", steps=10, **options):
     return CueGuidance(value, hard, soft, ABAR, times, **options)
 
 
-def dance(guidance, denoise=lambda x, t: 0.7 * x, *, seed=0, eta=1.0, sampler="ddim", bend=None):
+def dance(guidance, denoise=lambda x, t: 0.7 * x, *, seed=0, eta=1.0, sampler="ddim", hooks=()):
     x_T = row_noise(guidance.value, gens(len(guidance.value), seed))
     return sample(
         denoise,
@@ -47,7 +47,7 @@ def dance(guidance, denoise=lambda x, t: 0.7 * x, *, seed=0, eta=1.0, sampler="d
         generator=torch.Generator().manual_seed(seed),
         x_T=x_T,
         pin=guidance,
-        bend=bend,
+        hooks=hooks,
     )
 
 
@@ -181,7 +181,7 @@ def edge(x):
 def test_bending_runs_into_the_borders_without_a_jump():
     still = lambda x, t: torch.zeros_like(x)  # noqa: E731
     pasted = dance(cues(soft=0), still)
-    bent = dance(guidance := cues(soft=0, spread=spread()), still, bend=guidance.bend)
+    bent = dance(guidance := cues(soft=0, spread=spread()), still, hooks=[guidance])
     assert pasted[:, :, 7:].diff(dim=1).abs().max() == pytest.approx(0.8)
     assert bent[:, :, 7:].diff(dim=1).abs().max() < 0.2
     assert edge(bent) < edge(pasted) / 4
@@ -190,27 +190,27 @@ def test_bending_runs_into_the_borders_without_a_jump():
 def test_bending_leaves_the_root_and_a_guess_that_is_right():
     guidance = cues(spread=spread(), bend_soft=True)
     x = torch.randn_like(guidance.value)
-    bent = guidance.bend(x, 0.5)
+    bent = guidance.apply(x, 0.5)
     torch.testing.assert_close(bent[..., LODGE.root], x[..., LODGE.root])
     assert (bent - x)[..., 7:].abs().max() > 0.1
-    torch.testing.assert_close(guidance.bend(guidance.value, 0.5), guidance.value)
-    assert torch.equal(cues().bend(x, 0.5), x)  # no spread: the paper's
+    torch.testing.assert_close(guidance.apply(guidance.value, 0.5), guidance.value)
+    assert torch.equal(cues().apply(x, 0.5), x)  # no spread: the paper's
 
 
 def test_home_is_where_segments_end_and_nothing_else_of_the_root():
     home = torch.full((LODGE.dim,), 0.25)
     away = cues(soft=0, spread=spread(), home=home)
     walk = torch.linspace(0, 3, 64)[None, :, None].expand(2, 64, LODGE.dim)
-    for guess in (away.bend(walk, 0.5), dance(away, lambda x, t: walk, bend=away.bend)):
+    for guess in (away.apply(walk, 0.5), dance(away, lambda x, t: walk, hooks=[away])):
         assert (guess[:, [0, -1]][..., LODGE.floor] - 0.25).abs().max() < 1e-3
         assert guess[:, :, LODGE.floor].diff(dim=1).abs().max() < 0.2, (
             "the whole way turns, no jump"
         )
     height = LODGE.root.start + 1
-    assert torch.equal(away.bend(walk, 0.5)[..., height], walk[..., height])
-    assert (cues(soft=0, spread=spread()).bend(walk, 0.5)[:, -1, LODGE.floor] == 3).all()
-    first = cues(1, soft=0, spread=spread(), home=home).bend(walk[:1], 0.5)
-    assert torch.allclose(first, away.bend(walk, 0.5)[:1])
+    assert torch.equal(away.apply(walk, 0.5)[..., height], walk[..., height])
+    assert (cues(soft=0, spread=spread()).apply(walk, 0.5)[:, -1, LODGE.floor] == 3).all()
+    first = cues(1, soft=0, spread=spread(), home=home).apply(walk[:1], 0.5)
+    assert torch.allclose(first, away.apply(walk, 0.5)[:1])
 
 
 def test_soft_cues_bend_in_the_steps_in_which_they_are_held():
@@ -218,7 +218,7 @@ def test_soft_cues_bend_in_the_steps_in_which_they_are_held():
     x, soft = torch.zeros_like(guidance.value), guidance.soft_only
 
     def held(cues, t):
-        return bool((cues.bend(x, float(ABAR[t]))[soft] - 0.8).abs().max() < 1e-3)
+        return bool((cues.apply(x, float(ABAR[t]))[soft] - 0.8).abs().max() < 1e-3)
 
     assert [held(guidance, t) for t in guidance.times[:-1]] == [True] * 5 + [False] * 5
     only_hard = cues(soft=0.5, spread=spread())

@@ -1,12 +1,12 @@
-"""Planting: which guesses of a sampler get planted feet, and what stays as it was asked for."""
+"""Foot contact: which guesses of a sampler get planted feet, and what stays as it was asked for."""
 
 import pytest
 import torch
 
 import dancediff as dd
-from dancediff.extensions.constraint import Constraint
 from dancediff.extensions.control import Keep
-from dancediff.extensions.foot_contact_projection import Planting, held
+from dancediff.extensions.foot_contact_projection import LEGS, foot_contact_hook
+from dancediff.extensions.projection import Fixed
 from dancediff.metrics.physical import fsr
 from dancediff.motion.foot_locking import plant_feet
 from dancediff.motion.ground import stand_on_floor
@@ -29,10 +29,10 @@ def dance_with():
 def test_guesses_that_are_mostly_noise_stay():
     norm = Normalizer(-2 * torch.ones(151), torch.ones(151))
     x = torch.randn(1, 2, 20, 151, generator=torch.Generator().manual_seed(0))
-    assert torch.equal(Planting(norm)(x, abar=0.49), x)
+    assert torch.equal(foot_contact_hook(norm).apply(x, abar=0.49), x)
     calm = limit_travel(limit_turns(norm.unnormalize(x)))
     wanted = norm.normalize(plant_feet(stand_on_floor(calm)))
-    assert torch.equal(Planting(norm)(x, abar=0.5), wanted)
+    assert torch.equal(foot_contact_hook(norm).apply(x, abar=0.5), wanted)
 
 
 def test_legs_are_held_where_any_of_their_rotations_is_known():
@@ -40,11 +40,13 @@ def test_legs_are_held_where_any_of_their_rotations_is_known():
     mask[0, 4, KNEE] = True
     mask[1, 3, TCDIFFPP.root] = True  # a place alone does not hold a leg
     mask[1, 5, [TCDIFFPP.root.start, TCDIFFPP.root.start + 2]] = True  # a path leaves the height
-    known = held(Constraint(mask, torch.zeros(mask.shape)), 2, n=2, f=6)
-    assert known["legs"].int().tolist() == [[1, 1, 0, 0, 1, 0], [1, 1, 0, 0, 0, 0]]
-    assert known["turns"].int().tolist() == known["legs"].int().tolist()
-    assert known["height"].int().tolist() == [[1, 1, 0, 0, 0, 0], [1, 1, 0, 1, 0, 0]]
-    assert known["places"].int().tolist() == [[1, 1, 0, 0, 0, 0], [1, 1, 0, 1, 0, 1]]
+    fixed = Fixed(mask)
+    legs = fixed.frames(TCDIFFPP.joint_channels(LEGS))
+    assert legs.int().tolist() == [[0, 0, 0, 0, 1, 0], [0, 0, 0, 0, 0, 0]]
+    assert torch.equal(fixed.frames(TCDIFFPP.rot6d), legs)
+    assert fixed.height.int().tolist() == [[0, 0, 0, 0, 0, 0], [0, 0, 0, 1, 0, 0]]
+    assert fixed.place.int().tolist() == [[0, 0, 0, 0, 0, 0], [0, 0, 0, 1, 0, 1]]
+    assert Fixed().height is None
 
 
 def test_dances_slide_less_with_planted_feet(dance_with):

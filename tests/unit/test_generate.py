@@ -7,13 +7,12 @@ import torch
 
 import dancediff as dd
 from dancediff.diffusion.conditions import Conditions
+from dancediff.extensions.autoguidance import LASTING_SHARE, ROOT_SHARE
 from dancediff.extensions.preconditioning import dct_matrix
 from dancediff.generation.generate import (
     AUTOGUIDANCE,
-    LASTING,
-    ROOT_SHARE,
+    binder,
     cut_music,
-    denoise_segments,
     largest_guess,
 )
 from dancediff.generation.request import Wish
@@ -341,13 +340,12 @@ def test_autoguidance_pushes_what_the_sampler_sees():
     x_t = torch.randn(1, 2, 150, 151, generator=torch.Generator().manual_seed(0))
     M, S = torch.zeros(1, 150, 35), torch.tensor([[1, 0]])
     with torch.inference_mode():
-        plain, pushed = (
-            denoise_segments(model, 2.0, autoguidance=w)(x_t, 500, M, S) for w in (1, 1.3)
-        )
-        linear = model.linear_guess(x_t, torch.tensor([500]), Conditions(M, S))
+        given = Conditions(M, swap=S)
+        plain, pushed = (binder(model, 2.0, autoguidance=w)(given)(x_t, 500) for w in (1, 1.3))
+        linear = model.linear_guess(x_t, torch.tensor([500]), given)
     w = torch.full((151,), 1.3)
     w[4:7] = 1 + 0.3 * ROOT_SHARE  # where dancers go is pushed less
     d = plain - linear
-    d = d - (1 - LASTING) * d.mean(2, keepdim=True)  # and poses that last less than movements
+    d = d - (1 - LASTING_SHARE) * d.mean(2, keepdim=True)  # and poses that last less than movements
     torch.testing.assert_close(pushed, plain + (w - 1) * d, atol=1e-5, rtol=1e-4)
     assert (plain - linear).abs().mean() > 1e-3

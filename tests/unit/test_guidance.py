@@ -2,7 +2,7 @@ import pytest
 import torch
 
 from dancediff.diffusion.conditions import Conditions
-from dancediff.diffusion.guidance import autoguided, guided, off_at_the_end, ramp_up
+from dancediff.diffusion.guidance import guided, off_at_the_end, ramp_up
 from dancediff.diffusion.samplers import ddim_times
 
 M = torch.randn(2, 6, 35, generator=torch.Generator().manual_seed(0))
@@ -76,32 +76,3 @@ def test_ramp_up_is_edges_long_ddim_rule():
 def test_negative_weight():
     with pytest.raises(ValueError, match="guidance=-1"):
         guided(Fake(), Conditions(M, S), -1)(X, 7)
-
-
-# ---- autoguidance ----
-
-
-def test_autoguidance_pushes_away_from_the_linear_guess():
-    push = autoguided(lambda x, t, m: 2 * x + m, lambda x, t, m: x, 1.5)
-    torch.testing.assert_close(push(X, 5, 1.0), X + 1.5 * (X + 1.0))
-
-
-def test_what_lasts_is_pushed_less():
-    """The mean over the frames has a share of the push, the rest all of it; both together agree."""
-    push = autoguided(lambda x, t: 3 * x, lambda x, t: x, 1.5, lasting=0.25)
-    x, mean = push(X, 5), X.mean(-2, keepdim=True)
-    torch.testing.assert_close(x.mean(-2, keepdim=True), (3 + 0.5 * 0.25 * 2) * mean)
-    torch.testing.assert_close(x - x.mean(-2, keepdim=True), (3 + 0.5 * 2) * (X - mean))
-
-
-def test_a_weight_of_one_asks_no_linear_guess():
-    def never(x, t):
-        raise AssertionError("not needed")
-
-    assert autoguided(torch.add, never, 1) is torch.add
-
-
-def test_a_weight_below_one_would_smooth_and_is_refused():
-    for weight in (0.9, float("nan")):
-        with pytest.raises(ValueError, match="autoguidance"):
-            autoguided(torch.add, torch.add, weight)

@@ -5,8 +5,8 @@ import torch
 
 import dancediff as dd
 from dancediff.extensions.collision_avoidance import SLACK
-from dancediff.extensions.constraint import Bending, Constraint
-from dancediff.extensions.order_constraint import GAP, Order, X, in_order
+from dancediff.extensions.constraint import Conditioning, Constraint
+from dancediff.extensions.order_constraint import GAP, OrderConstraint, X, in_order
 from dancediff.generation.generate import generate
 from dancediff.metrics.swaps import obeys
 from dancediff.motion.representation import Normalizer
@@ -23,10 +23,11 @@ def ending_at(*places) -> torch.Tensor:
     return x
 
 
-def bending(S, told=None):
+def ordered(x, abar, S, *before):
     norm = Normalizer(-torch.ones(151), torch.ones(151))
     spread = 4.0 / (1 + torch.arange(F, dtype=torch.float32)[:, None]) ** 1.5
-    return Bending(spread.expand(F, 151), told, (Order(norm, torch.tensor(S)),))
+    sources = [*before, OrderConstraint(norm, torch.tensor(S))]
+    return Conditioning(spread.expand(F, 151), sources).apply(x, abar)
 
 
 def test_places_are_the_nearest_in_order():
@@ -44,12 +45,12 @@ def test_places_are_the_nearest_in_order():
 
 def test_who_is_in_order_is_left_alone():
     x = ending_at(1.0, -1.0, 0.0)
-    assert torch.equal(bending([1, 2, 0])(x, 0.5), x)
+    assert torch.equal(ordered(x, 0.5, [1, 2, 0]), x)
 
 
 def test_a_noisy_guess_ends_in_order_and_its_path_turns_slowly():
     x = ending_at(-1.0, 1.0)
-    bent = bending([1, 0])(x, 0.3)
+    bent = ordered(x, 0.3, [1, 0])
     ends = bent[0, :, -1, X]
     assert ends[0] - ends[1] > GAP - 2 * SLACK
     steps = bent[0, :, :, X].diff(dim=1)
@@ -60,15 +61,15 @@ def test_a_noisy_guess_ends_in_order_and_its_path_turns_slowly():
 
 def test_pure_noise_and_a_sure_guess_are_not_moved():
     x = ending_at(-1.0, 1.0)
-    assert torch.equal(bending([1, 0])(x, 0.01), x)
-    assert (bending([1, 0])(x, 1 - 1e-7) - x).abs().max() < SLACK
+    assert torch.equal(ordered(x, 0.01, [1, 0]), x)
+    assert (ordered(x, 1 - 1e-7, [1, 0]) - x).abs().max() < SLACK
 
 
 def test_what_is_told_is_kept():
     x = ending_at(-1.0, 1.0)
     mask = torch.zeros_like(x[0], dtype=torch.bool)
     mask[0, :, X] = True  # the left one may not move
-    bent = bending([1, 0], Constraint(mask, x[0].clone()))(x, 0.3)
+    bent = ordered(x, 0.3, [1, 0], Constraint(mask, x[0].clone()))
     assert torch.allclose(bent[0, 0], x[0, 0], atol=1e-3)
     assert bent[0, 1, -1, X] < x[0, 1, -1, X] - 0.5
 

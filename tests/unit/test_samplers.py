@@ -6,7 +6,6 @@ import pytest
 import torch
 from scipy.integrate import solve_ivp
 
-from dancediff.diffusion.pinning import Pinning
 from dancediff.diffusion.samplers import (
     ddim_step,
     ddim_times,
@@ -144,50 +143,6 @@ def test_guesses_are_cut():
     assert halved.unique().tolist() == [3.5]
 
 
-def test_resample_repeats_every_step_but_the_last():
-    calls = []
-    denoise = lambda x_t, t: calls.append(t) or shrink(x_t, t)  # noqa: E731
-    sample(denoise, SHAPE, abar=ABAR, steps=4, resample=3)
-    assert calls == [999] * 3 + [749] * 3 + [499] * 3 + [249]
-
-
-def test_resample_returns_to_the_noise_level_it_left():
-    stds = []
-    x0 = torch.full((1, 1, 200, 100), 0.5)
-
-    def denoise(x_t, t):
-        stds.append((t, float(x_t.std())))
-        return x0
-
-    sample(denoise, x0.shape, abar=ABAR, steps=4, resample=2, generator=gen())
-    for t, std in stds:
-        assert std == pytest.approx(math.sqrt(1 - float(ABAR[t])), rel=0.03)
-
-
-def test_resample_lets_the_free_frames_follow_the_pinned_ones():
-    # Data: one random number, the same in all frames. The exact denoiser averages the evidence.
-    def denoise(x_t, t):
-        snr = float(ABAR[t] / (1 - ABAR[t]))
-        mean = x_t.mean(dim=2, keepdim=True) / math.sqrt(float(ABAR[t]))
-        return (mean * snr * 8 / (snr * 8 + 1)).expand_as(x_t)
-
-    def gap(resample):
-        known = torch.full((400, 1, 4, 1), 0.8)
-        x = sample(
-            denoise,
-            (400, 1, 8, 1),
-            abar=ABAR,
-            steps=20,
-            generator=gen(),
-            pin=Pinning(known, ABAR, generator=gen(1)),
-            resample=resample,
-            clamp=None,
-        )
-        return float((x[:, :, 4:] - 0.8).abs().mean())
-
-    assert gap(8) < 0.8 * gap(1)
-
-
 def test_dtype_is_kept():
     x = sample(shrink, SHAPE, abar=ABAR, steps=3, generator=gen(), dtype=torch.float64)
     assert x.dtype == torch.float64 and not x.requires_grad
@@ -196,7 +151,6 @@ def test_dtype_is_kept():
 def test_sample_errors():
     for options, match in [
         ({"sampler": "euler"}, "sampler='euler'"),
-        ({"resample": 0}, "resample=0"),
         ({"steps": 0}, "steps=0"),
         ({"eta": 2.0}, "eta=2.0"),
         ({"x_T": torch.zeros(1, 2, 3, 4)}, "x_T"),

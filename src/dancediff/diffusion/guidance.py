@@ -62,45 +62,6 @@ def guided(
     return denoise_guided
 
 
-def autoguided(
-    denoise: Callable, linear: Callable, weight: float | Tensor, *, lasting: float = 1.0
-) -> Callable:
-    r"""Push every guess away from that of a bad version of the network: the linear guess.
-
-    $$\hat x_0 \leftarrow \hat x_0 + (w - 1)\,\big(d - (1 - \text{lasting})\,\overline{d}\big),
-      \quad d = \hat x_0 - \hat x_0^{lin}$$
-
-    A network that has not learned all there is to know stays too near to the best guess without
-    knowledge of dance, and its dances too near to the mean. What it does know is exaggerated here.
-    The mean $\overline d$ over the frames is what lasts: with ``lasting`` below 1, movements are
-    pushed further than the pose that they are about.
-
-    Source: Karras et al. 2024, "Guiding a Diffusion Model with a Bad Version of Itself".  Differs:
-    the bad version is the linear guess of `dancediff.extensions.preconditioning`, which costs
-    nothing.
-
-    Shapes: denoise(x_t, t, ...), linear(x_t, t, ...) -> x0_hat (..., f, d), weight a
-    number or (d,).
-    Raises: ValueError for a weight below 1, which would smooth instead.
-
-    >>> push = autoguided(lambda x_t, t: x_t + 2, lambda x_t, t: x_t, 1.5)
-    >>> push(torch.zeros(1, 1), 10).item()
-    3.0
-    """
-    w = torch.as_tensor(weight)
-    if not (w >= 1).all():
-        raise ValueError(f"autoguidance={weight} must be at least 1; 1 switches it off")
-    if (w == 1).all():
-        return denoise
-
-    def pushed(x_t: Tensor, t: int, *more) -> Tensor:
-        guess = denoise(x_t, t, *more)
-        d = guess - linear(x_t, t, *more)
-        return guess + (weight - 1) * (d - (1 - lasting) * d.mean(-2, keepdim=True))
-
-    return pushed
-
-
 def off_at_the_end(guidance: float, num_steps: int = 1000) -> Callable[[int], float]:
     r"""EDGE's weight for DDPM: no exaggeration in the last tenth, where details are set.
 

@@ -13,14 +13,24 @@ The steps are pure functions that never see a network; `sample` is the loop arou
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import pairwise
+from typing import Protocol
 
 import torch
 from torch import Tensor
 
 from dancediff.diffusion.pinning import Pinning
 from dancediff.diffusion.schedule import Generators, abar_at, cosine_abar, gaussian, send
+
+
+class GuessHook(Protocol):
+    """Changes every guess of a sampler before the next step is made from it."""
+
+    def apply(self, x0_hat: Tensor, abar: float) -> Tensor:
+        """Another guess; x0_hat is on the CPU, ``abar`` the signal power at its step."""
+        ...
+
 
 SAMPLERS = ("dpm", "ddim", "ddpm")
 LOUDEST = -4.5  # half log of signal over noise, where "dpm" begins: 0.01 % of the power is signal
@@ -236,16 +246,19 @@ def _noise(sigma: float, like: Tensor, generator: Generators) -> Tensor | float:
     return sigma * gaussian(like.shape, generator=generator, device=like.device, dtype=like.dtype)
 
 
-def _forward(x: Tensor, t: int, t_later: int, abar: Tensor, generator: Generators) -> Tensor:
-    """Noise x from step t up to ``t_later`` (RePaint's way to repeat a step)."""
-    a = abar_at(abar, t_later) / abar_at(abar, t)
-    return math.sqrt(a) * x + _noise(math.sqrt(1 - a), x, generator)
-
-
 def _cut(x0_hat: Tensor, clamp) -> Tensor:
     if clamp is None:
         return x0_hat
     return clamp(x0_hat) if callable(clamp) else x0_hat.clamp(-clamp, clamp)
+
+
+def _hooked(x0_hat: Tensor, hooks: Sequence[GuessHook], abar: float) -> Tensor:
+    if not hooks:
+        return x0_hat
+    x = x0_hat.cpu()
+    for hook in hooks:
+        x = hook.apply(x, abar)
+    return send(x, x0_hat.device)
 
 
 def _first(x_T: Tensor | None, shape: tuple, generator: Generators) -> Tensor:
@@ -268,8 +281,7 @@ def sample(
     generator: Generators = None,
     x_T: Tensor | None = None,
     pin: Pinning | None = None,
-    bend: Callable[[Tensor, float], Tensor] | None = None,
-    resample: int = 1,
+    hooks: Sequence[GuessHook] = (),
     clamp: float | Callable[[Tensor], Tensor] | None = 1.0,
     callback: Callable[[int, int, Tensor], None] | None = None,
     device: torch.device | str = "cpu",
@@ -285,25 +297,20 @@ def sample(
     - ``sampler``: "dpm" or "ddim" (``steps``, ``eta``), or "ddpm" (always all T steps).
     - ``clamp``: guesses are cut at +- this, or by this function; None leaves them.
     - ``pin``: holds the first frames at known motion (`dancediff.diffusion.pinning.Pinning`).
-    - ``bend(x0_hat, abar) -> x0_hat``: brings every guess in line with what is known
-      (`dancediff.extensions.constraint.Constraint.bend`). It gets and gives tensors of the CPU:
-      it is small and asks much, and for every answer of a GPU one would have to wait.
+    - ``hooks`` change every guess, one after the other, on the CPU: their tensors are small, and a
+      GPU would have to be waited for at every branch.
     - ``generator``: one for all noise, or a list of one for each row of the batch, so that rows are
       the same whatever others are sampled with them.
-    - ``resample``: take each step this often, adding its noise back in between, so that pinned and
-      free frames have time to agree (RePaint); costs as many times the network calls.
     - ``callback(i, total, x0_hat)`` runs after step i, to draw pictures or a progress bar.
 
     Shapes: shape = (b, n, f, d); x_T like it, or None to draw it -> x_0 (b, n, f, d).
-    Raises: ValueError for an unknown sampler, or steps, eta, resample or x_T out of range.
+    Raises: ValueError for an unknown sampler, or steps, eta or x_T out of range.
 
     >>> from dancediff.diffusion.schedule import cosine_abar
     >>> x_0 = torch.rand(1, 2, 3, 4)
     >>> torch.equal(sample(lambda x_t, t: x_0, x_0.shape, abar=cosine_abar(), steps=5), x_0)
     True
     """
-    if resample < 1:
-        raise ValueError(f"resample={resample} must be at least 1, the number of tries a step")
     abar = abar.detach().cpu()  # its entries are read as numbers: no wait for a GPU at every step
     times = sampling_times(sampler, steps, abar)
     x = _first(x_T, tuple(shape), generator).to(device=device, dtype=dtype)
@@ -311,21 +318,16 @@ def sample(
         x = pin.start(x)
     before = None
     for i, (t, t_next) in enumerate(pairwise(times)):
-        for again in range(resample if t_next >= 0 else 1):
-            if again:
-                x = _forward(x, t_next, t, abar, generator)
-            x0_hat = _cut(denoise(x, t), clamp)
-            if bend is not None:
-                x0_hat = send(bend(x0_hat.cpu(), abar_at(abar, t)), x.device)
-            if sampler == "ddpm":
-                x = ddpm_step(x, x0_hat, t, abar, generator=generator)
-            elif sampler == "dpm":
-                how = {"before": before, "eta": eta, "generator": generator}
-                x = dpm_step(x, x0_hat, t, t_next, abar, **how)
-            else:
-                x = ddim_step(x, x0_hat, t, t_next, abar, eta=eta, generator=generator)
-            if pin is not None:
-                x = pin(x, t_next)
+        x0_hat = _hooked(_cut(denoise(x, t), clamp), hooks, abar_at(abar, t))
+        if sampler == "ddpm":
+            x = ddpm_step(x, x0_hat, t, abar, generator=generator)
+        elif sampler == "dpm":
+            how = {"before": before, "eta": eta, "generator": generator}
+            x = dpm_step(x, x0_hat, t, t_next, abar, **how)
+        else:
+            x = ddim_step(x, x0_hat, t, t_next, abar, eta=eta, generator=generator)
+        if pin is not None:
+            x = pin(x, t_next)
         before = (x0_hat, t)
         if callback is not None:
             callback(i, len(times) - 1, x0_hat)

@@ -4,7 +4,8 @@ import torch
 
 from dancediff.exercises.exercise import Exercise
 from dancediff.exercises.shared import unlike
-from dancediff.extensions.preconditioning import Preconditioning, dct_matrix
+from dancediff.extensions.frequency_clip import FrequencyClip
+from dancediff.extensions.preconditioning import dct_matrix
 
 
 def _guide(denoiser, x_t, w):
@@ -21,11 +22,8 @@ def _hears(x_t, music):
     return 0.5 * x_t + 1 if music else 0.3 * x_t - 2
 
 
-def _within(x, mean, spread, C):
-    known = Preconditioning(*x.shape)
-    known.mean.copy_(mean)
-    known.spread.copy_(spread)
-    return known.within(x)
+def _within(x, mean, std, C):
+    return FrequencyClip(mean, std)(x)
 
 
 def _wild_guesses() -> list[tuple]:

@@ -1,4 +1,4 @@
-r"""Spacing: while a dance is sampled, dancers who would run into each other make room.
+r"""Collision avoidance: while a dance is sampled, dancers who would collide make room.
 
 Read first: notebook 10 · `dancediff.extensions.constraint` · `dancediff.metrics.collision`.
 
@@ -7,9 +7,9 @@ Symbols (axes: n dancers · f frames · j joints · p pairs of dancers)
     way     unit vector on the floor along which a pair parts                     (p, f, 2)
     push    how far a dancer is asked to step aside, metres                       (n, f, 2)
 
-A guess in which two bodies overlap is bent as if somebody had asked both to stand a little further
-apart there. The bend is that of any `Constraint`: wide while there is much noise, so that a whole
-path or place is moved, and nothing at the end, where the network has settled what feet do.
+Where two bodies of a guess overlap, the guess is conditioned on both standing a little further
+apart: a whole path or place moves while there is much noise, and nothing at the end, where the
+network has settled what feet do.
 """
 
 from dataclasses import dataclass
@@ -18,15 +18,15 @@ import torch
 from torch import Tensor
 
 from dancediff.axes import ON_FLOOR
+from dancediff.diffusion.long_sampling import Segment
 from dancediff.extensions.constraint import Constraint
 from dancediff.metrics.collision import CAPSULES
 from dancediff.motion.representation import TCDIFFPP, Normalizer, joints_of
 from dancediff.motion.skeleton import SMPL24
 
-SPACING = ("kept", "free")
 ROOM = 0.15  # metres left between two joints, girths apart; between joints a limb has none
 SLACK = 0.012  # metres: once guesses are surer than this, nobody is moved any more
-MORE_SIGNAL = 0.03  # abar from which a guess says where somebody stands
+SAYS_WHERE = 0.03  # abar from which a guess says where somebody stands
 EVERY = 5  # frames between those that are looked at
 PASSING = 0.5  # m/s: who passes another faster than this steps aside, not back
 INSIDE = {"belly": "abdomen", "lhand": "left hand", "rhand": "right hand"}  # no capsule ends there
@@ -79,31 +79,36 @@ def pushes(joints: Tensor, fps: float = 30.0) -> Tensor:
 
 
 @dataclass(frozen=True)
-class Spacing:
-    """A rule of `Bending`: where two are too near, both are asked to step aside.
+class CollisionAvoidance:
+    """A `Source` of `Conditioning`: where two are too near, both are asked to step aside.
 
     >>> two = torch.zeros(2, 30, 151)
     >>> two[1, ..., X] = 0.2                                     # metres: far too near
-    >>> Spacing(Normalizer(-torch.ones(151), torch.ones(151)))(two, 0.5).mask.any(-1).sum().item()
+    >>> hook = CollisionAvoidance(Normalizer(-torch.ones(151), torch.ones(151)))
+    >>> hook.at(two, 0.5).mask.any(-1).sum().item()
     12
     """
 
     normalizer: Normalizer
 
-    def __call__(self, x: Tensor, abar: float) -> Constraint | None:
+    def for_segment(self, segment: Segment) -> "CollisionAvoidance":
+        """The same for every segment."""
+        return self
+
+    def at(self, guess: Tensor, abar: float) -> Constraint | None:
         """Where everybody is asked to stand (n, f, d), or None if there is room."""
-        if abar <= MORE_SIGNAL or len(x) < 2:
+        if abar <= SAYS_WHERE or len(guess) < 2:
             return None
-        part = self.normalizer.unnormalize(x[:, ::EVERY])
+        part = self.normalizer.unnormalize(guess[:, ::EVERY])
         push = pushes(joints_of(part, TCDIFFPP), fps=30 / EVERY)
         if not push.any():
             return None
-        moved = torch.zeros(x.shape[:2], dtype=torch.bool, device=x.device)
+        moved = torch.zeros(guess.shape[:2], dtype=torch.bool)
         moved[:, ::EVERY] = push.abs().sum(-1) > 0
-        mask = torch.zeros_like(x, dtype=torch.bool)
+        mask = torch.zeros_like(guess, dtype=torch.bool)
         mask[..., X] = mask[..., Z] = moved
-        scale = self.normalizer.scale.to(x)
-        value = x.clone()
+        scale = self.normalizer.scale.to(guess)
+        value = guess.clone()
         value[:, ::EVERY, X] += push[..., 0] / scale[X]
         value[:, ::EVERY, Z] += push[..., 1] / scale[Z]
-        return Constraint(mask, value, torch.full_like(x, SLACK) / scale)
+        return Constraint(mask, value, torch.full_like(guess, SLACK) / scale)

@@ -1,4 +1,4 @@
-r"""Constraints: what is known about a dance before it is sampled.
+r"""Constraints: what is known about a dance before it is sampled, and guesses conditioned on it.
 
 Read first: notebook 10 · Song et al. 2023 ("Pseudoinverse-guided diffusion models") eq. 7.
 
@@ -6,18 +6,20 @@ Symbols (axes: n dancers · f frames · d motion features, normalised · k frequ
     mask     which entries are known                                   (n, f, d) bool
     value    what they are                                             (n, f, d)
     slack    how far off they may be, as a standard deviation          (n, f, d)
-    spread   of each frequency over the training set                   (k, d)
+    std      of each frequency over the training set                   (k, d)
     cov      covariance of what a guess still misses, between all frames and the known ones
                                                                        (d, f, c)
 """
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Protocol
 
 import torch
 from torch import Tensor
 
+from dancediff.diffusion.long_sampling import Segment
 from dancediff.extensions.preconditioning import dct_matrix, linear_coefficients
 from dancediff.lookup import table
 
@@ -28,7 +30,7 @@ JITTER = 1e-9  # of the largest variance; keeps the equations solvable where fra
 class Constraint:
     r"""Known entries of a dance, in normalised features; everything else is free.
 
-    The network's guess is bent to the known entries in the way a dance could really bend:
+    A guess is conditioned on the known entries, as a Gaussian whose mean it is:
 
     $$\hat x_0 \leftarrow \hat x_0 + \Sigma_t A^\top (A \Sigma_t A^\top + \text{slack}^2)^{-1}
       (y - A \hat x_0)$$
@@ -36,8 +38,8 @@ class Constraint:
     A picks the known entries and y is what they are. $\Sigma_t$, what a guess may still miss after
     t steps of noise, is that of the linear guess (`Preconditioning`): wide and slow while noise is
     strong, narrow in the end. So a place to be at in the last frame first turns the whole path and
-    later only its end, and a frame to pass through is met without a jump. Since the bent guess is
-    what the next noisy motion is made from, the network sees the constraint and dances to it.
+    later only its end, and a frame to pass through is met without a jump. Since the next noisy
+    motion is made from the conditioned guess, the network sees the constraint and answers to it.
 
     Source: ours, after Song et al. 2023; they take $\Sigma_t$ as a multiple of the identity.
     Differs: pasting the known entries in after each step (RePaint, EDGE, the released code) leaves
@@ -49,9 +51,9 @@ class Constraint:
     >>> mask = torch.zeros(1, 150, 1, dtype=torch.bool)
     >>> mask[:, 149] = True                                    # be at 1 in the last frame
     >>> be_there = Constraint(mask, torch.ones(1, 150, 1))
-    >>> spread = 1 / (1 + torch.arange(150.0)[:, None]) ** 2   # slow parts are large
-    >>> bent = be_there.bend(torch.zeros(1, 1, 150, 1), abar=0.5, spread=spread).flatten()
-    >>> round(bent[149].item(), 4), bool(bent.diff().abs().max() < 0.05)
+    >>> std = 1 / (1 + torch.arange(150.0)[:, None]) ** 2      # slow parts are large
+    >>> x = be_there.condition(torch.zeros(1, 1, 150, 1), abar=0.5, std=std).flatten()
+    >>> round(x[149].item(), 4), bool(x.diff().abs().max() < 0.05)
     (1.0, True)
     """
 
@@ -60,9 +62,11 @@ class Constraint:
     slack: Tensor | None = None
 
     def __post_init__(self):
-        parts = {"value": self.value, "slack": self.slack}
-        for name, part in parts.items():
-            if part is not None and part.shape != self.mask.shape:
+        if self.slack is None:
+            object.__setattr__(self, "slack", torch.zeros_like(self.value))
+        for name in ("value", "slack"):
+            part = getattr(self, name)
+            if part.shape != self.mask.shape:
                 raise ValueError(
                     f"{name} has shape {tuple(part.shape)}, mask {tuple(self.mask.shape)}; "
                     "both are (n, f, d)"
@@ -70,35 +74,28 @@ class Constraint:
         if not self.value[self.mask].isfinite().all():
             raise ValueError("value has entries that are not finite where mask says they are known")
 
-    def frames(self, start: int, stop: int) -> "Constraint":
-        """The part for a window; frames beyond the end are free."""
+    def for_segment(self, segment: Segment) -> "Constraint":
+        """The part for a segment, in its rows; its context is danced already, and free."""
+        f, k = segment.shape[1], 0 if segment.context is None else segment.context.shape[1]
 
-        def cut(part: Tensor) -> Tensor:
-            inside = part[:, start:stop]
-            beyond = part.new_zeros(len(part), stop - start - inside.shape[1], part.shape[2])
-            return torch.cat([inside, beyond], 1)
+        def part(entries: Tensor) -> Tensor:
+            out = entries.new_zeros(segment.shape)
+            here = entries[segment.order, segment.start : segment.start + f]
+            out[:, k : here.shape[1]] = here[:, k:]
+            return out
 
-        return self._each(cut)
+        return Constraint(part(self.mask), part(self.value), part(self.slack))
 
-    def dancers(self, order: Tensor) -> "Constraint":
-        """The same for dancers in another order."""
-        return self._each(lambda part: part[order])
-
-    def _each(self, change) -> "Constraint":
-        slack = None if self.slack is None else change(self.slack)
-        return Constraint(change(self.mask), change(self.value), slack)
-
-    @property
-    def looseness(self) -> Tensor:
-        """``slack``, zero where none was given (n, f, d)."""
-        return torch.zeros_like(self.value) if self.slack is None else self.slack
+    def at(self, guess: Tensor, abar: float) -> "Constraint":
+        """As a `Source`: the same of every guess."""
+        return self
 
     def over(self, other: "Constraint") -> "Constraint":
         """Both; where both know an entry, this one is believed."""
         return Constraint(
             self.mask | other.mask,
             torch.where(self.mask, self.value, other.value),
-            torch.where(self.mask, self.looseness, other.looseness),
+            torch.where(self.mask, self.slack, other.slack),
         )
 
     @cached_property
@@ -108,64 +105,80 @@ class Constraint:
         n, d = self.mask.any(1).nonzero(as_tuple=True)
         if len(n) == 0:
             return []
-        rows = torch.where(self.mask, self.looseness, -1.0)[n, :, d]
+        rows = torch.where(self.mask, self.slack, -1.0)[n, :, d]
         rows, kind = rows.unique(dim=0, return_inverse=True)
         return [
             (n[kind == k], d[kind == k], (row >= 0).nonzero()[:, 0], row[row >= 0])
             for k, row in enumerate(rows)
         ]
 
-    def bend(self, x0_hat: Tensor, abar: float, spread: Tensor) -> Tensor:
-        """Bend a guess (b, n, f, d) to the known entries, at noise level ``abar``."""
+    def condition(self, x0_hat: Tensor, abar: float, std: Tensor) -> Tensor:
+        """Condition a guess (b, n, f, d), made at noise level ``abar``, on the known entries."""
         x, device = x0_hat.double(), x0_hat.device  # neighbouring frames are nearly redundant
-        bent = x.clone()
+        out = x.clone()
         for n, d, frames, slack in self.groups:
             features, place = d.unique(return_inverse=True)
-            cov = covariance(abar, spread[:, features.to(spread.device)].to(x), x.shape[2], frames)
+            cov = covariance(abar, std[:, features.to(std.device)].to(x), x.shape[2], frames)
             K = gain(cov, frames, slack.to(cov))[place.to(device)]  # (p, f, c)
             known = self.value[n, :, d][:, frames].to(x)  # (p, c)
             missed = known - x[:, n, :, d][:, :, frames].transpose(0, 1)  # (b, p, c)
-            bent[:, n, :, d] += torch.einsum("pfc,bpc->pbf", K, missed)
-        return bent.to(x0_hat)
+            out[:, n, :, d] += torch.einsum("pfc,bpc->pbf", K, missed)
+        return out.to(x0_hat)
+
+
+class Source(Protocol):
+    """Asks for something of a guess."""
+
+    def for_segment(self, segment: Segment) -> "Source | None":
+        """The same for a segment of a long dance; None where it asks for nothing there."""
+        ...
+
+    def at(self, guess: Tensor, abar: float) -> Constraint | None:
+        """What it asks of a guess (n, f, d) made at noise level ``abar``."""
+        ...
 
 
 @dataclass(frozen=True)
-class Bending:
-    """The ``bend`` of `samplers.sample`: what is told of a dance, and what its guesses call for.
+class Conditioning:
+    """The hook that conditions every guess on what ``sources`` ask for, all at once.
 
-    ``rules`` look at a guess (n, f, d) and its noise level and say what should be otherwise, as a
-    `Constraint`, or None. What is told is believed over all rules, a rule over those behind it.
+    Earlier sources are believed over later ones. ``std``: of each frequency in the training set.
 
-    >>> lift = lambda x, abar: Constraint(x < 1, torch.ones_like(x))
-    >>> bend = Bending(torch.ones(4, 1), rules=(lift,))
-    >>> bend(torch.zeros(1, 1, 4, 1), abar=0.5).flatten().round().tolist()
+    >>> mask = torch.ones(1, 4, 1, dtype=torch.bool)
+    >>> hook = Conditioning(torch.ones(4, 1), [Constraint(mask, torch.ones(1, 4, 1))])
+    >>> hook.apply(torch.zeros(1, 1, 4, 1), abar=0.5).flatten().round().tolist()
     [1.0, 1.0, 1.0, 1.0]
     """
 
-    spread: Tensor
-    told: Constraint | None = None
-    rules: tuple[Callable[[Tensor, float], Constraint | None], ...] = ()
+    std: Tensor
+    sources: Sequence[Source]
 
-    def __call__(self, x0_hat: Tensor, abar: float) -> Tensor:
-        """Bend a guess (1, n, f, d) made at noise level ``abar``; without rules any batch."""
-        asked = self.told
-        for rule in self.rules:
-            more = rule(x0_hat[0], abar)
+    def for_segment(self, segment: Segment) -> "Conditioning | None":
+        """The same for a segment of a long dance; None where nothing is asked."""
+        sources = [source.for_segment(segment) for source in self.sources]
+        sources = [source for source in sources if source is not None]
+        return Conditioning(self.std, sources) if sources else None
+
+    def apply(self, x0_hat: Tensor, abar: float) -> Tensor:
+        """Condition a guess (b, n, f, d); sources see the first row of the batch."""
+        target = None
+        for source in self.sources:
+            more = source.at(x0_hat[0], abar)
             if more is not None:
-                asked = more if asked is None else asked.over(more)
-        return x0_hat if asked is None else asked.bend(x0_hat, abar, self.spread)
+                target = more if target is None else target.over(more)
+        return x0_hat if target is None else target.condition(x0_hat, abar, self.std)
 
 
-def covariance(abar: float, spread: Tensor, f: int, frames: Tensor) -> Tensor:
+def covariance(abar: float, std: Tensor, f: int, frames: Tensor) -> Tensor:
     r"""What the linear guess still misses: how all frames vary with those given.
 
     $$\Sigma = C^\top \operatorname{diag}(c_\text{out}^2)\, C$$
 
-    Shapes: spread (k, d), frames (c,) -> columns of it (d, f, c).
+    Shapes: std (k, d), frames (c,) -> columns of it (d, f, c).
     """
-    rows = (torch.arange(f, device=spread.device) * len(spread)) // f
-    _, scale = linear_coefficients(torch.as_tensor(abar).to(spread), spread[rows])
-    C = table(dct_matrix, f, like=spread)
+    rows = (torch.arange(f, device=std.device) * len(std)) // f
+    _, scale = linear_coefficients(torch.as_tensor(abar).to(std), std[rows])
+    C = table(dct_matrix, f, like=std)
     return C.T @ (scale.T[:, :, None] ** 2 * C[:, frames])
 
 

@@ -39,8 +39,8 @@ class StartAt:
 
     places: Sequence[tuple[float, float]]
 
-    def known(self, n: int, frames: int, fps: float) -> Constraint:
-        """As entries of a dance of n dancers."""
+    def constraint(self, n: int, frames: int, fps: float) -> Constraint:
+        """Of a dance of n dancers."""
         return _formation(self.places, n, frames, 0, "start")
 
 
@@ -50,8 +50,8 @@ class EndAt:
 
     places: Sequence[tuple[float, float]]
 
-    def known(self, n: int, frames: int, fps: float) -> Constraint:
-        """As entries of a dance of n dancers."""
+    def constraint(self, n: int, frames: int, fps: float) -> Constraint:
+        """Of a dance of n dancers."""
         return _formation(self.places, n, frames, frames - 1, "end")
 
 
@@ -67,8 +67,8 @@ class WalkAlong:
     points: Sequence[tuple[float, float, float]]
     slack: float = 0.008
 
-    def known(self, n: int, frames: int, fps: float) -> Constraint:
-        """As entries of a dance of n dancers."""
+    def constraint(self, n: int, frames: int, fps: float) -> Constraint:
+        """Of a dance of n dancers."""
         from scipy.interpolate import PchipInterpolator
 
         k = _dancer(self.dancer, n)
@@ -106,8 +106,8 @@ class Keep:
     joints: Sequence[str] | str | None = None
     dancers: Sequence[int] | None = None
 
-    def known(self, n: int, frames: int, fps: float) -> Constraint:
-        """As entries of a dance of n dancers."""
+    def constraint(self, n: int, frames: int, fps: float) -> Constraint:
+        """Of a dance of n dancers."""
         if self.dance.fps != fps:
             raise ValueError(f"dance has {self.dance.fps:g} frames a second, not {fps:g}")
         who = range(self.dance.num_dancers) if self.dancers is None else self.dancers
@@ -165,11 +165,11 @@ def combine(controls: Iterable[Control], n: int, frames: int, fps: float) -> Con
     for control in controls:
         if not isinstance(control, StartAt | EndAt | WalkAlong | Keep):
             raise ValueError(f"constraints has {control!r}; give StartAt, EndAt, WalkAlong or Keep")
-        one = control.known(n, frames, fps)
+        one = control.constraint(n, frames, fps)
         if all_of_it is not None:
             twice = one.mask & all_of_it.mask
             apart = (one.value - all_of_it.value).abs()
-            allowed = SAME + 3 * torch.maximum(one.looseness, all_of_it.looseness)
+            allowed = SAME + 3 * torch.maximum(one.slack, all_of_it.slack)
             if (apart > allowed)[twice].any():
                 raise ValueError(
                     f"constraints: {type(control).__name__} and an earlier one ask for different "
@@ -183,11 +183,11 @@ def combine(controls: Iterable[Control], n: int, frames: int, fps: float) -> Con
 def normalized(constraint: Constraint, normalizer: Normalizer) -> Constraint:
     """From metres and matrices to the network's units."""
     value = normalizer.normalize(constraint.value.to(normalizer.low))
-    slack = constraint.looseness.to(value) / normalizer.scale
+    slack = constraint.slack.to(value) / normalizer.scale
     return Constraint(constraint.mask.to(value.device), value, slack)
 
 
-def numbers_at_start(constraint: Constraint) -> Tensor | None:
+def initial_order(constraint: Constraint) -> Tensor | None:
     """Dancers from left to right at the first frame, if that is known of all of them.
 
     Raises: ValueError when it is known of some whose numbers do not rise from the left.
@@ -203,7 +203,7 @@ def numbers_at_start(constraint: Constraint) -> Tensor | None:
     return None
 
 
-def order_at_end(constraint: Constraint) -> Tensor | None:
+def final_order(constraint: Constraint) -> Tensor | None:
     """Dancers from left to right in the last frame, if that is known of all of them."""
     known, x = constraint.mask[:, -1, X], constraint.value[:, -1, X]
     return left_to_right(x) if known.all() else None

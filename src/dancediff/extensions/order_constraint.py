@@ -1,4 +1,4 @@
-r"""Order: who was asked to change places is helped to get there while the dance is sampled.
+r"""Order constraint: dancers who were asked to change places end in that order.
 
 Read first: notebook 09 · `dancediff.motion.order` · `dancediff.extensions.constraint`.
 
@@ -7,22 +7,22 @@ Symbols (axes: n dancers · f frames · d motion features)
     x   lateral place of everybody in the last frame of a guess, metres; numbered as S does     (n,)
     y   where they would stand in the order that was asked for                                  (n,)
 
-The network is told S, and mostly obeys. A guess in which it does not is bent as if somebody had
-asked for places at the end: those nearest to the guess that are in order. As with every
-`Constraint`, whole paths turn while there is much noise, and nothing is moved in the end.
+The network is given S, and mostly follows it. Where a guess does not, it is conditioned on the
+nearest places that are in order: whole paths turn while there is much noise, and nothing moves in
+the end.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from scipy.optimize import isotonic_regression
 from torch import Tensor
 
-from dancediff.extensions.collision_avoidance import MORE_SIGNAL, SLACK
+from dancediff.diffusion.long_sampling import Segment
+from dancediff.extensions.collision_avoidance import SAYS_WHERE, SLACK
 from dancediff.extensions.constraint import Constraint
 from dancediff.motion.representation import TCDIFFPP, Normalizer
 
-ORDER = ("kept", "free")
 GAP = 0.45  # metres from left to right between neighbours; 95 % of the choreographed have more
 X = TCDIFFPP.lateral
 
@@ -51,28 +51,32 @@ def in_order(x: Tensor, S: Tensor, gap: float = GAP) -> Tensor:
 
 
 @dataclass(frozen=True)
-class Order:
-    """A rule of `Bending`: in the last frame dancers are asked to stand in the order S.
+class OrderConstraint:
+    """A `Source` of `Conditioning`: in the last frame dancers are asked to stand in the order S.
 
-    >>> rule = Order(Normalizer(-torch.ones(151), torch.ones(151)), torch.tensor([1, 0]))
-    >>> asked = rule(torch.zeros(2, 30, 151), 0.5)
+    >>> rule = OrderConstraint(Normalizer(-torch.ones(151), torch.ones(151)), torch.tensor([1, 0]))
+    >>> asked = rule.at(torch.zeros(2, 30, 151), 0.5)
     >>> asked.mask.nonzero().tolist(), (asked.value[0, -1, X] > asked.value[1, -1, X]).item()
     ([[0, 29, 4], [1, 29, 4]], True)
     """
 
     normalizer: Normalizer
-    S: Tensor
+    S: Tensor | None = None
 
-    def __call__(self, x: Tensor, abar: float) -> Constraint | None:
+    def for_segment(self, segment: Segment) -> "OrderConstraint | None":
+        """With the S of a segment; None where no order was asked for."""
+        return None if segment.target is None else replace(self, S=segment.row[segment.target])
+
+    def at(self, guess: Tensor, abar: float) -> Constraint | None:
         """Where everybody is asked to end (n, f, d), or None if they are in order."""
-        if abar <= MORE_SIGNAL:
+        if abar <= SAYS_WHERE:
             return None
-        scale = self.normalizer.scale.to(x)
-        ends = self.normalizer.unnormalize(x[:, -1])[:, X]
+        scale = self.normalizer.scale.to(guess)
+        ends = self.normalizer.unnormalize(guess[:, -1])[:, X]
         step = in_order(ends, self.S) - ends
         if step.abs().max() < SLACK / 10:
             return None
-        mask, value = torch.zeros_like(x, dtype=torch.bool), x.clone()
+        mask, value = torch.zeros_like(guess, dtype=torch.bool), guess.clone()
         mask[:, -1, X] = True
         value[:, -1, X] += step / scale[X]
-        return Constraint(mask, value, torch.full_like(x, SLACK) / scale)
+        return Constraint(mask, value, torch.full_like(guess, SLACK) / scale)

@@ -28,7 +28,6 @@ from torch import Tensor, nn
 from dancediff.lookup import table
 
 LARGEST = 0.5  # of `scale`: the slow parts of F stay in the units of the motion
-MOST = 4.0  # spreads that a guess may lie from the mean; real dances rarely do
 SMALLEST = 2e-4  # of `spread`: a feature that never moved can still be corrected
 
 
@@ -186,25 +185,6 @@ class Preconditioning(nn.Module):
         C = table(dct_matrix, F.shape[2], like=F)
         with torch.autocast(F.device.type, enabled=False):
             return guess + C.T @ _scaled(scale.clamp_max(LARGEST), C @ F, group)
-
-    def within(self, x: Tensor, most: float = MOST) -> Tensor:
-        r"""Cut a guess at what the training set has, one frequency at a time.
-
-        $$\mu + C^\top \operatorname{clip}(C (x - \mu),\ -4\,\text{spread},\ 4\,\text{spread})$$
-
-        Source: ours, in place of the published cut at +-1.  Differs: that leaves fast trembling
-        alone and cuts places on the floor, which may lie far out in a long dance.
-
-        Shapes: x (..., f, d) -> the same.
-
-        >>> precondition = Preconditioning(num_frames=8, dim=1)             # spread 0.5
-        >>> round(precondition.within(torch.full((8, 1), 9.0)).max().item(), 4)
-        0.7071
-        """
-        rows = (torch.arange(x.shape[-2], device=x.device) * len(self.spread)) // x.shape[-2]
-        C, bound = table(dct_matrix, x.shape[-2], like=x), most * self.spread[rows]
-        coefficients = C @ (x - self.mean)
-        return self.mean + C.T @ torch.minimum(torch.maximum(coefficients, -bound), bound)
 
     def error(self, abar: Tensor) -> Tensor:
         """Mean square of what the linear guess misses, where the training set's spread is right.

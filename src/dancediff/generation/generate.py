@@ -10,6 +10,7 @@ Symbols (axes: n dancers · f frames of a segment · F frames of the dance · k 
 """
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import partial
 
 import torch
@@ -17,19 +18,25 @@ from torch import Tensor
 
 from dancediff.axes import FPS
 from dancediff.diffusion.conditions import Conditions
-from dancediff.diffusion.guidance import autoguided, guided, off_at_the_end
+from dancediff.diffusion.guidance import guided, off_at_the_end
+from dancediff.diffusion.pinning import HOLDING
 from dancediff.extensions import control
+from dancediff.extensions.autoguidance import LASTING_SHARE, ROOT_SHARE, autoguided
+from dancediff.extensions.collision_avoidance import CollisionAvoidance
+from dancediff.extensions.constraint import Conditioning
+from dancediff.extensions.foot_contact_projection import foot_contact_hook
+from dancediff.extensions.frequency_clip import FrequencyClip
+from dancediff.extensions.initial_frames import InitialFrames
+from dancediff.extensions.order_constraint import OrderConstraint
 from dancediff.generation.request import Wish
 from dancediff.motion.motion import Motion
-from dancediff.motion.representation import TCDIFFPP, cut_to_range
+from dancediff.motion.representation import cut_to_range
 from dancediff.nn.decoder import music_heard_once
 from dancediff.nn.precision import chosen_dtype
-from dancediff.papers.tcdiffpp.long_group_sampling import iter_long_group_sample
+from dancediff.papers.tcdiffpp.long_group_sampling import LongGroupSampler
 
 AUTOGUIDANCE = 1.5  # of preconditioned models; docs/drift.md
-ROOT_SHARE = 0.7  # of it where dancers go; pushed as far as joints they run
-LASTING = 0.65  # of it in poses that last; pushed as far as movements they are grotesque
-LOOK_AHEAD = 30  # frames danced again where a constraint may lie just behind a segment's end
+LOOK_AHEAD = 30  # frames sampled again where a constraint may lie just behind a segment's end
 
 
 def cut_music(M: Tensor, segments: int, *, length: int, stride: int) -> Tensor:
@@ -143,11 +150,11 @@ def _prepared(model, song, device, dtype, options: dict) -> tuple[Wish, torch.dt
     return wish, dtype
 
 
-def denoise_segments(model, guidance, dtype=None, autoguidance: float = 1.0) -> Callable:
-    """The model with guidance, as a function of x_t (b, n, f, d), t, M (b, f, m) and S (b, n).
+def binder(model, guidance, dtype=None, autoguidance: float = 1.0) -> Callable:
+    """``bind(conditions) -> denoise(x_t, t)``: the model with guidance.
 
     ``guidance``: a weight or a function of t, see `dancediff.diffusion.guidance.guided`;
-    ``autoguidance``: see `dancediff.diffusion.guidance.autoguided`.
+    ``autoguidance``: see `dancediff.extensions.autoguidance.autoguided`.
     """
     device = model.abar.device
 
@@ -155,29 +162,20 @@ def denoise_segments(model, guidance, dtype=None, autoguidance: float = 1.0) -> 
         with torch.autocast(device.type, torch.bfloat16, enabled=dtype == torch.bfloat16):
             return model.denoise(x_t, t, conditions)
 
-    last = None  # the conditions of the segment in hand, and the denoiser that is bound to them
+    def bind(conditions: Conditions) -> Callable[[Tensor, int], Tensor]:
+        def linear(x_t, t):
+            steps = torch.full((len(x_t),), t, dtype=torch.long, device=device)
+            return model.linear_guess(x_t, steps, conditions)
 
-    def denoise_segment(x_t, t, M, S):
-        nonlocal last
-        if last is None or last[0] is not M or last[1] is not S:
-            last = M, S, guided(denoise, Conditions(M, swap=S), guidance)
-        return last[2](x_t, t)
+        return autoguided(
+            guided(denoise, conditions, guidance),
+            linear,
+            autoguidance,
+            root_share=ROOT_SHARE,
+            lasting_share=LASTING_SHARE,
+        )
 
-    def linear(x_t, t, M, S):
-        steps = torch.full((len(x_t),), t, dtype=torch.long, device=device)
-        return model.linear_guess(x_t, steps, Conditions(M, swap=S))
-
-    weights = autoguidance_weights(model, autoguidance)
-    return autoguided(denoise_segment, linear, weights, lasting=LASTING)
-
-
-def autoguidance_weights(model, weight: float) -> Tensor | float:
-    """The weight of each motion feature (d,): the root has a share of it only."""
-    if weight == 1:
-        return 1.0
-    weights = torch.full((model.config.motion_dim,), float(weight), device=model.abar.device)
-    weights[TCDIFFPP.root] = 1 + ROOT_SHARE * (weight - 1)
-    return weights
+    return bind
 
 
 def autoguidance_of(model, wish: Wish) -> float:
@@ -194,47 +192,66 @@ def draw_long_group(model, song, wish: Wish, **how) -> Tensor:
 
 def segments(model, song, wish: Wish, *, report=None, watch=None, dtype=None) -> Iterator[Tensor]:
     """Finished pieces of a dance, features (n, f, d) in metres, on the CPU."""
+    sampler = long_group_sampler(model, song, wish, dtype=dtype)
+
+    def callback(done: int, total: int, x0_hat: Tensor) -> None:
+        if report is not None:
+            report(done, total)
+        if watch is not None:
+            watch(done, total, _guess(model, x0_hat))
+
+    for x in replace(sampler, callback=callback).pieces():
+        yield model.normalizer.unnormalize(x).cpu()
+
+
+def long_group_sampler(model, song, wish: Wish, *, dtype=None) -> LongGroupSampler:
+    """How a wish is danced by TCDiff++."""
     device = model.abar.device
     M = model.music_normalizer.normalize(song.features().to(device))
-    music = cut_music(M, wish.segments, length=wish.num_frames, stride=wish.stride)
     usual = "free" if model.spread is None else "kept"
     wish.spacing, wish.order = wish.spacing or usual, wish.order or usual
     weight = wish.guidance
     if wish.sampler == "ddpm":
         weight = off_at_the_end(weight, wish.num_steps)
-
-    bends_with = model.normalizer.on_cpu()
-    known = wish.known and control.normalized(wish.known, bends_with)
-    pieces = iter_long_group_sample(
-        denoise_segments(model, weight, dtype, autoguidance_of(model, wish)),
-        music,
-        dancers=wish.dancers,
-        motion_dim=model.config.motion_dim,
+    return LongGroupSampler(
+        shape=(wish.dancers, wish.num_frames, model.config.motion_dim),
+        bind=binder(model, weight, dtype, autoguidance_of(model, wish)),
+        music=cut_music(M, wish.segments, length=wish.num_frames, stride=wish.stride),
         root_x=lambda frame: model.normalizer.unnormalize(frame)[..., 4],
-        abar=model.abar,
-        target_orders=wish.target_orders(),
+        targets=wish.target_orders() or (),
         overlap=wish.overlap,
         pinning=wish.pinning,
-        spread=None if model.spread is None else model.spread.cpu(),
-        constraint=known,
-        plant_with=bends_with if wish.feet == "planted" else None,
-        part_with=bends_with if wish.spacing == "kept" else None,
-        order_with=bends_with if wish.order == "kept" else None,
-        numbers=wish.numbers,
-        redo=_redo(wish),
         seam=wish.seam,
-        sampler=wish.sampler,
-        steps=wish.steps,
-        eta=wish.eta,
-        clamp=largest_guess(model),
-        generator=torch.Generator().manual_seed(wish.seed),
-        progress=report,
-        watch=watch and (lambda done, total, x: watch(done, total, _guess(model, x))),
-        device=device,
-        dtype=torch.float32,
+        resampled=_resampled(wish),
+        hooks=hooks_of(model, wish),
+        mask=None if wish.known is None else wish.known.mask,
+        initial_order=wish.numbers,
+        settings={
+            "abar": model.abar,
+            "sampler": wish.sampler,
+            "steps": wish.steps,
+            "eta": wish.eta,
+            "clamp": largest_guess(model),
+            "generator": torch.Generator().manual_seed(wish.seed),
+            "device": device,
+        },
     )
-    for x in pieces:
-        yield model.normalizer.unnormalize(x).cpu()
+
+
+def hooks_of(model, wish: Wish) -> list:
+    """What changes guesses while a wish is danced by TCDiff++."""
+    normalizer, hooks, sources = model.normalizer.on_cpu(), [], []
+    if wish.pinning in HOLDING and wish.seam == "copy":
+        sources.append(InitialFrames())
+    if wish.known is not None:
+        sources.append(control.normalized(wish.known, normalizer))
+    if wish.order == "kept":
+        sources.append(OrderConstraint(normalizer))
+    if wish.spacing == "kept":
+        sources.append(CollisionAvoidance(normalizer))
+    if model.spread is not None:
+        hooks.append(Conditioning(model.spread.cpu(), sources))
+    return hooks + [foot_contact_hook(normalizer)] * (wish.feet == "planted")
 
 
 def _guess(model, x0_hat: Tensor) -> Motion:
@@ -243,15 +260,14 @@ def _guess(model, x0_hat: Tensor) -> Motion:
 
 
 def largest_guess(model) -> Callable[[Tensor], Tensor]:
-    """Where guesses are cut: at the training range, as published, or frequency by frequency.
+    """Where guesses are cut: at the training range, as published, or frequency by frequency."""
+    if not model.config.precondition:
+        return cut_to_range
+    return FrequencyClip(model.decoder.precondition.mean, model.decoder.precondition.spread)
 
-    Without the latter, music unlike any in training sent dancers across the stage at 6 m/s.
-    """
-    return model.decoder.precondition.within if model.config.precondition else cut_to_range
 
-
-def _redo(wish: Wish) -> int:
-    """How much of the overlap is danced again, see `iter_long_group_sample`."""
+def _resampled(wish: Wish) -> int:
+    """How much of the overlap is sampled again, see `LongSampler`."""
     return 0 if wish.known is None else min(LOOK_AHEAD, wish.overlap // 2)
 
 
@@ -279,7 +295,7 @@ def facts_of(model, song, wish: Wish) -> dict:
         if meta[name] is None:
             del meta[name]  # whoever drew the dance knows nothing of it
     # the frames in which a segment takes over from the one before; metrics look for faults there
-    first = wish.num_frames - _redo(wish)
+    first = wish.num_frames - _resampled(wish)
     meta["seams"] = list(range(first, wish.frames, wish.stride)) if wish.segments > 1 else []
     if wish.swap is not None:
         meta |= {"swap": wish.swap.tolist(), "swap_at": wish.swap_at}

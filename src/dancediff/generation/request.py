@@ -21,18 +21,15 @@ import torch
 from torch import Tensor
 
 from dancediff.axes import FPS
-from dancediff.diffusion.pinning import MODES
+from dancediff.diffusion.long_sampling import SEAMS
+from dancediff.diffusion.pinning import HOLDING, MODES
 from dancediff.diffusion.samplers import SAMPLERS
 from dancediff.extensions import control
-from dancediff.extensions.collision_avoidance import SPACING
 from dancediff.extensions.constraint import Constraint
-from dancediff.extensions.foot_contact_projection import FEET
-from dancediff.extensions.order_constraint import ORDER
 from dancediff.generation.presets import PRESETS
 from dancediff.genre import genre_for, genre_number
 from dancediff.motion.order import check_order
 from dancediff.papers.lodge.group import RELATIONS, places
-from dancediff.papers.tcdiffpp.long_group_sampling import HOLDING, SEAMS
 
 SHORTEST_SONG = 1.0  # seconds; less holds no beat
 RENAMED = {  # old name: (new name, what the old values are now)
@@ -281,8 +278,8 @@ class GroupDanceRequest(SegmentedRequest):
             raise ValueError(
                 f"pinning={filled.pinning!r} goes with no constraint; use 'same_noise'"
             )
-        control.numbers_at_start(known)
-        order = control.order_at_end(known)
+        control.initial_order(known)
+        order = control.final_order(known)
         if order is None or filled.swap_at is not None:
             return filled
         if filled.swap not in (None, order.tolist()):
@@ -491,9 +488,9 @@ class Wish:
             adds_noise = self.sampler == "ddpm" or self.eta > 0
             self.pinning = "renoise" if adds_noise else "same_noise"
         one_of("seam", self.seam, tuple(SEAMS))
-        one_of("feet", self.feet, FEET)
-        one_of("spacing", self.spacing, (None, *SPACING))
-        one_of("order", self.order, (None, *ORDER))
+        one_of("feet", self.feet, ("planted", "free"))
+        one_of("spacing", self.spacing, (None, "kept", "free"))
+        one_of("order", self.order, (None, "kept", "free"))
         if self.swap is not None:
             self.swap = check_order(self.swap, self.dancers)
         elif self.swap_at is not None:
@@ -513,8 +510,8 @@ class Wish:
             return
         if self.pinning not in HOLDING:
             raise ValueError(f"pinning={self.pinning!r} goes with no constraint; use 'same_noise'")
-        self.numbers = control.numbers_at_start(self.known)
-        order = control.order_at_end(self.known)
+        self.numbers = control.initial_order(self.known)
+        order = control.final_order(self.known)
         if order is not None and self.swap_at is None:
             if self.swap is not None and self.swap.tolist() != order.tolist():
                 raise ValueError(
@@ -555,7 +552,7 @@ class Wish:
         return 1 + max(0, math.ceil((self.frames - self.num_frames) / self.stride))
 
     def target_orders(self) -> list[Tensor | None] | None:
-        """Which segment carries out the swap, as `long_group_sample` wants to know it.
+        """Which segment carries out the swap, the ``targets`` of a `LongSampler`.
 
         It is the first one that ends at ``swap_at`` or later; by default the last one that ends
         within the dance, so that the whole swap is seen.

@@ -19,14 +19,15 @@ from itertools import pairwise
 import torch
 from torch import Tensor
 
+from dancediff.diffusion.conditions import Conditions
 from dancediff.diffusion.guidance import off_at_the_end, ramp_up
 from dancediff.diffusion.samplers import sample, sampling_times
 from dancediff.diffusion.schedule import cosine_abar
-from dancediff.extensions.foot_contact_projection import Planting
+from dancediff.extensions.foot_contact_projection import foot_contact_hook
 from dancediff.generation.generate import (
     autoguidance_of,
+    binder,
     cut_music,
-    denoise_segments,
     generate,
     largest_guess,
 )
@@ -132,11 +133,13 @@ def draw_naively(model, song, wish: Wish, *, report=None, dtype=None, ramp: bool
     targets = wish.target_orders() or [None] * k
     S = torch.stack([torch.arange(n) if order is None else order for order in targets]).to(device)
     weight = _guidance(wish, ramp=ramp and k > 1)
-    denoise = denoise_segments(model, weight, dtype, autoguidance_of(model, wish))
+    bind = binder(model, weight, dtype, autoguidance_of(model, wish))
+    pairs = zip(M.split(AT_ONCE), S.split(AT_ONCE), strict=True)
+    parts = [bind(Conditions(music, swap=order)) for music, order in pairs]
 
     def denoise_in_parts(x_t, t):
-        parts = zip(x_t.split(AT_ONCE), M.split(AT_ONCE), S.split(AT_ONCE), strict=True)
-        return torch.cat([denoise(x, t, music, order) for x, music, order in parts])
+        pairs = zip(parts, x_t.split(AT_ONCE), strict=True)
+        return torch.cat([denoise(x, t) for denoise, x in pairs])
 
     x = sample(
         denoise_in_parts,
@@ -148,7 +151,7 @@ def draw_naively(model, song, wish: Wish, *, report=None, dtype=None, ramp: bool
         clamp=largest_guess(model),
         generator=torch.Generator().manual_seed(wish.seed),
         pin=Consistency(wish.overlap),
-        bend=Planting(model.normalizer.on_cpu()) if wish.feet == "planted" else None,
+        hooks=[foot_contact_hook(model.normalizer.on_cpu())] * (wish.feet == "planted"),
         callback=report and (lambda i, total, _: report(i + 1, total)),
         device=device,
     )

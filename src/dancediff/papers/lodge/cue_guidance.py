@@ -22,7 +22,7 @@ from torch import Tensor
 from dancediff.diffusion.schedule import abar_at, gaussian, q_sample
 from dancediff.extensions.border_smoothing import run_in
 from dancediff.extensions.constraint import Constraint
-from dancediff.extensions.foot_contact_projection import MORE_SIGNAL
+from dancediff.extensions.projection import MORE_SIGNAL
 from dancediff.motion.representation import LODGE
 
 BORDER = 4  # frames: half a hard primitive
@@ -109,7 +109,7 @@ def row_noise(like: Tensor, generators) -> Tensor:
 
 @dataclass
 class CueGuidance:
-    r"""Hold local segments at their cues; the ``pin`` and ``bend`` of `samplers.sample`.
+    r"""Hold local segments at their cues; the ``pin`` and a hook of `samplers.sample`.
 
     After the step that reached $t'$:
 
@@ -122,7 +122,7 @@ class CueGuidance:
     Hard cues are clean because the network was fine-tuned to find its borders so (eq. 10); they are
     there from the first input on. Soft cues have the noise of the rest of the dance.
 
-    With a ``spread`` (a model with preconditioning) `bend` also turns every guess towards the hard
+    With a ``spread`` (a model with preconditioning) `apply` also turns every guess towards the hard
     cues, in the way a dance could turn (`dancediff.extensions.constraint.Constraint`), so that the
     free frames run into them without a jump; with ``bend_soft`` towards the soft cues as well, in
     the steps in which they are held, and with ``home`` towards that place in the first and last
@@ -198,12 +198,12 @@ class CueGuidance:
             x_next = self._pasted(self.soft_only, noisy, x_next)
         return self._pasted(self.hard, self.value, x_next)
 
-    def bend(self, x0_hat: Tensor, abar: float) -> Tensor:
-        """Bend a guess (l, f, d) of the CPU, made at noise level ``abar``, if there is a spread."""
+    def apply(self, x0_hat: Tensor, abar: float) -> Tensor:
+        """Condition a guess (l, f, d), made at noise level ``abar``, if there is a spread."""
         if self.spread is None:
             return x0_hat
         cues = self._both if self.bend_soft and abar in self._levels else self._hard_only
-        x0_hat = cues.bend(x0_hat[None], abar, self.spread)[0]
+        x0_hat = cues.condition(x0_hat[None], abar, self.spread)[0]
         if abar < MORE_SIGNAL:
             return x0_hat
         hard, value, frames = self._on_cpu
@@ -211,7 +211,7 @@ class CueGuidance:
 
     @cached_property
     def _on_cpu(self) -> tuple[Tensor, Tensor, Tensor]:
-        """The hard cues where `bend` works: entries, values, frames."""
+        """The hard cues where `apply` works: entries, values, frames."""
         return self.hard.cpu(), self.value.cpu(), self.hard_frames.cpu()
 
     @cached_property

@@ -168,7 +168,7 @@ class Lodge(nn.Module):
           which takes 50 steps of "ddim"), or "ddpm" (all 1000 steps).
         - ``guidance``: 0 ignores the music, 1 listens, 2 exaggerates (the papers' value).
         - ``autoguidance``: above 1 pushes guesses away from the mean of all dances
-          (`dancediff.diffusion.guidance.autoguided`); a model without preconditioning cannot;
+          (`dancediff.extensions.autoguidance.autoguided`); a model without preconditioning cannot;
           default 1.3 for one that can.
         - ``at_once``: segments in memory together (16 are two minutes), None: all; the dance is
           the same.

@@ -15,7 +15,7 @@ No segment waits for another: neighbours agree because they share halves of hard
 Each segment has its own source of noise, so the dance is the same however they are grouped.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -24,10 +24,11 @@ import torch
 from torch import Tensor
 
 from dancediff.diffusion.conditions import Conditions
-from dancediff.diffusion.guidance import autoguided, guided, off_at_the_end
-from dancediff.diffusion.samplers import sample, sampling_times
+from dancediff.diffusion.guidance import guided, off_at_the_end
+from dancediff.diffusion.samplers import GuessHook, sample, sampling_times
 from dancediff.diffusion.schedule import cosine_abar
-from dancediff.extensions.foot_contact_projection import Planting, one_after_the_other
+from dancediff.extensions.autoguidance import autoguided
+from dancediff.extensions.foot_contact_projection import foot_contact_hook
 from dancediff.extensions.smooth_primitives import smooth_primitives
 from dancediff.motion.representation import LODGE, cut_to_range
 from dancediff.music.beats import beat_frames
@@ -112,7 +113,7 @@ def sample_rows(
     *,
     first: int = 0,
     pin: CueGuidance | None = None,
-    plant: Planting | None = None,
+    hooks: Sequence[GuessHook] = (),
     callback: Callable[[], None] | None = None,
 ) -> Tensor:
     """Sample rows of a stage together; ``callback()`` runs after every step.
@@ -133,7 +134,7 @@ def sample_rows(
         clamp=None if model.config.precondition else cut_to_range,
         generator=how.generators(purpose, len(M), first),
         pin=pin,
-        bend=one_after_the_other(pin and pin.bend, plant),
+        hooks=hooks,
         callback=callback and (lambda i, total, x0_hat: callback()),
         device=model.abar.device,
     )
@@ -203,10 +204,12 @@ def sample_locals(
         generators=how.generators(SOFT_CUES, len(M), first),
     )
     M = model.music_normalizer.normalize(M.to(model.abar.device))
-    known = dict.fromkeys(("legs", "height", "turns", "places"), cues.hard.cpu())
-    plant = Planting(model.normalizer.on_cpu(), **known, spec=LODGE) if feet == "planted" else None
+    hooks = [pin]
+    if feet == "planted":
+        mask = cues.hard.cpu()[..., None].expand_as(cues.value)
+        hooks.append(foot_contact_hook(model.normalizer.on_cpu(), mask, LODGE))
     x = sample_rows(
-        model, M, style, how, LOCALS, first=first, pin=pin, plant=plant, callback=callback
+        model, M, style, how, LOCALS, first=first, pin=pin, hooks=hooks, callback=callback
     )
     return model.normalizer.unnormalize(x).cpu()
 

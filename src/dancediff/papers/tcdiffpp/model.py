@@ -206,7 +206,7 @@ class TCDiffPP(nn.Module):
         - ``guidance``: 0 ignores the music, 1 listens, 2 exaggerates (the papers' value) and takes
           twice as long.
         - ``autoguidance``: 1 takes the network's guesses as they are, more pushes them away from
-          the mean of all dances (`dancediff.diffusion.guidance.autoguided`); default 1.5, and 1
+          the mean of all dances (`dancediff.extensions.autoguidance`); default 1.5, and 1
           for a model without preconditioning, which knows nothing else. The root is pushed 0.7
           times as far.
         - ``swap[k]``: the dancer, counted 0.. from the left at the first frame, who stands k-th
