@@ -13,14 +13,27 @@ import torch
 from dancediff.data.choreographer import choreograph
 from dancediff.export.gltf import load_glb, save_glb
 from dancediff.motion.motion import Motion
+from dancediff.motion.skeleton import world_rotations
 from dancediff.viz.palette import dancer_color
-from dancediff.viz.skin import body_skin, skinned_points
+from dancediff.viz.skin import body_skin, rest_joints
 from dancediff.viz.solids import body_solids
 
 pygltflib = pytest.importorskip("pygltflib")
 TOOLS = Path(__file__).parents[1] / "js"
 VALIDATOR = TOOLS / "node_modules" / "gltf-validator"
 REQUIRED = "node" in os.environ.get("DANCEDIFF_REQUIRE", "")
+
+
+def skinned_points(motion: Motion) -> np.ndarray:
+    """Linear blend skinning in numpy: what the graphics card does; (n, f, v, 3) metres."""
+    skin, Q, p = body_skin(), world_rotations(motion.pose).numpy(), motion.joints().numpy()
+    moved = np.zeros((*p.shape[:2], *skin.points.shape), dtype=np.float32)
+    for j, rest in enumerate(rest_joints()):
+        weight = np.where(skin.joints == j, skin.weights, 0).sum(1)
+        who = weight > 0
+        at = np.einsum("nfab,vb->nfva", Q[:, :, j], skin.points[who] - rest) + p[:, :, j, None]
+        moved[:, :, who] += weight[who, None] * at
+    return moved
 
 
 @pytest.fixture(scope="module")

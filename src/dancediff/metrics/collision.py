@@ -1,6 +1,7 @@
 r"""How often dancers run into each other: the trajectory intersection frequency (TIF).
 
-Three bodies: capsules around the bones, discs on the floor, or a skinned mesh of the user's.
+Two bodies: capsules around the bones, or discs on the floor. How well capsules stand for a skinned
+mesh is measured by ``benchmarks/tif_meshes.py``.
 
 Symbols (axes: n dancers · f frames · j joints)
     joints    positions, metres, y up                         (n, f, 24, 3)
@@ -11,7 +12,6 @@ Symbols (axes: n dancers · f frames · j joints)
 import torch
 from torch import Tensor
 
-from dancediff.axes import ON_FLOOR
 from dancediff.metrics.inputs import as_group
 from dancediff.motion.skeleton import SMPL24
 
@@ -51,43 +51,35 @@ CAPSULES: tuple[tuple[str, int, int, float], ...] = (
     ),
 )
 DISC = 0.5  # metres between two roots on the floor under which discs overlap
-BODIES = ("capsule", "disc", "mesh")
+BODIES = ("capsule", "disc")
 
 
-def tif(
-    joints: Tensor,
-    *,
-    bodies: str = "capsule",
-    ordered: bool = False,
-    disc: float = DISC,
-    mesh=None,
-) -> float:
+def tif(joints: Tensor, *, bodies: str = "capsule", ordered: bool = False) -> float:
     r"""Trajectory intersection frequency: how many pairs of dancers overlap in a frame.
 
     $$\text{TIF} = \frac1f \sum_{t} \sum_{i<j} \mathbb 1[B_i(t) \cap B_j(t) \neq \emptyset]$$
 
     so n dancers in one place score n (n - 1) / 2. ``ordered`` sums over i and j both ways, as the
     papers do, which doubles it. ``bodies`` says what B is: "capsule" the `CAPSULES`, "disc" a
-    circle of ``disc`` metres across under the root, "mesh" the skinned surface in the file ``mesh``
-    (slow: about a tenth of a second for each frame in which two are near).
+    circle half a metre across under the root.
 
     Source: AIOZ-GDance, where B is the SMPL surface.
     Differs: no code for it is public, and SMPL may not be shipped, so no number from here may be
     put beside one from a paper. Hands that hold each other count, as they do there.
 
     Shapes: joints (n, f, 24, 3) metres.
-    Raises: ValueError for fewer than 2 dancers, NaN, unknown bodies, or no ``mesh`` file.
+    Raises: ValueError for fewer than 2 dancers, NaN, or unknown bodies.
 
     >>> apart = torch.zeros(2, 4, 24, 3)
     >>> apart[1, 2:, :, 0] = 3.0                             # the second dancer leaves half-way
     >>> tif(apart), tif(apart, ordered=True), tif(apart, bodies="disc")
     (0.5, 1.0, 0.5)
     """
-    touching = touches(joints, bodies=bodies, disc=disc, mesh=mesh)
+    touching = touches(joints, bodies=bodies)
     return (2 if ordered else 1) * touching.sum().item() / touching.shape[1]
 
 
-def touches(joints: Tensor, *, bodies: str = "capsule", disc: float = DISC, mesh=None) -> Tensor:
+def touches(joints: Tensor, *, bodies: str = "capsule") -> Tensor:
     """Whether the bodies of each pair of dancers overlap in each frame; arguments as in `tif`.
 
     Shapes: joints (n, f, 24, 3) metres -> bool (p, f), pairs (0, 1), (0, 2), ..., (1, 2), ...
@@ -100,14 +92,10 @@ def touches(joints: Tensor, *, bodies: str = "capsule", disc: float = DISC, mesh
         raise ValueError(f"bodies={bodies!r} is unknown; use one of {', '.join(BODIES)}")
     first, second = torch.combinations(torch.arange(len(joints))).unbind(1)
     if bodies == "disc":
-        if not 0 < disc < float("inf"):
-            raise ValueError(f"disc={disc} is no width; pass metres, above 0")
-        floor = joints[:, :, 0, ON_FLOOR]
-        return (floor[first] - floor[second]).norm(dim=-1) < disc
+        floor = joints[:, :, 0, [0, 2]]
+        return (floor[first] - floor[second]).norm(dim=-1) < DISC
     if joints.shape[2] != SMPL24.num_joints:
         raise ValueError(f"joints has {joints.shape[2]} joints, {bodies} bodies need all 24")
-    if bodies == "mesh":
-        return _meshes_touch(joints, first, second, mesh)
     return _capsules_touch(body_points(joints), first, second)
 
 
@@ -181,19 +169,3 @@ def _to_segment(p: Tensor, a: Tensor, b: Tensor) -> Tensor:
     along = b - a
     s = ((p - a) * along).sum(-1) / (along**2).sum(-1).clamp_min(1e-30)
     return (p - a - s.clamp(0, 1)[..., None] * along).norm(dim=-1)
-
-
-def _meshes_touch(joints: Tensor, first: Tensor, second: Tensor, mesh) -> Tensor:
-    from dancediff.metrics.mesh_body import BodyMesh, surfaces_meet
-
-    if mesh is None:
-        raise ValueError("mesh=None: bodies='mesh' needs the path of a skinned .glb body")
-    body = mesh if isinstance(mesh, BodyMesh) else BodyMesh.load(mesh)
-    points = joints.numpy()
-    touching = torch.zeros(len(first), joints.shape[1], dtype=torch.bool)
-    for frame in range(joints.shape[1]):
-        surface = body.follow(points[:, frame])
-        for k, (i, j) in enumerate(zip(first.tolist(), second.tolist(), strict=True)):
-            inner = points[i, frame], points[j, frame]
-            touching[k, frame] = surfaces_meet(surface[i], surface[j], body.faces, inner)
-    return touching

@@ -17,8 +17,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from dancediff.motion.motion import Motion
-from dancediff.motion.skeleton import SMPL24, forward_kinematics, world_rotations
+from dancediff.motion.skeleton import SMPL24, forward_kinematics
 
 FILE = Path(__file__).parents[1] / "assets" / "body" / "body.npz"
 
@@ -52,30 +51,6 @@ def rest_joints() -> np.ndarray:
     """Where joints are in the rest pose, pelvis at the origin, (j, 3)."""
     still = torch.eye(3).expand(SMPL24.num_joints, 3, 3)
     return forward_kinematics(still, torch.zeros(3)).numpy()
-
-
-def skinned_points(motion: Motion, skin: Skin | None = None) -> np.ndarray:
-    r"""Where every point of the skin is: linear blend skinning.
-
-    $$v(t) = \sum_j w_j\,\big(Q_j(t)\,(v - p_j^{rest}) + p_j(t)\big)$$
-
-    What the graphics card does with a skinned mesh, here in numpy to check it by.
-
-    Shapes: motion -> (n, f, v, 3) metres.
-
-    >>> still = Motion(torch.eye(3).expand(1, 1, 24, 3, 3), torch.zeros(1, 1, 3))
-    >>> bool(abs(skinned_points(still)[0, 0] - body_skin().points).max() < 1e-6)
-    True
-    """
-    skin = skin or body_skin()
-    Q, p = world_rotations(motion.pose).numpy(), motion.joints().numpy()
-    moved = np.zeros((*p.shape[:2], *skin.points.shape), dtype=np.float32)
-    for j, rest in enumerate(rest_joints()):
-        weight = np.where(skin.joints == j, skin.weights, 0).sum(1)
-        who = weight > 0
-        at = np.einsum("nfab,vb->nfva", Q[:, :, j], skin.points[who] - rest) + p[:, :, j, None]
-        moved[:, :, who] += weight[who, None] * at
-    return moved
 
 
 def _normals(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:

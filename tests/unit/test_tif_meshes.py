@@ -1,13 +1,25 @@
+"""The body with a skin that benchmarks/tif_meshes.py compares capsules with."""
+
+import importlib.util
 import json
 import struct
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
 
-from dancediff.metrics.mesh_body import BodyMesh, bone_names, surfaces_meet, winding_number
 from dancediff.motion.rotation import axis_angle_to_matrix
 from dancediff.motion.skeleton import SMPL24, forward_kinematics
+
+PATH = Path(__file__).parents[2] / "benchmarks" / "tif_meshes.py"
+SPEC = importlib.util.spec_from_file_location("tif_meshes", PATH)
+MESHES = importlib.util.module_from_spec(SPEC)
+sys.modules[SPEC.name] = MESHES  # dataclasses look their module up
+SPEC.loader.exec_module(MESHES)
+BodyMesh, surfaces_meet = MESHES.BodyMesh, MESHES.surfaces_meet
+bone_names, winding_number = MESHES.bone_names, MESHES.winding_number
 
 # fmt: off
 CORNERS = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float)
@@ -175,3 +187,11 @@ def test_the_cc0_body_keeps_its_shape(real_data):
     assert 45 < litres < 80
     inside = winding_number(rest_joints()[[0, 6, 12, 15, 4, 18]], surface[mesh.faces])
     assert np.allclose(inside, 1, atol=1e-6)
+
+
+def test_dancers_in_one_place_touch_and_far_ones_do_not(body):
+    mesh = BodyMesh.load(body)
+    pair = torch.from_numpy(np.stack([rest_joints(), rest_joints()]))[:, None]
+    assert MESHES.meshes_touch(pair, mesh).tolist() == [[True]]
+    pair[1, ..., 0] += 3
+    assert MESHES.meshes_touch(pair, mesh).tolist() == [[False]]

@@ -1,7 +1,10 @@
-r"""A skinned body on 24 joints, and whether two such bodies intersect.
+r"""How often capsules and a skinned mesh agree on whether two dancers touch.
 
-The body is a file of the user's, a binary glTF (.glb) with one skinned mesh whose bones carry the
-names of the CMU rig, such as the CC0 MakeHuman body. `tif(..., bodies="mesh")` needs it.
+    python benchmarks/tif_meshes.py path/to/data
+
+Reads ``cmu/`` and ``mesh/makehuman_cmu_mb.glb`` of that folder and prints the table of
+docs/metrics_collision.md. The mesh is a binary glTF (.glb) with one skinned body whose bones carry
+the names of the CMU rig, such as the CC0 MakeHuman body.
 
 Symbols (axes: f frames · v vertices · j joints)
     rest      where the 24 joints lie in the mesh as it was modelled       (j, 3)
@@ -16,7 +19,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import torch
+import tyro
+from torch import Tensor
 
+from dancediff.data.cmu import cmu_jobs
+from dancediff.metrics.collision import touches
 from dancediff.motion.skeleton import SMPL24
 
 # SMPL-24 joint <- bone of the CMU rig that begins there; # is Left or Right
@@ -271,3 +279,34 @@ def _bone_heads(gltf: dict) -> dict[str, np.ndarray]:
             at, up = at + np.array(nodes[up].get("translation", (0, 0, 0))), parent.get(up)
         heads[node.get("name")] = at
     return heads
+
+
+def meshes_touch(joints: Tensor, body: BodyMesh) -> Tensor:
+    """As `dancediff.metrics.collision.touches`, for the surfaces; 0.1 s a frame of two dancers.
+
+    Shapes: joints (n, f, 24, 3) metres -> bool (p, f).
+    """
+    pairs = torch.combinations(torch.arange(len(joints))).tolist()
+    points = joints.double().numpy()
+    touching = torch.zeros(len(pairs), joints.shape[1], dtype=torch.bool)
+    for frame in range(joints.shape[1]):
+        surface = body.follow(points[:, frame])
+        for k, (i, j) in enumerate(pairs):
+            inner = points[i, frame], points[j, frame]
+            touching[k, frame] = surfaces_meet(surface[i], surface[j], body.faces, inner)
+    return touching
+
+
+def main(data: Path) -> None:
+    """Every 25th frame of the salsa duets, counted: capsules (rows), mesh (columns)."""
+    body, table = BodyMesh.load(data / "mesh" / "makehuman_cmu_mb.glb"), torch.zeros(2, 2)
+    for job in cmu_jobs(data / "cmu"):
+        if job.name.startswith("salsa"):
+            joints = job.make().motion.joints()[:, 12::25]
+            at = touches(joints)[0].long(), meshes_touch(joints, body)[0].long()
+            table.index_put_(at, torch.tensor(1.0), accumulate=True)
+    print(table)
+
+
+if __name__ == "__main__":
+    tyro.cli(main)
