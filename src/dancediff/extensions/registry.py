@@ -1,0 +1,84 @@
+"""The registry: everything that this library adds to the papers, with what each addition needs.
+
+The page "how a dance is made" is made from it, and tests hold it against the modules and presets.
+What switching one off costs when the packaged models dance: docs/extensions.json, measured by
+benchmarks/extensions.py.
+"""
+
+from dataclasses import dataclass
+
+KINDS = ("network", "training", "hook", "guidance", "sampling")
+SHARED = ("constraint", "projection", "registry")  # modules that several extensions use
+
+
+@dataclass(frozen=True)
+class Extension:
+    """One addition; ``module`` is where it is, ``needs`` are other names of the registry.
+
+    ``presets``: those that have it; of networks and training, those whose weights were made with
+    it. ``lesson``: the notebook that shows it, if one does.
+    """
+
+    name: str
+    kind: str
+    summary: str
+    module: str
+    models: tuple[str, ...]
+    presets: tuple[str, ...] = ("packaged",)
+    needs: tuple[str, ...] = ()
+    lesson: int | None = None
+
+
+GROUP, SOLO, ALL = ("tcdiffpp",), ("lodge",), ("tcdiffpp", "edge", "lodge")
+BY_SEGMENTS = ("tcdiffpp", "edge")
+LINEAR = ("preconditioning",)
+
+_ALL = (
+    # ---- network ----
+    Extension("preconditioning", "network", "The network adds to the best linear guess.",
+              "preconditioning", ALL, lesson=6),
+    Extension("formation_prior", "network", "The linear guess knows formations and swap modes.",
+              "formation_prior", GROUP, needs=LINEAR, lesson=7),
+    Extension("foot_cues", "network", "Heights and speeds of a guess's feet are an input.",
+              "foot_cues", GROUP, needs=LINEAR),
+    Extension("beat_phase", "network", "How far a frame is between two beats is an input.",
+              "beat_phase", ALL, lesson=2),
+    Extension("non_local_filter", "network", "Frames that look alike are averaged.",
+              "non_local_filter", ALL, needs=LINEAR, lesson=5),
+    # ---- training ----
+    Extension("metre_unit", "training", "A metre is the unit of the floor.", "metre_unit", ALL),
+    Extension("level_weights", "training", "Noise levels count by how hard they are.",
+              "level_weights", ALL, needs=LINEAR),
+    # ---- guidance ----
+    Extension("autoguidance", "guidance", "Guesses are pushed away from the linear one.",
+              "autoguidance", ALL, needs=LINEAR, lesson=6),
+    Extension("frequency_clip", "guidance", "Guesses are cut frequency by frequency, not at +-1.",
+              "frequency_clip", BY_SEGMENTS, needs=LINEAR, lesson=6),
+    # ---- hooks on guesses ----
+    Extension("speed_limit", "hook", "Joints and dancers are no faster than bodies are.",
+              "speed_limit", ALL, lesson=9),
+    Extension("floor_contact", "hook", "Bodies neither float nor sink.", "floor_contact", ALL,
+              lesson=9),
+    Extension("foot_contact_projection", "hook", "Feet that stand do not slide.",
+              "foot_contact_projection", ALL, lesson=9),
+    Extension("collision_avoidance", "hook", "Dancers who would collide make room.",
+              "collision_avoidance", GROUP, needs=LINEAR, lesson=10),
+    Extension("order_constraint", "hook", "Who is asked to change places ends there.",
+              "order_constraint", GROUP, needs=LINEAR, lesson=9),
+    Extension("initial_frames", "hook", "A segment sets out from where the last one ended.",
+              "initial_frames", GROUP, needs=(*LINEAR, "same_noise"), lesson=10),
+    Extension("control", "hook", "Places, paths and parts of other dances are met.", "control",
+              GROUP, needs=(*LINEAR, "same_noise"), lesson=10),
+    Extension("border_smoothing", "hook", "Cues are met without a jerk.", "border_smoothing", SOLO,
+              needs=LINEAR, lesson=12),
+    # ---- sampling ----
+    Extension("dpm_solver", "sampling", "DPM-Solver++ instead of DDIM: fewer steps.",
+              "diffusion.samplers", ALL, lesson=6),
+    Extension("same_noise", "sampling", "Known frames keep their noise while they are pinned.",
+              "diffusion.pinning", GROUP, lesson=10),
+    Extension("resampled_overlap", "sampling", "Shared frames are sampled again for constraints.",
+              "diffusion.long_sampling", GROUP, needs=("control",)),
+    Extension("smooth_primitives", "sampling", "Primitives keep pose, velocity and bend only.",
+              "smooth_primitives", SOLO, lesson=12),
+)  # fmt: skip
+REGISTRY = {extension.name: extension for extension in _ALL}
