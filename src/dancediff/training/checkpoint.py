@@ -81,7 +81,7 @@ def _differences(old: dict, new: dict, without: set[str] = frozenset()) -> str:
     return ", ".join(f"{key}={old[key]}, here {new[key]}" for key in changed)
 
 
-def check_free(folder: Path, *, resume: bool, overwrite: bool) -> None:
+def check_free(folder: Path, resume: bool | None, overwrite: bool | None) -> None:
     """Refuse to train where a checkpoint lies, unless it was said what shall become of it.
 
     Raises: ValueError naming the folder.

@@ -33,7 +33,6 @@ from dancediff.papers.lodge.parallel import layout_of
 from dancediff.papers.lodge.primitives import Layout
 from dancediff.training.checkpoint import NAME, check_free, load_average
 from dancediff.training.config import SoloData, TrainConfig, TrainingExtensions
-from dancediff.training.distributed import World
 from dancediff.training.evaluator import Evaluator
 from dancediff.training.lodge_data import Solo, SoloWindows, prepared_solos, solos_of
 from dancediff.training.lodge_losses import Critic, LodgeObjective
@@ -138,16 +137,16 @@ def train_lodge(
     source: str = "config",
     solos: list[Solo] | None = None,
     data=None,
-    resume: bool = False,
-    overwrite: bool = False,
-    device: str = "cpu",
-    world: World | None = None,
     preview: Callable | None = None,
+    device: str = "cpu",
+    **options,
 ) -> Lodge:
     """Train all stages, one after the other, in folders of ``out``; returns the averaged models.
 
     ``data``, else ``folder`` in the config: a prepared folder; else the choreographer's solos;
     ``solos`` replaces both.  ``preview(model, step)`` sees a `Lodge`, from the local stage on.
+    ``options``: ``world``, which brings its own device; ``resume``, ``overwrite``: see
+    `dancediff.training.trainer.Trainer`.
 
     Raises: ValueError for a bad config or folder, or takes that are too short for a global segment.
     """
@@ -158,15 +157,14 @@ def train_lodge(
     extensions, corpus = TrainingExtensions(**tables["extensions"]), SoloData(**tables["data"])
     out = Path(out)
     for stage in (name for name in STAGES if settings[name] is not None):
-        check_free(out / stage, resume=resume, overwrite=overwrite)
+        check_free(out / stage, options.get("resume"), options.get("overwrite"))
     if solos is None:
         solos = _solos(corpus, data, sizes.genres)
     seed = tables["train"].get("seed", 0)
     cut = partial(_windows, corpus=corpus, extensions=extensions, sizes=sizes, seed=seed)
     evaluates = any(one is not None and one.evaluate_every for one in settings.values())
     held_out = _held_out(corpus, data, sizes.genres) if evaluates else []
-    device = device if world is None else world.device
-    options = {"resume": resume, "overwrite": overwrite, "world": world}
+    device = device if options.get("world") is None else options["world"].device
 
     model = _start(GlobalDenoiser, coarse, tables).to(device)
     layout = layout_of(model)
@@ -182,7 +180,8 @@ def train_lodge(
     validation = cut(held_out) if held_out else None
     show = preview and (lambda made, step: preview(Lodge.of(first, made).eval(), step))
     for stage in ("local", "fine_tune"):
-        critic = _critic(tables, sizes, settings[stage], device, out / stage if resume else None)
+        kept = out / stage if options.get("resume") else None
+        critic = _critic(tables, sizes, settings[stage], device, kept)
         objective = LodgeObjective(
             model, settings[stage], clean=stage == "fine_tune", critic=critic
         )

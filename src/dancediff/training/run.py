@@ -95,7 +95,7 @@ def train_from_config(
         return train_lodge(raw, out, source=source, **options)
     tables = check_tables(raw, source)
     settings, corpus = settings_of(tables), GroupData(**tables["data"])
-    check_free(Path(out), **{key: options.get(key, False) for key in ("resume", "overwrite")})
+    check_free(Path(out), options.get("resume"), options.get("overwrite"))
     model_class, config_class = MODELS[tables["model"].pop("class", "TCDiffPP")]
     sizes, held_out = config_class(**tables["model"]), []
     if takes is None:

@@ -75,7 +75,7 @@ class Trainer:
         if self.out is None:
             self.checkpointer = None
             return
-        check_free(self.out, resume=resume, overwrite=overwrite)
+        check_free(self.out, resume, overwrite)
         self.out.mkdir(parents=True, exist_ok=True)
         if self.world.first:
             sweep(self.out)
