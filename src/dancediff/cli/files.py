@@ -77,7 +77,7 @@ def check_targets(out: Path, formats: list[str]) -> None:
 
 
 def file_of(name: str) -> str:
-    """The file of a format; of some, each dancer of a group has her own."""
+    """The file of a format; bvh and smpl write one for each dancer of a group."""
     return "dance.smpl.npz" if name == "smpl" else f"dance.{name}"
 
 

@@ -31,8 +31,8 @@ def _wild_guesses() -> list[tuple]:
     cases = []
     for f, d, size in ((12, 3, 1.0), (20, 2, 8.0), (16, 1, 0.01)):
         mean = 0.8 * torch.randn(d, generator=draw)
-        spread = torch.linspace(0.5, 0.01, f)[:, None] * torch.linspace(1, 2, d)
-        cases.append((mean + size * torch.randn(f, d, generator=draw), mean, spread, dct_matrix(f)))
+        std = torch.linspace(0.5, 0.01, f)[:, None] * torch.linspace(1, 2, d)
+        cases.append((mean + size * torch.randn(f, d, generator=draw), mean, std, dct_matrix(f)))
     return cases
 
 

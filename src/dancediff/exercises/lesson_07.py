@@ -20,15 +20,15 @@ def _crowds() -> list[tuple]:
     return cases
 
 
-def _hears_without_names(got, h) -> str:
+def _mixes_without_order(got, h) -> str:
     if wrong := unlike(got, h.shape):
         return wrong
     order = [(h[0] == dancer).all(-1).all(-1).nonzero().item() for dancer in h[1]]
     if not torch.allclose(got[1], got[0][order], atol=1e-4):
         return "the same dancers in another order get other tokens"
-    heard = (got[2, 1:] - got[0, 1:]).abs().amax((1, 2))
-    if (heard < 1e-4).any():
-        return f"dancer {1 + int(heard.argmin())} does not hear that dancer 0 was replaced"
+    changed = (got[2, 1:] - got[0, 1:]).abs().amax((1, 2))
+    if (changed < 1e-4).any():
+        return f"dancer {1 + int(changed.argmin())} does not change when dancer 0 is replaced"
     return ""
 
 
@@ -63,7 +63,7 @@ EXERCISES = {
         _nameless,
         "a sum or a mean over the dancers does not know their order; the dancers are axis 1",
         _crowds,
-        _hears_without_names,
+        _mixes_without_order,
     ),
     "07.2": Exercise(
         "who can part them?",

@@ -59,7 +59,7 @@ EXERCISES = {
     "09.2": Exercise(
         "put them in order",
         in_order,
-        "go through S from the left and give everybody her place, or, if that is too near, one "
+        "go through S from the left and give every dancer a place, or, if that is too near, one "
         "gap right of the last; in the end shift all until the middle is where it was",
         _out_of_order,
         _stands_in_order,

@@ -36,7 +36,7 @@ def save_glb(motion: Motion, path, *, body: str = "mannequin") -> Path:
     """Write a dance as one .glb file: bodies, colours, one animation of all dancers.
 
     The file appears whole or not at all. `load_glb` gives it back; contacts are not kept.
-    ``body`` is "mannequin", rigid parts, or "mesh", one skin a dancer that bends with her joints.
+    ``body`` is "mannequin", rigid parts, or "mesh", one skin a dancer that bends with the joints.
 
     Raises: ImportError naming the extra when pygltflib is not installed; ValueError for another
     skeleton than SMPL-24 or an unknown body.
@@ -63,7 +63,7 @@ def save_glb(motion: Motion, path, *, body: str = "mannequin") -> Path:
 def load_glb(path) -> Motion:
     """Read a .glb that `save_glb` wrote.
 
-    Raises: FileNotFoundError, or ValueError naming the file when it is none of ours or damaged.
+    Raises: FileNotFoundError, or ValueError naming the file when it is another one or damaged.
     """
     path = Path(path)
     content = path.read_bytes()
@@ -176,7 +176,7 @@ def _dancer(file: _File, motion: Motion, k: int, parts: dict) -> int:
 
 
 def _dress(file: _File, roots: list[int]) -> list[int]:
-    """A skin for every dancer, moved by her nodes; returns the numbers of the skins' nodes.
+    """A skin for every dancer, moved by the joints' nodes; returns the numbers of its nodes.
 
     They stand beside the dancers and not in them: glTF places a skin by its joints alone.
     """

@@ -1,8 +1,9 @@
 r"""Damage a good dance by a known amount, to see whether a metric notices.
 
 Every corruption takes a motion, an amount in [0, 1] and a numpy generator (`collapse` a list of
-motions, `shift_beats` beats); amount 0 gives the same numbers back, bit for bit, and the same
-generator state gives the same damage.
+motions, `shift_beats` beats) and returns one of the same size; amount 0 gives the same numbers
+back, bit for bit, and the same generator state gives the same damage. Another amount raises a
+ValueError. Contact labels are dropped where the damage makes them wrong.
 
 Symbols (axes: n dancers · f frames · j joints)
     amount  how much is broken, 0 nothing .. 1 everything
@@ -32,9 +33,7 @@ def freeze(motion: Motion, amount: float, generator: np.random.Generator) -> Mot
 
     $$x'_i = x_{\min(i,\,k)},\quad k = \mathrm{round}((1 - a)(f - 1))$$
 
-    Nothing is drawn from the generator. Differs: no public code ships corruptions.
-
-    Shapes: n dancers, f frames -> the same.  Raises: ValueError when amount is not in [0, 1].
+    Nothing is drawn from the generator.
 
     >>> walk = Motion(torch.eye(3).expand(1, 5, 24, 3, 3), torch.arange(15.0).view(1, 5, 3))
     >>> freeze(walk, 0.5, np.random.default_rng(0)).root[0, :, 0].tolist()
@@ -52,8 +51,7 @@ def shuffle_time(motion: Motion, amount: float, generator: np.random.Generator) 
     All dancers change together, so each frame stays a frame that was danced. Where the stretch
     lies and who goes where is drawn; no piece comes back to its place.
 
-    Shapes: n dancers, f frames -> the same.
-    Raises: ValueError when amount is not in [0, 1] or there are fewer than 2 pieces.
+    Raises: ValueError for a motion shorter than 2 pieces.
 
     >>> walk = Motion(torch.eye(3).expand(1, 45, 24, 3, 3), torch.arange(135.0).view(1, 45, 3))
     >>> out = shuffle_time(walk, 1.0, np.random.default_rng(0)).root
@@ -86,9 +84,6 @@ def drag_feet(motion: Motion, amount: float, generator: np.random.Generator) -> 
     The direction d and the phase are drawn for each dancer. The steps stay as they were, so
     planted feet skate, as they do in motion whose root and legs disagree.
 
-    Shapes: n dancers, f frames -> the same; contact labels are dropped.
-    Raises: ValueError when amount is not in [0, 1].
-
     >>> still = Motion(torch.eye(3).expand(2, 30, 24, 3, 3), torch.zeros(2, 30, 3))
     >>> drag_feet(still, 1.0, np.random.default_rng(0)).root[..., 1].abs().max().item()
     0.0
@@ -110,8 +105,7 @@ def overlap_dancers(motion: Motion, amount: float, generator: np.random.Generato
 
     with the mean over dancers in each frame. Nothing is drawn from the generator.
 
-    Shapes: n dancers, f frames -> the same; contact labels are dropped.
-    Raises: ValueError when amount is not in [0, 1] or there is one dancer.
+    Raises: ValueError for one dancer.
 
     >>> root = torch.tensor([[[0.0, 1, 0]], [[2, 1, 0]]])
     >>> pair = Motion(torch.eye(3).expand(2, 1, 24, 3, 3), root)
@@ -133,9 +127,6 @@ def jitter(motion: Motion, amount: float, generator: np.random.Generator) -> Mot
 
     $$R' = R \cdot \exp(a\,\epsilon),\; \epsilon \sim N(0, 0.15^2)\text{ rad},\quad
       p' = p + a\,\eta,\; \eta \sim N(0, 0.02^2)\text{ m}$$
-
-    Shapes: n dancers, f frames -> the same; contact labels are dropped.
-    Raises: ValueError when amount is not in [0, 1].
 
     >>> still = Motion(torch.eye(3).expand(1, 9, 24, 3, 3), torch.zeros(1, 9, 3))
     >>> 0 < jitter(still, 1.0, np.random.default_rng(0)).root.abs().max().item() < 0.12
@@ -160,9 +151,6 @@ def mean_pose(motion: Motion, amount: float, generator: np.random.Generator) -> 
     does that has learned the average only. The path over the floor stays, so that the statue
     differs from a frozen dancer. Nothing is drawn from the generator.
 
-    Shapes: n dancers, f frames -> the same; contact labels are dropped.
-    Raises: ValueError when amount is not in [0, 1].
-
     >>> nod = axis_angle_to_matrix(torch.tensor([[0.3, 0, 0], [-0.3, 0, 0]]))
     >>> dance = Motion(nod[None, :, None].expand(1, 2, 24, 3, 3), torch.zeros(1, 2, 3))
     >>> statue = mean_pose(dance, 1.0, np.random.default_rng(0))
@@ -185,8 +173,7 @@ def collapse(dances: list[Motion], amount: float, generator: np.random.Generator
     The dance that takes over, and the order in which the others go, are drawn. Each dance stays as
     good as it was, so only a metric of the set, as diversity, can notice.
 
-    Shapes: N dances -> N dances.
-    Raises: ValueError when amount is not in [0, 1] or there are fewer than 2 dances.
+    Raises: ValueError for fewer than 2 dances.
 
     >>> pose, root = torch.eye(3).expand(1, 2, 24, 3, 3), torch.zeros(1, 2, 3)
     >>> dances = [Motion(pose, root), Motion(pose, root + 1)]
@@ -212,7 +199,7 @@ def shift_beats(beats, amount: float, generator: np.random.Generator) -> np.ndar
     a little early or late, which at first can even help.
 
     Shapes: beats (k,) seconds -> (k,), in order.
-    Raises: ValueError when amount is not in [0, 1] or there are fewer than 2 beats.
+    Raises: ValueError for fewer than 2 beats.
 
     >>> shift_beats([0.5, 1.0, 1.5], 0.0, np.random.default_rng(0)).tolist()
     [0.5, 1.0, 1.5]

@@ -62,8 +62,6 @@ class Drift:
 def drift(joints: Tensor, *, fps: float = 30.0) -> Drift:
     """Measure posture in every whole window of five seconds.
 
-    Source: ours.
-
     Shapes/units: joints (n, f, 24, 3) metres -> one `Drift` over all dancers.
     Raises: ValueError for a dance shorter than a window, NaN or a wrong shape.
 

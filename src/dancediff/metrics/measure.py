@@ -175,7 +175,7 @@ def _measure_swaps(found: Measured, motion: Motion) -> None:
         lambda: float(len(abrupt_swaps(root, fps=motion.fps, seams=seams))),
     )
     if not isinstance(swap, list | tuple):
-        found.missing[OBEDIENCE] = ["the dance does not say which order was asked for"]
+        found.missing[OBEDIENCE] = ["meta of the dance has no target order (swap)"]
         return
     found.add(found.numbers, OBEDIENCE, lambda: float(obeys(root, swap)))
     if len(root) == 3 and found.numbers.get(OBEDIENCE):

@@ -1,10 +1,14 @@
-r"""Posture: how bodies are held while they dance, which energies, beats and feet do not see.
+r"""Posture: how bodies are held while they dance, which energies, beats and feet do not show.
 
-Read first: notebook 13 · docs/metrics_posture.md.
+Read first: notebook 13 · docs/drift.md. No paper has these metrics. A dance that has settled into
+one pose passes all metrics of both papers.
+
+Every metric takes joints (n, f, 24, 3) or (f, 24, 3) in metres and raises ValueError for NaN, a
+wrong shape, or too few frames. A share is in [0, 1].
 
 Symbols (axes: n dancers · f frames · j joints)
-    joints  positions, metres, y up                                    (n, f, j, 3) or (f, j, 3)
-    facing  direction of the pelvis about y, radians                   (n, f)
+    p       positions, metres, y up                 (n, f, j, 3)
+    facing  direction of the pelvis about y, radians (n, f)
 """
 
 import torch
@@ -27,27 +31,16 @@ def arms_wide(joints: Tensor, *, fps: float = 30.0) -> float:
 
     $$\overline{[\,\lVert p_\text{left wrist} - p_\text{right wrist} \rVert > 1\,\text{m}\,]}$$
 
-    Source: ours. A dance that has settled into one pose is fine by all metrics of both papers.
-
-    Shapes/units: joints (n, f, 24, 3) metres -> float in [0, 1].
-    Raises: ValueError for NaN or a wrong shape.
-
     >>> arms_wide(_rest())                                          # a T
     1.0
     """
-    p = as_group(joints, fps, least=1)
-    return _gap(p, "wrist").norm(dim=-1).gt(WIDE).double().mean().item()
+    return _share(_gap(as_group(joints, fps, least=1), "wrist").norm(dim=-1) > WIDE)
 
 
 def knee_bend(joints: Tensor, *, fps: float = 30.0) -> float:
-    r"""How far knees are bent, mean over frames and both knees; 0 is a straight leg.
+    r"""How far knees are bent, degrees, mean over frames and both knees; 0 is a straight leg.
 
     $$\overline{\angle(p_\text{hip} - p_\text{knee},\; p_\text{knee} - p_\text{ankle})}$$
-
-    Source: ours.
-
-    Shapes/units: joints (n, f, 24, 3) metres -> degrees.
-    Raises: ValueError for NaN or a wrong shape.
 
     >>> knee_bend(_rest()) < 12
     True
@@ -63,14 +56,9 @@ def knee_bend(joints: Tensor, *, fps: float = 30.0) -> float:
 
 
 def turning(joints: Tensor, *, fps: float = 30.0) -> float:
-    r"""How fast bodies turn: the angle between the pelvis now and half a second later.
+    r"""How fast bodies turn, degrees a second: from the pelvis now to half a second later.
 
     $$\overline{|\text{facing}_{i + h} - \text{facing}_i|} \cdot \text{fps} / h$$
-
-    Source: ours.
-
-    Shapes/units: joints (n, f, 24, 3) metres -> degrees a second.
-    Raises: ValueError for less than half a second, NaN or a wrong shape.
 
     >>> round(turning(_rest().expand(30, -1, -1)), 3)
     0.0
@@ -87,16 +75,10 @@ def ankles_close(joints: Tensor, *, fps: float = 30.0) -> float:
 
     $$\overline{[\,\lVert p_\text{left ankle} - p_\text{right ankle} \rVert < 12\,\text{cm}\,]}$$
 
-    Source: ours.
-
-    Shapes/units: joints (n, f, 24, 3) metres -> float in [0, 1].
-    Raises: ValueError for NaN or a wrong shape.
-
     >>> ankles_close(_rest())
     0.0
     """
-    p = as_group(joints, fps, least=1)
-    return _gap(p, "ankle").norm(dim=-1).lt(CLOSE).double().mean().item()
+    return _share(_gap(as_group(joints, fps, least=1), "ankle").norm(dim=-1) < CLOSE)
 
 
 def legs_crossed(joints: Tensor, *, fps: float = 30.0) -> float:
@@ -105,32 +87,21 @@ def legs_crossed(joints: Tensor, *, fps: float = 30.0) -> float:
     $$\overline{[\,(p_\text{left ankle} - p_\text{right ankle}) \cdot
       (p_\text{left hip} - p_\text{right hip}) < 0\,]}$$
 
-    Source: ours.
-
-    Shapes/units: joints (n, f, 24, 3) metres -> float in [0, 1].
-    Raises: ValueError for NaN or a wrong shape.
-
     >>> legs_crossed(_rest())
     0.0
     """
     p = as_group(joints, fps, least=1)
-    return (_gap(p, "ankle") * _gap(p, "hip")).sum(-1).lt(0).double().mean().item()
+    return _share((_gap(p, "ankle") * _gap(p, "hip")).sum(-1) < 0)
 
 
 def stillness(joints: Tensor, *, fps: float = 30.0) -> float:
     r"""Share of the frames in which a dancer hardly moves: all joints below 0.1 m/s in the mean.
 
-    Source: ours.
-
-    Shapes/units: joints (n, f, 24, 3) metres -> float in [0, 1].
-    Raises: ValueError for less than 2 frames, NaN or a wrong shape.
-
     >>> stillness(_rest().expand(9, -1, -1))
     1.0
     """
     p = as_group(joints, fps, least=2)
-    speed = p.diff(dim=1).norm(dim=-1).mean(-1) * fps
-    return speed.lt(STILL).double().mean().item()
+    return _share(p.diff(dim=1).norm(dim=-1).mean(-1) * fps < STILL)
 
 
 def distinct_poses(joints: Tensor, *, fps: float = 30.0) -> float:
@@ -139,11 +110,8 @@ def distinct_poses(joints: Tensor, *, fps: float = 30.0) -> float:
     Ten poses a second are compared as seen from the pelvis, wherever it stands and faces. A pose
     counts if its joints are 15 cm in the mean away from those of every pose that counted before.
 
-    Source: ours; the greedy cover of a set by balls of one radius.
-
-    Shapes/units: joints (n, f, 24, 3) metres -> mean number over dancers and windows of 5 s. What
-    is left at the end of a dance is not looked at; a shorter dance is one window.
-    Raises: ValueError for NaN or a wrong shape.
+    The mean over dancers and windows of 5 s; a rest shorter than a window is ignored, a dance
+    shorter than one is a window. It is the greedy cover of a set by balls of one radius.
 
     >>> distinct_poses(_rest().expand(300, -1, -1))
     1.0
@@ -178,6 +146,10 @@ def from_pelvis(joints: Tensor) -> Tensor:
     return torch.stack(
         [x * angle.cos() - z * angle.sin(), y, x * angle.sin() + z * angle.cos()], -1
     )
+
+
+def _share(frames: Tensor) -> float:
+    return frames.double().mean().item()
 
 
 def _gap(joints: Tensor, part: str) -> Tensor:

@@ -70,22 +70,22 @@ def beat_alignment(
     scores = []
     for dancer in dancers:
         m = find(dancer, fps) / fps
-        asked, answers = (beats, m) if direction == "music" else (m, beats)
-        scores.append(closeness(asked, answers, sigma))
+        first, second = (beats, m) if direction == "music" else (m, beats)
+        scores.append(closeness(first, second, sigma))
     return float(np.mean(scores))
 
 
-def closeness(asked: np.ndarray, answers: np.ndarray, sigma: float) -> float:
-    r"""Mean of $e^{-d^2/2\sigma^2}$ over ``asked``, d the distance to the nearest of ``answers``.
+def closeness(times: np.ndarray, others: np.ndarray, sigma: float) -> float:
+    r"""Mean of $e^{-d^2/2\sigma^2}$ over ``times``, d the distance to the nearest of ``others``.
 
-    Shapes: asked (k,), answers (l,), all in seconds -> float; 0 when either is empty.
+    Shapes: times (k,), others (l,), all in seconds -> float; 0 when either is empty.
 
     >>> closeness(np.array([1.0, 2.0]), np.array([1.0, 9.0]), 0.1)
     0.5
     """
-    if not len(asked) or not len(answers):
+    if not len(times) or not len(others):
         return 0.0
-    nearest = np.abs(asked[:, None] - answers).min(1)
+    nearest = np.abs(times[:, None] - others).min(1)
     return float(np.exp(-(nearest**2) / (2 * sigma**2)).mean())
 
 
@@ -103,13 +103,13 @@ def _beats(beats, end: float) -> np.ndarray:
     beats = np.asarray(beats, dtype=np.float64)
     if beats.ndim != 1 or not np.isfinite(beats).all():
         raise ValueError(f"beats has shape {beats.shape}; expected (k,) finite times in seconds")
-    within = beats[(beats >= 0) & (beats < end)]
-    if not len(within):
+    inside = beats[(beats >= 0) & (beats < end)]
+    if not len(inside):
         raise ValueError(
             f"beats has {len(beats)} times, none of them within the motion; "
             "pass the beats of the same stretch of music, in seconds"
         )
-    return within
+    return inside
 
 
 def _default(joints: Tensor, fps: float) -> np.ndarray:

@@ -88,11 +88,11 @@ def table_rows(
 ) -> Iterator[Row]:
     """A row for each metric, of dances and a reference set as `measure` left them.
 
-    Kinds of swaps that nobody asked for have no row.
+    Kinds of swaps that no dance has as its target have no row.
     """
     for metric in METRICS:
-        asked = any(metric.source in dance.numbers for dance in dances)
-        if asked or not metric.name.startswith(f"{OBEDIENCE},"):
+        present = any(metric.source in dance.numbers for dance in dances)
+        if present or not metric.name.startswith(f"{OBEDIENCE},"):
             yield _row(metric, dances, reference, seed)
 
 

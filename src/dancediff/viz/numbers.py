@@ -1,4 +1,4 @@
-"""Pictures of numbers: what the model hears, what it sees, and how fast noise takes over."""
+"""Pictures of numbers: music features, a dance as features, the noise schedule, the skeleton."""
 
 import numpy as np
 import torch
@@ -100,7 +100,7 @@ def plot_beats(M, beats=None, *, truth=None, ax=None, title: str | None = None):
 
 
 def plot_barcode(x, *, ax=None, title: str | None = None):
-    """A dance as the network sees it: one row a feature, one column a frame.
+    """A dance as features: one row a feature, one column a frame.
 
     Shapes: x (f, 151) of one dancer, any scale -> Axes. Each row is scaled by its own range, so
     that a row without change is grey.

@@ -325,7 +325,7 @@ def plot_noise_filmstrip(
     """The same moment of several versions of a dance side by side, e.g. noisier and noisier ones.
 
     ``dances`` are Motions, ``labels`` stand above them. Returns the Axes. All share one camera: it
-    shows the first dance, so that who flies away is gone, or all of them if ``fit_all``.
+    shows the first dance, whatever flies out of the picture, or all of them if ``fit_all``.
 
     Raises: ValueError when the numbers of dances and labels differ.
     """

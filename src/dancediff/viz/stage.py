@@ -131,7 +131,7 @@ def _rows(widgets, controls: dict) -> list:
     return [
         controls["ticks"],
         controls["slider"],
-        row("play", "clock", "speed", "loop", "heard"),
+        row("play", "clock", "speed", "loop", "sound_on"),
         row("views", "trails", "contacts"),
     ]
 

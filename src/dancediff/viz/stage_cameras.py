@@ -1,7 +1,7 @@
 """From where the stage is seen: the eye of each view, and the path that "Follow" walks.
 
 Symbols (axes: n dancers · f frames)
-    root    pelvis positions of everybody on the stage, metres   (n, f, 3)
+    root    pelvis positions of all dancers, metres   (n, f, 3)
     middle  where the group is, on the floor                     (f, 3)
 """
 
@@ -24,12 +24,12 @@ def views(root: np.ndarray, fps: float, aspect: float, aside: float = 0.22) -> l
     low, high = root.min((0, 1)), root.max((0, 1))
     there = (low + high) / 2 * [1, 0, 1] + [0, _HALF_HEIGHT, 0]
     here = np.array([0.0, _HALF_HEIGHT, 0.0])
-    spread = np.abs(root - middle(root, fps)).max((0, 1))
+    reach = np.abs(root - middle(root, fps)).max((0, 1))
     slant, above = np.array([aside, 0.3, 1.0]), np.array([0.0, 1.0, 1e-4])
     return [
         _view("Orbit", there + _way_back((high - low) / 2, slant, aspect), there),
         _view("Top view", there + _way_back((high - low) / 2, above, aspect), there, turns=False),
-        _view("Follow", here + _way_back(spread, slant, aspect), here, follows=True),
+        _view("Follow", here + _way_back(reach, slant, aspect), here, follows=True),
     ]
 
 

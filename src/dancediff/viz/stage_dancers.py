@@ -36,7 +36,7 @@ def make_shapes(p3, skeleton: Skeleton, body: str) -> dict:
 
 
 def make_dancer(p3, motion: Motion, k: int, shapes: dict, number: int) -> list:
-    """What dancer k is made of, in her first pose; ``number`` counts all on the stage."""
+    """What dancer k is made of, in the first pose; ``number`` counts all on the stage."""
     skeleton, color = motion.skeleton, dancer_color(k)
     facts: dict = {"roughness": 0.75, "metalness": 0.0, "skinning": SKIN in shapes}
     paint = p3.MeshStandardMaterial(color=color, **facts)
@@ -70,7 +70,7 @@ def make_dancer(p3, motion: Motion, k: int, shapes: dict, number: int) -> list:
 
 
 def make_tracks(p3, motion: Motion, first: int = 0) -> list:
-    """Tracks of everybody in a dance, by a clock that counts frames; names count from ``first``."""
+    """Tracks of all dancers, by a clock that counts frames; names count from ``first``."""
     times = np.arange(motion.num_frames, dtype=np.float32)
     quaternions = steady_quaternions(motion)
     tracks = []
@@ -95,7 +95,7 @@ def joint_name(number: int, j: int) -> str:
 
 
 def make_label(p3, text: str, place, size: float):
-    """A word that always faces the eye: nobody on the stage is told apart by colour alone."""
+    """A word that always faces the camera, so that dancers differ by more than colour."""
     word = p3.TextTexture(string=text, color=INK, size=64, minFilter="LinearFilter")
     paint = p3.SpriteMaterial(map=word, transparent=True, depthTest=False)
     return p3.Sprite(paint, position=place, scale=(size, size, 1.0))

@@ -1,7 +1,7 @@
 """Everything that is on the stage, and the one clip that moves it.
 
 Symbols (axes: n dancers · f frames)
-    root    pelvis positions of everybody on the stage, metres   (n, f, 3)
+    root    pelvis positions of all dancers, metres   (n, f, 3)
 """
 
 from dataclasses import dataclass, replace
@@ -51,7 +51,7 @@ def side_by_side(a: Motion, b: Motion) -> list[Motion]:
 
 
 def roots(dances: list[Motion]) -> np.ndarray:
-    """Where everybody is in each frame of the longest dance, (n, f, 3); who is done stands still.
+    """Roots in each frame of the longest dance, (n, f, 3); the last frame of a shorter one stays.
 
     >>> still = Motion(torch.eye(3).expand(1, 2, 24, 3, 3), torch.zeros(1, 2, 3))
     >>> roots([still, still.frames(0, 1)]).shape

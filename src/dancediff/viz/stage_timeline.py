@@ -41,7 +41,7 @@ def make_controls(widgets, width: int, frames: int, fps: float, views: list[str]
         ),
     }
     if song is not None:
-        parts["heard"] = widgets.Checkbox(True, description="sound", indent=False, layout=narrow)
+        parts["sound_on"] = widgets.Checkbox(True, description="sound", indent=False, layout=narrow)
         parts["sound"] = widgets.Audio(value=_mp3(song, frames / fps), format="mp3", autoplay=False)
     return parts
 

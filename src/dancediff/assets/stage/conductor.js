@@ -33,8 +33,8 @@ async (manager, facts) => {
   if (part.sound) {
     audio = new Audio(URL.createObjectURL(new Blob([part.sound.get("value")], { type: "audio/mpeg" })));
     audio.onerror = () => (audio = null);
-    part.heard.on("change:value", () => audio && (audio.muted = !part.heard.get("value")));
-    audio.muted = !part.heard.get("value");
+    part.sound_on.on("change:value", () => audio && (audio.muted = !part.sound_on.get("value")));
+    audio.muted = !part.sound_on.get("value");
   }
   const rate = () => Number(speed.get("_options_labels")[speed.get("index")]);
 
