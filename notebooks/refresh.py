@@ -1,11 +1,14 @@
 """Run the lessons in place and store what a reader should see: `python notebooks/refresh.py [NN ...]`.
 
 Outputs are kept (they are the shop window), widget states, timings and cells tagged "widget" are
-not: they would be large, or dead without a kernel. Pictures are stored with a palette.
+not: they would be large, or dead without a kernel. Pictures are stored with a palette. How long a
+lesson took goes into docs/results/lessons.json and, rounded up to five seconds, into its first line.
 """
 
 import base64
 import io
+import math
+import re
 import sys
 import time
 from pathlib import Path
@@ -15,6 +18,7 @@ from nbclient import NotebookClient
 from PIL import Image
 
 HERE = Path(__file__).parent
+TIMES = HERE.parent / "docs" / "results" / "lessons.json"
 COLOURS = 256
 
 
@@ -34,10 +38,20 @@ def refresh(path: Path) -> float:
         tidy(cell)
     book.metadata.pop("widgets", None)
     book.metadata["language_info"] = {"name": "python"}
+    seconds = time.perf_counter() - start
+    book.cells[0].source = re.sub(r"⏱ \d+ s", f"⏱ {badge(seconds)} s", book.cells[0].source)
     part = path.with_suffix(".part")
     nbformat.write(book, part)
     part.replace(path)
-    return time.perf_counter() - start
+    times = TIMES.read_text(encoding="utf-8")
+    entry = f'["{path.name[:2]}", {math.ceil(seconds)}]'
+    TIMES.write_text(re.sub(rf'\["{path.name[:2]}", \d+\]', entry, times), encoding="utf-8")
+    return seconds
+
+
+def badge(seconds: float) -> int:
+    """Seconds that a lesson's first line promises: rounded up to five."""
+    return 5 * math.ceil(math.ceil(seconds) / 5)
 
 
 def tidy(cell) -> None:

@@ -27,3 +27,12 @@ def test_all_are_counted():
     assert f"{len(LESSONS)} lessons".replace("14", "Fourteen") in PAGE
     assert f" {len(EXERCISES)} exercises" in PAGE
     assert len(EXERCISES) >= 35
+
+
+def test_a_lesson_takes_as_long_as_its_first_line_says():
+    table = json.loads((ROOT / "docs" / "results" / "lessons.json").read_text(encoding="utf-8"))
+    seconds = dict(table["rows"])
+    assert len(seconds) == len(LESSONS)
+    for path in LESSONS:
+        said = re.search(r"⏱ (\d+) s", path.read_text(encoding="utf-8"))[1]
+        assert int(said) == 5 * -(-seconds[path.name[:2]] // 5), path.name

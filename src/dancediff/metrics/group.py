@@ -30,7 +30,7 @@ def frame_energies(joints: Tensor, *, window: int, dt: float) -> Tensor:
     with K the offsets from -w to w that stay inside the clip. The sums telescope, so only their
     ends are read.
 
-    Source: Onuma et al. 2008 as in paper-notes 7.1.
+    Source: Onuma et al. 2008, with the sums of AIOZ-GDance's code.
 
     Shapes: joints (n, f, j, 3) metres, f >= 3; dt seconds -> (n, f - 1, j, 3).
 

@@ -104,7 +104,7 @@ def swap_obedience(roots: Sequence[Tensor], swaps: Sequence) -> dict[str, float]
     for groups of three there is also one share for each kind of swap asked for, as
     `permutation_kind` names it. Kinds that nobody asked for are left out.
 
-    Source: our own; swap as in architecture.md section 3. Who ignores the swap and keeps the order
+    Source: our own; ``swap`` as `generate` takes it. Who ignores the swap and keeps the order
     obeys every identity, so read the other kinds; chance is 1/6 for three dancers.
     Differs from every other metric: turning the stage changes it, left and right being the point.
 
