@@ -14,7 +14,9 @@ from dancediff.data.choreographer.formations import slots
 from dancediff.diffusion.conditions import Conditions
 from dancediff.extensions.beat_phase import beat_waves
 from dancediff.extensions.collision_avoidance import CollisionAvoidance
-from dancediff.extensions.foot_contact_projection import foot_contact_hook
+from dancediff.extensions.floor_contact import stand_on_floor
+from dancediff.extensions.foot_contact_projection import foot_contact_hook, plant_feet
+from dancediff.extensions.speed_limit import limit_travel, limit_turns
 from dancediff.metrics.collision import tif
 from dancediff.metrics.fidelity import diversity, fid
 from dancediff.metrics.geometric import geometric_features
@@ -27,9 +29,6 @@ from dancediff.metrics.rhythm import beat_alignment
 from dancediff.metrics.swaps import abrupt_swaps, final_order
 from dancediff.motion.beats import mean_speed, motion_beats
 from dancediff.motion.contact import foot_contact, foot_speed
-from dancediff.motion.foot_locking import plant_feet
-from dancediff.motion.ground import stand_on_floor
-from dancediff.motion.joint_speed_limit import limit_turns
 from dancediff.motion.motion import Motion
 from dancediff.motion.representation import LODGE, TCDIFFPP, Normalizer, joints_of
 from dancediff.motion.rotation import (
@@ -39,7 +38,6 @@ from dancediff.motion.rotation import (
     rotation_between,
     slerp,
 )
-from dancediff.motion.travel_speed_limit import limit_travel
 from dancediff.music.features import MusicNormalizer, music_features
 from dancediff.music.song import Music
 from dancediff.papers.edge.model import EDGE, EDGEConfig

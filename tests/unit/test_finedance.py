@@ -11,7 +11,7 @@ from dancediff.data.choreographer import choreograph
 from dancediff.data.finedance import ALL, IGNORED, LEGS, SKIP, finedance_jobs, split_of
 from dancediff.data.prepared import PreparedData
 from dancediff.genre import FINEDANCE
-from dancediff.motion.ground import TOE_CLEARANCE
+from dancediff.motion.contact import TOE_CLEARANCE
 from dancediff.motion.rotation import matrix_to_rot6d
 from dancediff.motion.skeleton import FOOT_JOINTS
 from dancediff.music.song import Music

@@ -5,15 +5,13 @@ import torch
 
 import dancediff as dd
 from dancediff.extensions.control import Keep
-from dancediff.extensions.foot_contact_projection import LEGS, foot_contact_hook
+from dancediff.extensions.floor_contact import stand_on_floor
+from dancediff.extensions.foot_contact_projection import LEGS, foot_contact_hook, plant_feet
 from dancediff.extensions.projection import Fixed
+from dancediff.extensions.speed_limit import limit_travel, limit_turns
 from dancediff.metrics.physical import fsr
-from dancediff.motion.foot_locking import plant_feet
-from dancediff.motion.ground import stand_on_floor
-from dancediff.motion.joint_speed_limit import limit_turns
 from dancediff.motion.representation import TCDIFFPP, Normalizer
 from dancediff.motion.skeleton import FOOT_JOINTS
-from dancediff.motion.travel_speed_limit import limit_travel
 
 KNEE = TCDIFFPP.joint_channels([dd.motion.skeleton.SMPL24.index("lknee")])
 

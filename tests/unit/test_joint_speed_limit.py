@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from dancediff.data.choreographer import choreograph
-from dancediff.motion.joint_speed_limit import JOINT_LIMIT, ROOT_LIMIT, limit_turns, turn_angles
+from dancediff.extensions.speed_limit import JOINT_LIMIT, ROOT_LIMIT, limit_turns, turn_angles
 from dancediff.motion.representation import LODGE, TCDIFFPP, pack, unpack
 from dancediff.motion.rotation import axis_angle_to_matrix
 from dancediff.motion.skeleton import SMPL24

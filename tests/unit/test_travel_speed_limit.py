@@ -5,11 +5,11 @@ import pytest
 import torch
 
 from dancediff.data.choreographer import choreograph
+from dancediff.extensions.speed_limit import TRAVEL_LIMIT, limit_travel
 from dancediff.motion.representation import LODGE, TCDIFFPP
-from dancediff.motion.travel_speed_limit import LIMIT, limit_travel
 
 X, Y, Z = range(TCDIFFPP.root.start, TCDIFFPP.root.stop)
-LONGEST = LIMIT / 30
+LONGEST = TRAVEL_LIMIT / 30
 
 
 @pytest.fixture(scope="module")

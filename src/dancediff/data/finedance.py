@@ -33,7 +33,7 @@ from dancediff.data.formats import (
 )
 from dancediff.data.take import DanceTake, Job
 from dancediff.genre import FINEDANCE
-from dancediff.motion.ground import TOE_CLEARANCE
+from dancediff.motion.contact import TOE_CLEARANCE
 from dancediff.motion.motion import Motion
 from dancediff.motion.rotation import rot6d_to_matrix
 from dancediff.motion.skeleton import FOOT_JOINTS

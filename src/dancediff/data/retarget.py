@@ -19,8 +19,7 @@ from dancediff.axes import FPS, ON_FLOOR
 from dancediff.data.bvh import BVH
 from dancediff.data.joint_maps import GIRDLES, bones, find_joints
 from dancediff.data.repair import bridge, close_gaps, repair, runs
-from dancediff.motion.contact import foot_contact
-from dancediff.motion.ground import TOE_CLEARANCE
+from dancediff.motion.contact import TOE_CLEARANCE, foot_contact
 from dancediff.motion.ik import frame_from_bone, two_bone_ik
 from dancediff.motion.motion import Motion
 from dancediff.motion.rotation import axis_angle_to_matrix, rotation_between, slerp

@@ -13,6 +13,7 @@ from dancediff.lookup import table
 from dancediff.motion.skeleton import feet_of
 
 CONTACT_HEIGHT = (0.12, 0.12, 0.05, 0.05)  # metres above the floor: ankles, toes
+TOE_CLEARANCE = 0.02  # metres: height of the toe joint of a foot that stands flat
 CONTACT_SPEED = 0.01  # metres a frame at 30 fps, in the floor plane
 
 

@@ -158,7 +158,7 @@ class Lodge(nn.Module):
         - ``genre``: one of ``config.genres``; default: by the song's tempo, see `genre_for`.
         - ``soft``: for which share of the steps the dance is held at its soft cues, 0 to 1.
         - ``home``: come back to the same place every 8.5 s; without it a dancer may walk off.
-        - ``feet``: "planted" keeps feet in place that stand (`dancediff.motion.foot_locking`);
+        - ``feet``: "planted" keeps feet in place that stand;
           "free" leaves them as the network draws them.
         - ``mirror``: dance each soft cue a second time, mirrored.  ``beat_align``: on beats.
         - ``dancers``: 1 to 5, all with the same solo, in a ``formation`` ("line", "V", ...);

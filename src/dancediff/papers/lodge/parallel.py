@@ -247,7 +247,7 @@ def dance(
     ``soft``: share of the steps in which soft cues are held.  ``mirror``, ``beat_align``: see
     `make_cues`.  ``home``: every segment ends where it began, so that a long dance stays on the
     stage; a model without preconditioning cannot be asked to.  ``feet``: "planted" or "free", see
-    `dancediff.motion.foot_locking`.  ``report(done, total)`` counts
+    `dancediff.extensions.foot_contact_projection`.  ``report(done, total)`` counts
     denoising steps.
 
     Source: Lodge "Parallel Inference".  Differs: songs of any length (`plan`), beats and sections

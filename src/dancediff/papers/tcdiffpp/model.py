@@ -215,7 +215,7 @@ class TCDiffPP(nn.Module):
           `dancediff.papers.tcdiffpp.long_group_sampling`; by default known frames keep their noise
           where
           the sampler adds none, and get fresh noise where it does.
-        - ``feet``: "planted" keeps feet in place that stand (`dancediff.motion.foot_locking`);
+        - ``feet``: "planted" keeps feet in place that stand;
           "free" leaves them as the network draws them.
         - ``spacing``: "kept" makes room between dancers who would run into each other
           (`dancediff.extensions.collision_avoidance`), as is usual; "free" leaves that to the

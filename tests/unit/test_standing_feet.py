@@ -5,9 +5,8 @@ import pytest
 import torch
 
 from dancediff.data.choreographer import choreograph
-from dancediff.metrics.physical import fsr
-from dancediff.metrics.posture import ankles_close, knee_bend, legs_crossed
-from dancediff.motion.foot_locking import (
+from dancediff.extensions.floor_contact import flights
+from dancediff.extensions.foot_contact_projection import (
     LOWEST,
     SMOOTH,
     STAND,
@@ -16,7 +15,9 @@ from dancediff.motion.foot_locking import (
     planting_shift,
     support,
 )
-from dancediff.motion.ground import TOE_CLEARANCE, flights
+from dancediff.metrics.physical import fsr
+from dancediff.metrics.posture import ankles_close, knee_bend, legs_crossed
+from dancediff.motion.contact import TOE_CLEARANCE
 from dancediff.motion.representation import LODGE, TCDIFFPP, joints_of, pack, unpack
 from dancediff.motion.rotation import axis_angle_to_matrix, matrix_to_rot6d
 from dancediff.motion.skeleton import FOOT_JOINTS, SMPL24, world_rotations
