@@ -51,7 +51,7 @@ def make(folder: Path, args: Args, seed: int) -> Path:
             motion, _ = choreograph(beats, dancers=args.dancers, seed=seed + k, seconds=seconds)
             take = DanceTake(
                 name=path.stem,
-                motion=motion,
+                dance=motion,
                 kind="synthetic",
                 music="none",
                 source="choreographer",

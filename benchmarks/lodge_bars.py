@@ -253,7 +253,7 @@ class Genre(Common):
         genres = hub.load(self.model).config.genres
         draw, rows = torch.Generator().manual_seed(0), []
         for solo in tqdm(prepared_solos(self.train, genres), desc="training takes"):
-            for x in in_windows(solo.x):
+            for x in in_windows(solo.x[0, :, : LODGE.dim]):
                 rows += [(described(x), solo.genre), (described(shaken(x, draw)), solo.genre)]
         judge = make_pipeline(
             StandardScaler(), LogisticRegression(C=0.02, max_iter=2000, class_weight="balanced")
@@ -261,9 +261,9 @@ class Genre(Common):
         judge.fit(np.stack([row for row, _ in rows]), [genre for _, genre in rows])
         held = [(w.genre, w.motion.features("lodge")[0]) for w in held_out(self.held, 1024, 200)]
         held += [
-            (solo.genre, solo.x)
+            (solo.genre, solo.x[0, :, : LODGE.dim])
             for solo in prepared_solos(self.train, genres, "val")
-            if solo.captured and len(solo.x) >= LOCAL
+            if solo.real and solo.num_frames >= LOCAL
         ]
         self._print("held-out takes", [(genre, verdict(judge, x)) for genre, x in held])
         self._print("the same, shaken", [(g, verdict(judge, shaken(x, draw))) for g, x in held])

@@ -25,8 +25,9 @@ import torch
 import tyro
 
 from dancediff import hub
-from dancediff.data.corpus import choreographed_corpus
-from dancediff.data.windows import GroupDanceWindows
+from dancediff.data.augment import Augmentation
+from dancediff.data.choreographed import choreographed_corpus
+from dancediff.data.windows import GroupCut, WindowSampler
 from dancediff.diffusion.guidance import guided
 from dancediff.nn import ssm
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
@@ -201,7 +202,7 @@ def training(args: Args) -> list[dict]:
         model = TCDiffPP(TCDiffPPConfig(**config["model"]))
         settings = run.settings_of(config)
         fit_statistics(model, takes, settings.extensions)
-        data = Timed(GroupDanceWindows(takes, swaps=0.3, mirror=0.5))
+        data = Timed(WindowSampler(takes, GroupCut(), swaps=0.3, augment=Augmentation(mirror=0.5)))
         settings = replace(settings, precision=precision)
         trainer = Trainer(model, data, settings)
         model.train()

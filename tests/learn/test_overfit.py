@@ -11,7 +11,7 @@ import csv
 import pytest
 import torch
 
-from dancediff.data.corpus import choreographed_takes
+from dancediff.data.choreographed import choreographed_takes
 from dancediff.data.windows import rank_left_to_right
 from dancediff.diffusion.conditions import Conditions
 from dancediff.motion.representation import unpack

@@ -11,13 +11,13 @@ import torch
 
 from dancediff.data.choreographed import make_choreographed
 from dancediff.diffusion.conditions import Conditions
+from dancediff.motion.representation import at_origin
 from dancediff.papers.lodge.foot_refine import joints_of
 from dancediff.papers.lodge.local_diffusion import LocalConfig, LocalDenoiser
 from dancediff.papers.lodge.losses import LodgeWeights
-from dancediff.papers.lodge.primitives import at_origin
 from dancediff.training.config import TrainConfig, TrainingExtensions
 from dancediff.training.lodge import fit_stage
-from dancediff.training.lodge_data import SoloWindows, solos_of
+from dancediff.training.lodge_data import solos_of
 from dancediff.training.lodge_losses import LodgeObjective
 from dancediff.training.trainer import Trainer
 
@@ -41,7 +41,7 @@ class FewClips:
 
 @pytest.fixture(scope="module")
 def solos():
-    takes = [make_choreographed(str(k), k, 1, 0, seconds=6.0, share=0.0) for k in (0, 1, 7, 8)]
+    takes = [make_choreographed(k, 1, seconds=6.0) for k in (0, 1, 7, 8)]
     return solos_of(takes, tuple(sorted({take.genre for take in takes})))
 
 
@@ -51,9 +51,9 @@ def learn(solos, folder, *, same_music):
     torch.manual_seed(0)
     model = LocalDenoiser(LocalConfig(**SIZES, num_frames=FRAMES, genres=genres, style_noise=8))
     extensions = TrainingExtensions(metre_unit=True)
-    fit_stage(model, SoloWindows(solos, genres, num_frames=FRAMES), extensions)
+    fit_stage(model, WindowSampler(solos, SoloCut(FRAMES, genres)), extensions)
     part = slice(30, 30 + FRAMES)
-    x = torch.stack([at_origin(solo.x[part]) for solo in solos[:2]])
+    x = torch.stack([at_origin(solo.x[0, part, :139]) for solo in solos[:2]])
     M = torch.stack([solo.songs[0][part] for solo in solos[:2]])
     if same_music:
         M, genre = M[:1].repeat(2, 1, 1), torch.tensor([0, 1])
@@ -64,7 +64,7 @@ def learn(solos, folder, *, same_music):
     objective = LodgeObjective(model, config)
     trained = Trainer(model, data, config, folder, objective=objective).run()
     losses = list(csv.DictReader((folder / "losses.csv").read_text().splitlines()))
-    mean = torch.cat([model.normalizer.normalize(solo.x) for solo in solos]).mean(0)
+    mean = torch.cat([model.normalizer.normalize(solo.x[0, :, :139]) for solo in solos]).mean(0)
     still = (model.normalizer.normalize(x) - mean).square().mean().item()
     return trained, data, losses, still
 

@@ -10,7 +10,8 @@ import pytest
 import torch
 
 from dancediff.axes import FPS, from_tokens, to_tokens
-from dancediff.data.windows import GroupDanceWindows, Take, rank_left_to_right
+from dancediff.data.take import DanceTake
+from dancediff.data.windows import GroupCut, WindowSampler, rank_left_to_right
 from dancediff.diffusion.conditions import Conditions
 from dancediff.generation.generate import binder
 from dancediff.motion.order import swap_mode
@@ -73,13 +74,13 @@ def test_t01_music_is_35_numbers_at_30_fps_and_another_width_is_a_setting():
 
 def test_t02_training_sees_sorted_dancers_and_their_order():
     """Released: sorts, then trains on the dancers as they came, without S."""
-    takes = [Take("crossing", crossing(), torch.randn(170, 35))]
-    x_0, _, S = GroupDanceWindows(takes, dancers_per_batch=3).batch(0)
+    takes = [DanceTake("crossing", crossing(), M=torch.randn(170, 35))]
+    x_0, _, S = WindowSampler(takes, GroupCut(), dancers_per_batch=3).batch(0)
     unsorted = takes[0].x[None, :, :150]
     assert (x_0[:, :, 0, 4].diff(dim=1) > 0).all()
     assert not (unsorted[:, :, 0, 4].diff(dim=1) > 0).any()
     model = make(cond_drop=0.0)
-    x_t, _, S_seen = seen_in_training(model, GroupDanceWindows(takes, dancers_per_batch=3))
+    x_t, _, S_seen = seen_in_training(model, WindowSampler(takes, GroupCut(), dancers_per_batch=3))
     assert torch.equal(S_seen, S) and S.tolist() == [[2, 1, 0]]
     assert x_t.shape == x_0.shape
 

@@ -9,14 +9,15 @@ import pytest
 import torch
 from safetensors.torch import load_file
 
+from dancediff.data.take import DanceTake
 from dancediff.metrics.rows import ALIKE, METRICS
+from dancediff.motion.representation import with_hands
 from dancediff.papers.lodge.global_diffusion import GlobalConfig, GlobalDenoiser
 from dancediff.papers.lodge.local_diffusion import LocalConfig
 from dancediff.papers.lodge.losses import l_critic, l_genre
 from dancediff.papers.lodge.model import Lodge, LodgeConfig
 from dancediff.papers.lodge.parallel import GLOBALS, Sampling, sample_rows, style_tokens
 from dancediff.training import lodge
-from dancediff.training.lodge_data import Solo
 
 TINY = {"d_model": 16, "num_heads": 2, "num_layers": 1, "ff_dim": 32}
 GENRES = ("hiphop", "salsa")
@@ -34,7 +35,8 @@ def solos():
     t = torch.arange(300.0)[:, None] / 30
     x = 0.1 * torch.sin(t * (1 + 4 * torch.rand(139, generator=g)))
     x[:, [7, 11]] += 1
-    return [Solo("made", x, torch.rand(1, 300, 35, generator=g), "salsa")]
+    M = torch.rand(300, 35, generator=g)
+    return [DanceTake("made", with_hands(x)[None], M=M, genre="salsa")]
 
 
 def test_l03_as_many_steps_in_each_stage():

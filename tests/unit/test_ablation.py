@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from dancediff import cli
-from dancediff.data.windows import GroupDanceWindows
+from dancediff.data.windows import WindowSampler
 from dancediff.motion.motion import Motion
 from dancediff.papers.edge.model import EDGE
 from dancediff.papers.tcdiffpp.losses import LossWeights, tcdiffpp_losses
@@ -248,7 +248,7 @@ def test_the_table_is_there_before_the_last_training(config, tmp_path, monkeypat
 def test_a_killed_run_goes_on_from_its_checkpoint(config, tmp_path, monkeypatch):
     path = config("[variants.full]\n")
     whole = run_ablation(path, tmp_path / "whole", evaluate=Judge())
-    batch, steps = GroupDanceWindows.batch, []
+    batch, steps = WindowSampler.batch, []
 
     def killed(self, step):
         if step == 3:
@@ -259,11 +259,11 @@ def test_a_killed_run_goes_on_from_its_checkpoint(config, tmp_path, monkeypatch)
         steps.append(step)
         return batch(self, step)
 
-    monkeypatch.setattr(GroupDanceWindows, "batch", killed)
+    monkeypatch.setattr(WindowSampler, "batch", killed)
     with pytest.raises(KeyboardInterrupt):
         run_ablation(path, tmp_path / "parts", evaluate=Judge())
     assert not (tmp_path / "parts" / "results.json").exists()
-    monkeypatch.setattr(GroupDanceWindows, "batch", watched)
+    monkeypatch.setattr(WindowSampler, "batch", watched)
     assert run_ablation(path, tmp_path / "parts", evaluate=Judge()) == whole
     assert steps == [2, 3]  # the checkpoint was written after two steps
     assert torch.equal(dances(tmp_path / "parts", "full"), dances(tmp_path / "whole", "full"))

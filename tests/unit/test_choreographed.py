@@ -6,9 +6,17 @@ import pytest
 import torch
 
 from dancediff.data import choreographed as module
-from dancediff.data.choreographed import choreograph_jobs, genre_and_tempo, song_of
+from dancediff.data.choreographed import (
+    choreograph_jobs,
+    choreographed_corpus,
+    choreographed_takes,
+    genre_and_tempo,
+    synthetic_song,
+)
+from dancediff.data.packed import PackedTakes
 from dancediff.data.prepare import prepare
 from dancediff.data.prepared import PreparedData
+from dancediff.genre import TEMPOS
 
 
 def test_a_take_follows_from_its_seed_and_fits_its_song():
@@ -58,7 +66,7 @@ def test_genres_take_turns():
     assert len(set(names)) >= 8 and names[:10] == names[10:]
     for k in range(20):
         name, tempo = genre_and_tempo(k)
-        low, high = module.GENRES[name].tempo
+        low, high = TEMPOS[name]
         assert low <= tempo <= high or tempo in (60, 200)
 
 
@@ -71,10 +79,10 @@ def test_a_song_is_rendered_once_for_all_sizes(tmp_path, monkeypatch):
     assert sorted(rendered) == [0, 1]
     a, b = (PreparedData(tmp_path).load(f"choreographed_000001_{n}") for n in (1, 2))
     assert torch.equal(a.M, b.M)
-    M, beats, sections = song_of(1, 5.0, genre_and_tempo(1)[1])
+    made = synthetic_song(1, 5.0)
     song, truth = synth(1, seconds=5.0, tempo=genre_and_tempo(1)[1])
-    assert torch.equal(M[:150], a.M) and torch.equal(M, song.features())
-    assert beats.tolist() == truth.beats.tolist() and sections == truth.sections
+    assert torch.equal(made.M[:150], a.M) and torch.equal(made.M, song.features())
+    assert made.beats.tolist() == truth.beats.tolist() and made.sections == truth.sections
 
 
 @pytest.mark.parametrize(
@@ -105,3 +113,57 @@ def test_the_script_shows_its_steps(tmp_path, capsys, monkeypatch):
     out = capsys.readouterr().out
     assert "beats a minute" in out and "formations" in out and "made 2" in out
     assert len(PreparedData(tmp_path)) == 2
+
+
+def same(a, b):
+    return all(
+        (p.name, p.group, p.genre) == (q.name, q.group, q.genre)
+        and torch.allclose(p.x, q.x, atol=1e-6)  # files hold rotations, not vectors
+        and torch.equal(p.M, q.M)
+        for p, q in zip(a, b, strict=True)
+    )
+
+
+def test_training_without_data_learns_from_what_prepare_makes(tmp_path):
+    """With or without a folder: the same songs, the same dances."""
+    jobs = choreograph_jobs(4, seconds=6, seed=7, sizes=(1, 3), share=0.0)
+    prepare(jobs, tmp_path, progress=False)
+    prepared = {take.name: take for take in PackedTakes(tmp_path).takes()}
+    corpus = choreographed_corpus(range(7, 9), seconds=6.0, sizes=(1, 3), workers=1)
+    assert len(corpus) == len(prepared) == 4
+    assert same(corpus, [prepared[take.name] for take in corpus])
+
+
+def test_a_corpus_on_disk_makes_only_what_is_missing(tmp_path, monkeypatch):
+    options = {"seconds": 6.0, "sizes": (2, 1), "workers": 1}
+    plain = choreographed_corpus([4, 2], **options)
+    assert [t.num_dancers for t in plain] == 2 * [2, 1]
+    assert same(plain[:2], choreographed_takes(4, seconds=6.0, sizes=(2, 1)))
+    assert same(plain, choreographed_corpus([4, 2], **options, cache=tmp_path))
+    (tmp_path / "takes" / "choreographed_000002_1.npz").write_bytes(b"half a file")
+    made, make = [], module.choreograph
+
+    def counted(*args, seed, **more):
+        made.append(seed)
+        return make(*args, seed=seed, **more)
+
+    monkeypatch.setattr(module, "choreograph", counted)
+    again = choreographed_corpus([2, 4, 7], **options, cache=tmp_path)
+    assert same(plain, again[2:4] + again[:2]) and made == [21, 72, 71]
+    again[0].x.add_(1.0)  # what was read may be changed, the files never are
+    assert same(plain[2:], choreographed_corpus([2], **options, cache=tmp_path))
+
+
+def test_a_song_without_a_dance_is_named(tmp_path):
+    with pytest.raises(ValueError, match="choreographed_000001_2: "):
+        choreographed_corpus([1], seconds=0.3, sizes=(2,), workers=1, cache=tmp_path)
+
+
+@pytest.mark.slow
+def test_several_processes_make_the_same_corpus():
+    one = choreographed_corpus([0, 1], seconds=6.0, sizes=(1, 2), workers=1)
+    two = choreographed_corpus([0, 1], seconds=6.0, sizes=(1, 2), workers=2)
+    for a, b in zip(one, two, strict=True):
+        assert a.name == b.name
+        torch.testing.assert_close(a.x, b.x, rtol=1e-4, atol=1e-4)
+        torch.testing.assert_close(a.M, b.M, rtol=1e-4, atol=1e-3)

@@ -24,15 +24,16 @@ run_one({out!r})
 
 def run_one(out, accumulate=1):
     """A tiny training in whatever world this process is in."""
-    from dancediff.data.windows import GroupDanceWindows, Take
+    from dancediff.data.take import DanceTake
+    from dancediff.data.windows import GroupCut, WindowSampler
     from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 
     torch.manual_seed(0)
     torch.set_num_threads(1)
-    takes = [Take(str(n), torch.rand(n, 40, 151), torch.rand(40, 35)) for n in (1, 2, 3)]
+    takes = [DanceTake(str(n), torch.rand(n, 40, 151), M=torch.rand(40, 35)) for n in (1, 2, 3)]
     sizes = {"d_model": 16, "num_layers": 1, "ff_dim": 32, "fusion_hidden": 32, "head_dim": 16}
     model = TCDiffPP(TCDiffPPConfig(**sizes, num_frames=20))
-    data = GroupDanceWindows(takes, num_frames=20, dancers_per_batch=4)
+    data = WindowSampler(takes, GroupCut(20), dancers_per_batch=4)
     with join_world() as world:
         config = TrainConfig(steps=3, warmup=0, lr=1e-2, accumulate=accumulate)
         Trainer(model, data, config, Path(out), world=world).run()

@@ -7,10 +7,10 @@ import torch
 import dancediff as dd
 from dancediff import hub
 from dancediff.cli import main
-from dancediff.data.corpus import choreographed_takes
-from dancediff.data.windows import Take
+from dancediff.data.choreographed import choreographed_takes
+from dancediff.data.take import DanceTake
 from dancediff.diffusion.conditions import Conditions
-from dancediff.papers.edge.model import EDGE, SPACING, EDGEConfig, solo_takes, start_slots
+from dancediff.papers.edge.model import EDGE, SPACING, EDGEConfig, start_slots
 from dancediff.papers.tcdiffpp.losses import LossWeights, tcdiffpp_losses
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 from dancediff.training.run import read_config, train_from_config
@@ -106,7 +106,7 @@ def test_music_and_step_matter_and_dropped_music_does_not(model):
 
 
 def test_four_losses_and_no_distance(model, takes):
-    fit_statistics(model, solo_takes(takes))
+    fit_statistics(model, [solo for take in takes for solo in take.solos(centred=True)])
     x_0 = torch.rand(2, 1, 20, 151)
     x_hat = model(x_0, torch.tensor([500, 900]), Conditions(torch.randn(2, 20, 35)))[1]
     terms = tcdiffpp_losses(x_hat, x_hat, x_0, model.normalizer)
@@ -121,12 +121,12 @@ def test_four_losses_and_no_distance(model, takes):
 # ---- training data ----
 
 
-def test_solo_takes_keep_all_but_the_place():
+def test_solos_keep_all_but_the_place():
     x = torch.randn(3, 40, 151)
-    take = Take("trio", x, torch.zeros(40, 35), song="waltz")
-    solos = solo_takes([take])
+    take = DanceTake("trio", x, M=torch.zeros(40, 35), group="waltz")
+    solos = take.solos(centred=True)
     assert [solo.x.shape for solo in solos] == [(1, 40, 151)] * 3
-    assert {solo.song for solo in solos} == {"waltz"} and all(s.M is take.M for s in solos)
+    assert {solo.group for solo in solos} == {"waltz"} and all(s.M is take.M for s in solos)
     together = torch.cat([solo.x for solo in solos])
     floor = [4, 6]
     assert together[..., floor].mean(1).abs().max() < 1e-5

@@ -8,12 +8,15 @@ import torch
 from safetensors.torch import load_file
 
 from dancediff import hub
+from dancediff.data.augment import Augmentation
 from dancediff.data.choreographed import make_choreographed
+from dancediff.data.take import DanceTake
+from dancediff.data.windows import SoloCut, WindowSampler
 from dancediff.diffusion.schedule import cosine_abar
 from dancediff.extensions.level_weights import level_weights
 from dancediff.extensions.metre_unit import FLOOR_UNIT
 from dancediff.motion.mirror import mirror_features
-from dancediff.motion.representation import LODGE, Normalizer
+from dancediff.motion.representation import LODGE, Normalizer, with_hands
 from dancediff.music.features import CHROMA
 from dancediff.papers.lodge.genre_discriminator import DiscriminatorConfig
 from dancediff.papers.lodge.global_diffusion import GlobalConfig, GlobalDenoiser
@@ -29,7 +32,7 @@ from dancediff.training.lodge import (
     stage_config,
     train_lodge,
 )
-from dancediff.training.lodge_data import Solo, SoloWindows, prepared_solos, solos_of
+from dancediff.training.lodge_data import PrimitiveCut, long_enough, prepared_solos, solos_of
 from dancediff.training.lodge_losses import Critic, LodgeObjective
 from dancediff.training.run import train_from_config
 from dancediff.training.tables import read_toml
@@ -51,12 +54,20 @@ def solos():
         x[:, 7] += 1
         x[:, 11] += 1
         songs = torch.rand(2, 300, 35, generator=g)
-        made.append(Solo(f"made-{k}", x, songs, genre, "real" if k == 2 else "synthetic"))
+        kind = "real" if k == 2 else "synthetic"
+        options = {"M": songs[0], "M_other": songs[1:], "genre": genre}
+        made.append(DanceTake(f"made-{k}", with_hands(x)[None], kind, **options))
     return made
 
 
 def windows(solos, **options):
-    return SoloWindows(solos, GENRES, **{"num_frames": 64, "windows_per_batch": 4} | options)
+    change = {
+        name: options.pop(name) for name in ("mirror", "music", "any_song") if name in options
+    }
+    frames, layout = options.pop("num_frames", 64), options.pop("layout", None)
+    cut = SoloCut(frames, GENRES) if layout is None else PrimitiveCut(layout, GENRES)
+    options = {"dancers_per_batch": 4, "augment": Augmentation(**change)} | options
+    return WindowSampler(long_enough(solos, cut), cut, **options)
 
 
 def test_windows_start_at_the_origin_and_repeat(solos):
@@ -66,30 +77,30 @@ def test_windows_start_at_the_origin_and_repeat(solos):
     assert torch.equal(x[:, 0, [4, 6]], torch.zeros(4, 2)) and x[:, 0, 5].abs().max() > 0
     assert all(torch.equal(a, b) for a, b in zip(data.batch(3), (x, M, genre), strict=True))
     assert not torch.equal(data.batch(4)[0], x)
-    assert solos[0].x[0, 4] > 1.5, "the takes themselves are left alone"
+    assert solos[0].x[0, 0, 4] > 1.5, "the takes themselves are left alone"
 
 
 def test_windows_know_their_genre_music_and_mirror(solos):
     x, M, genre = windows(solos[1:2], mirror=1.0).batch(0)
     assert genre.tolist() == [1] * 4
     start = int((solos[1].songs[0] == M[0, 0]).all(-1).nonzero()[0, 0])
-    truth = windows(solos[1:2]).cut(solos[1], start)
+    truth = SoloCut(64, GENRES)(solos[1], start)
     assert torch.allclose(x[0], mirror_features(truth, LODGE))
 
 
-def test_captured_windows_have_their_share(solos):
-    data = windows(solos, captured=0.9)
+def test_real_windows_have_their_share(solos):
+    data = windows(solos, real=0.9)
     rng = np.random.default_rng(0)
-    assert 0.8 < np.mean([data.choose(rng).captured for _ in range(300)]) < 0.97
+    assert 0.8 < np.mean([data.choose(solos, rng).real for _ in range(300)]) < 0.97
 
 
-def test_captured_dances_to_any_song(solos):
+def test_real_dances_to_any_song(solos):
     """The song alone must not tell that somebody danced, or nothing is learned from the genre."""
 
     def owners(**options):
-        data = windows(solos, captured=0.5, windows_per_batch=200, music=True, **options)
+        data = windows(solos, real=0.5, dancers_per_batch=200, music=True, **options)
         x, M, _ = data.batch(0)
-        songs = [{tuple(row.tolist()) for row in solo.songs.flatten(0, 1)} for solo in solos]
+        songs = [{tuple(row.tolist()) for M in solo.songs for row in M} for solo in solos]
         heard = [[tuple(m[0].tolist()) in song for song in songs].index(True) for m in M]
         danced = [
             min(range(3), key=lambda k, w=w: _nearest(solos[k], w)) for w in x[:, :, LODGE.rot6d]
@@ -105,7 +116,7 @@ def test_captured_dances_to_any_song(solos):
 
 
 def _nearest(solo, w):
-    starts = solo.x[: len(solo.x) - len(w) + 1, LODGE.rot6d]
+    starts = solo.x[0, : solo.num_frames - len(w) + 1, LODGE.rot6d]
     return (starts - w[0]).abs().amax(-1).min().item()
 
 
@@ -113,7 +124,7 @@ def test_primitives_are_those_of_the_clip(solos):
     x = torch.zeros(1024, 139)
     x[:, [7, 11]] = 1
     x[:, 7 + 6 * 16 + 1] = torch.sin(torch.arange(1024.0) / 9)  # an arm swings
-    whole = Solo("long", x, torch.rand(1, 1024, 35), "salsa")
+    whole = DanceTake("long", with_hands(x)[None], M=torch.rand(1024, 35), genre="salsa")
     data = windows([whole], num_frames=1024, layout=LAYOUT)
     primitives, M, _ = data.batch(0)
     assert primitives.shape == (4, 104, 139) and M.shape == (4, 1024, 35)
@@ -131,9 +142,9 @@ def test_the_first_stage_meets_short_solos_too(solos):
     assert genre.tolist() == [1] * 4
     assert torch.equal(M[:, 300:], M[:, :-300]), "the music goes on from its beginning"
     steps = primitives.unflatten(1, (13, 8)).diff(dim=2).abs().amax()
-    once = solos[1].x.diff(dim=0).abs().amax()
+    once = solos[1].x.diff(dim=1).abs().amax()
     assert steps <= once + 1e-5, "no primitive lies across the join, where the pose jumps"
-    joined = data.solos[0].x
+    joined = data.takes[0].x[0]
     assert (joined[300] - joined[299])[7:].abs().amax() > 2 * once, "where there is a jump"
     assert torch.allclose(joined[300, [4, 6]], joined[299, [4, 6]]), "the dancer goes on from there"
 
@@ -148,9 +159,9 @@ def test_solos_shorter_than_a_local_segment_stay_out(solos):
     [
         ({"num_frames": 999}, "num_frames=999 frames, the longest 300"),
         ({"mirror": 2}, "mirror=2"),
-        ({"captured": -1}, "captured=-1"),
+        ({"real": -1}, "real=-1"),
         ({"any_song": 1.5}, "any_song=1.5"),
-        ({"windows_per_batch": 0}, "windows_per_batch=0"),
+        ({"dancers_per_batch": 0}, "dancers_per_batch=0"),
     ],
 )
 def test_bad_windows_are_named(solos, options, message):
@@ -159,10 +170,10 @@ def test_bad_windows_are_named(solos, options, message):
 
 
 def test_solos_of_takes():
-    take = make_choreographed("duo", 1, 2, 0, seconds=5.0, share=0.0)
+    take = make_choreographed(1, 2, seconds=5.0)
     made = solos_of([take], (take.genre,))
-    assert [solo.name for solo in made] == ["duo-0", "duo-1"]
-    assert torch.equal(made[1].x, take.motion.features("lodge")[1])
+    assert [solo.name for solo in made] == [f"{take.name}-{k}" for k in (0, 1)]
+    assert torch.equal(made[1].x[0], take.motion.features()[1])
     assert solos_of([take], ("polka",)) == []
 
 
@@ -171,12 +182,12 @@ def test_a_folder_without_such_genres_is_refused(tmp_path):
     from dancediff.data.take import Job
 
     def job():
-        return make_choreographed("choreographed_000001_1", 1, 1, 0, seconds=5.0, share=0.0)
+        return make_choreographed(1, 1, seconds=5.0)
 
     prepare([Job("choreographed_000001_1", job)], tmp_path, progress=False)
     solos = prepared_solos(tmp_path, (job().genre,))
     assert len(solos) == 1
-    assert torch.allclose(solos[0].x, job().motion.features("lodge")[0], atol=1e-5)
+    assert torch.allclose(solos[0].x, job().motion.features(), atol=1e-5)
     with pytest.raises(ValueError, match="genre of polka"):
         prepared_solos(tmp_path, ("polka",))
 
@@ -190,7 +201,7 @@ def test_statistics_fit_what_the_stage_sees(solos):
         assert x.abs().max() < 1.3
     assert model.normalizer.low[4] < 0 < model.normalizer.high[4] < 1, "root from the origin"
     assert model.spread.std() > 0.01
-    far = SoloWindows([Solo("far", 9 * solos[0].x, solos[0].songs, "salsa")], GENRES, num_frames=64)
+    far = windows([replace(solos[0], dance=9 * solos[0].x)])
     fit_stage(model, far, TrainingExtensions(metre_unit=True))
     on_floor = [LODGE.root.start, LODGE.root.start + 2]
     assert model.normalizer.scale[on_floor].max() <= FLOOR_UNIT, "no unit is as wide as the stage"

@@ -41,7 +41,7 @@ def trio(seed: int, **options) -> Motion:
 
 def take_of(motion: Motion, name: str, kind: str = "synthetic", beats=BEATS) -> DanceTake:
     words = {"music": "none", "source": "s", "licence": "l", "split": "val", "group": name}
-    return DanceTake(name=name, motion=motion, kind=kind, beats=beats, **words)
+    return DanceTake(name=name, dance=motion, kind=kind, beats=beats, **words)
 
 
 @pytest.fixture(scope="module")

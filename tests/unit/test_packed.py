@@ -9,11 +9,12 @@ import pytest
 import torch
 from test_prepare import jobs_of, tiny
 
+from dancediff.data.augment import Augmentation
 from dancediff.data.packed import PackedTakes
 from dancediff.data.prepare import prepare
 from dancediff.data.prepared import PreparedData
 from dancediff.data.take import Job
-from dancediff.data.windows import GroupDanceWindows
+from dancediff.data.windows import GroupCut, WindowSampler
 
 
 class Made:
@@ -121,9 +122,10 @@ def test_empty_split(folder):
 def test_takes_for_training(folder):
     packed = PackedTakes(folder)
     takes = packed.takes(num_frames=165)
-    assert [t.name for t in takes] == ["two"] and takes[0].others.shape == (2, 170, 35)
+    assert [t.name for t in takes] == ["two"] and takes[0].M_other.shape == (2, 170, 35)
     assert [t.name for t in packed.takes(max_dancers=1)] == ["t000", "t001"]
-    windows = GroupDanceWindows(packed.takes(), num_frames=150, music=True, dancers_per_batch=8)
+    options = {"augment": Augmentation(music=True), "dancers_per_batch": 8}
+    windows = WindowSampler(packed.takes(), GroupCut(), **options)
     songs = [packed.music(2)[k] for k in range(3)]
     heard = set()
     for step in range(12):
@@ -135,7 +137,7 @@ def test_takes_for_training(folder):
                     if any(torch.equal(song[s : s + 150], window) for s in range(21))
                 }  # fmt: skip
     assert heard == {0, 1, 2}
-    plain = GroupDanceWindows(packed.takes(), num_frames=150, dancers_per_batch=8)
+    plain = WindowSampler(packed.takes(), GroupCut(), dancers_per_batch=8)
     assert all(np.isfinite(part.numpy()).all() for part in plain.batch(0)[:2])
 
 

@@ -33,7 +33,7 @@ def tiny(name, seed, frames=40, n=1, split="train", kind="synthetic", group=None
         torch.eye(3).expand(n, frames, 24, 3, 3), torch.randn(n, frames, 3, generator=g)
     )
     return DanceTake(
-        name=name, motion=motion, kind=kind, music="synthetic", source="a test", licence="none",
+        name=name, dance=motion, kind=kind, music="synthetic", source="a test", licence="none",
         split=split, group=group or name, M=torch.randn(frames, 35, generator=g),
         beats=np.array([0.5, 1.0]), genre="waltz", notes={"seed": seed},
     )  # fmt: skip

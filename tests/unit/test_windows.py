@@ -2,15 +2,16 @@ import numpy as np
 import pytest
 import torch
 
-from dancediff.data.corpus import choreographed_takes
-from dancediff.data.windows import (
-    GroupDanceWindows,
-    Take,
-    order_changes,
-    rank_left_to_right,
-    split_takes,
-)
+from dancediff.data.augment import Augmentation
+from dancediff.data.choreographed import choreograph_jobs, choreographed_takes
+from dancediff.data.take import DanceTake
+from dancediff.data.windows import GroupCut, WindowSampler, order_changes, rank_left_to_right
 from dancediff.motion.mirror import mirror_features
+
+
+def sampler(takes, num_frames=150, *, mirror=0.0, shift=0.0, rotate=0.0, music=False, **options):
+    change = Augmentation(mirror=mirror, shift=shift, rotate=rotate, music=music)
+    return WindowSampler(takes, GroupCut(num_frames), augment=change, **options)
 
 
 @pytest.fixture(scope="module")
@@ -19,7 +20,7 @@ def takes():
 
 
 def test_windows_are_ranked_at_their_own_first_frame(takes):
-    windows = GroupDanceWindows(takes, dancers_per_batch=8)
+    windows = sampler(takes, dancers_per_batch=8)
     for step in range(12):
         x_0, M, S = windows.batch(step)
         assert x_0.shape[2:] == (150, 151) and M.shape[1:] == (150, 35)
@@ -40,14 +41,14 @@ def test_order_uses_the_first_frame():
 
 def test_music_and_motion_stay_together():
     f = torch.arange(400.0)
-    take = Take("a", f[None, :, None].repeat(2, 1, 151), f[:, None].repeat(1, 35))
-    x_0, M, _ = GroupDanceWindows([take]).batch(3)
+    take = DanceTake("a", f[None, :, None].repeat(2, 1, 151), M=f[:, None].repeat(1, 35))
+    x_0, M, _ = sampler([take]).batch(3)
     assert torch.equal(x_0[:, 0, :, 0], M[:, :, 0])
 
 
 def test_a_batch_follows_from_seed_and_step(takes):
-    a, b = GroupDanceWindows(takes, seed=1), GroupDanceWindows(takes, seed=2)
-    assert torch.equal(a.batch(7)[0], GroupDanceWindows(takes, seed=1).batch(7)[0])
+    a, b = sampler(takes, seed=1), sampler(takes, seed=2)
+    assert torch.equal(a.batch(7)[0], sampler(takes, seed=1).batch(7)[0])
     same = [np.array_equal(a.batch(k)[0].numpy(), b.batch(k)[0].numpy()) for k in range(5)]
     assert not all(same)
 
@@ -67,29 +68,29 @@ def test_takes_of_different_songs_share_nothing():
 
 def test_short_takes_are_named():
     with pytest.raises(ValueError, match="tiny"):
-        GroupDanceWindows([Take("tiny", torch.zeros(1, 100, 151), torch.zeros(100, 35))])
+        sampler([DanceTake("tiny", torch.zeros(1, 100, 151), M=torch.zeros(100, 35))])
     with pytest.raises(ValueError, match="no takes"):
-        GroupDanceWindows([])
+        sampler([])
 
 
 def test_every_group_size_gets_about_the_same_work(takes):
-    windows = GroupDanceWindows(takes, dancers_per_batch=8)
+    windows = sampler(takes, dancers_per_batch=8)
     shapes = {windows.batch(k)[0].shape[:2] for k in range(20)}
     assert shapes == {(8, 1), (4, 2), (2, 4)}
 
 
 def test_windows_reach_both_ends_of_a_take():
     f = torch.arange(152.0)
-    take = Take("a", f[None, :, None].repeat(1, 1, 151), f[:, None].repeat(1, 35))
-    windows = GroupDanceWindows([take], dancers_per_batch=1)
+    take = DanceTake("a", f[None, :, None].repeat(1, 1, 151), M=f[:, None].repeat(1, 35))
+    windows = sampler([take], dancers_per_batch=1)
     starts = {windows.batch(k)[1][0, 0, 0].item() for k in range(60)}
     assert starts == {0.0, 1.0, 2.0}
 
 
 def test_mirrored_windows_are_ranked_in_the_mirror(takes):
-    plain = GroupDanceWindows(takes, dancers_per_batch=8)
-    always = GroupDanceWindows(takes, dancers_per_batch=8, mirror=1.0)
-    half = GroupDanceWindows(takes, dancers_per_batch=8, mirror=0.5)
+    plain = sampler(takes, dancers_per_batch=8)
+    always = sampler(takes, dancers_per_batch=8, mirror=1.0)
+    half = sampler(takes, dancers_per_batch=8, mirror=0.5)
     before = [take.x.clone() for take in takes]
     swapped = 0
     for step in range(8):
@@ -106,8 +107,8 @@ def test_mirrored_windows_are_ranked_in_the_mirror(takes):
 
 
 def test_shift_moves_the_group_as_one_and_never_lifts_it(takes):
-    x = GroupDanceWindows(takes).batch(3)[0][0]
-    y = GroupDanceWindows(takes, shift=0.5).batch(3)[0][0]
+    x = sampler(takes).batch(3)[0][0]
+    y = sampler(takes, shift=0.5).batch(3)[0][0]
     moved = y - x
     offset = moved[0, 0, 4:7]
     assert torch.allclose(moved[..., 4:7], offset.expand_as(moved[..., 4:7]), atol=1e-6)
@@ -118,65 +119,41 @@ def test_shift_moves_the_group_as_one_and_never_lifts_it(takes):
 @pytest.mark.parametrize(("name", "value"), [("mirror", 1.5), ("shift", -1.0)])
 def test_wrong_augmentation_is_named(takes, name, value):
     with pytest.raises(ValueError, match=f"{name}={value}"):
-        GroupDanceWindows(takes, **{name: value})
-
-
-def many(songs=200, sizes=(1, 2)):
-    x, M = torch.zeros(1, 1, 151), torch.zeros(1, 35)
-    return [Take(f"{s}-{n}", x, M, f"song-{s}") for s in range(songs) for n in sizes]
-
-
-def test_no_song_is_on_both_sides_of_a_split():
-    takes = many()
-    train, val = split_takes(takes, share=0.2)
-    assert {t.name for t in train} | {t.name for t in val} == {t.name for t in takes}
-    assert len(train) + len(val) == len(takes)
-    assert not {t.song for t in train} & {t.song for t in val}
-    assert 20 <= len({t.song for t in val}) <= 60  # 40 expected, 3.5 standard deviations
-
-
-def test_a_song_keeps_its_side_when_others_join():
-    few = {t.name for t in split_takes(many(50), share=0.2)[1]}
-    more = {t.name for t in split_takes(many(200), share=0.2)[1]}
-    assert few == more & {t.name for t in many(50)} and few < more
-    assert few != {t.name for t in split_takes(many(50), share=0.2, seed=1)[1]}
-    assert split_takes(many(3), share=0.0)[1] == []
-    with pytest.raises(ValueError, match="share=1"):
-        split_takes(many(3), share=1)
+        sampler(takes, **{name: value})
 
 
 def test_windows_of_the_two_sides_share_no_frame():
     """What leakage would look like: a validation window that training has seen."""
-    takes = [t for s in range(6) for t in choreographed_takes(s, seconds=6.0, sizes=(1,))]
-    train, val = split_takes(takes, share=0.4)
+    takes = [job.make() for job in choreograph_jobs(6, seconds=6.0, sizes=(1,), share=0.4)]
+    train, val = ([t for t in takes if t.split == side] for side in ("train", "val"))
     assert train and val
     seen = torch.cat([t.x[0, :, 7:] for t in train])
     for take in val:
         assert torch.cdist(take.x[0, :, 7:], seen).min() > 0.01
 
 
-def test_captured_takes_have_the_share_that_was_asked_for():
+def test_real_takes_have_the_share_that_was_asked_for():
     takes = [
-        Take(
+        DanceTake(
             f"{kind}{k}",
             torch.full((2, 20, 151), float(kind == "real")),
-            torch.zeros(20, 35),
-            kind=kind,
+            kind,
+            M=torch.zeros(20, 35),
         )
         for kind, count in (("real", 1), ("composed", 1), ("synthetic", 18))
         for k in range(count)
     ]
     for share, expected in ((0.0, 0.0), (0.5, 0.25), (None, 0.05), (1.0, 0.5)):
-        windows = GroupDanceWindows(takes, num_frames=10, dancers_per_batch=40, captured=share)
+        windows = sampler(takes, num_frames=10, dancers_per_batch=40, real=share)
         real = torch.cat([windows.batch(step)[0] for step in range(40)]).mean()
         assert float(real) == pytest.approx(expected, abs=0.06)
-    with pytest.raises(ValueError, match=r"captured=1\.5"):
-        GroupDanceWindows(takes, num_frames=10, captured=1.5)
+    with pytest.raises(ValueError, match=r"real=1\.5"):
+        sampler(takes, num_frames=10, real=1.5)
 
 
-def test_a_group_size_without_captured_takes_uses_what_there_is():
-    takes = [Take("made", torch.ones(1, 20, 151), torch.zeros(20, 35))]
-    x, _, _ = GroupDanceWindows(takes, num_frames=10, captured=1.0).batch(0)
+def test_a_group_size_without_real_takes_uses_what_there_is():
+    takes = [DanceTake("made", torch.ones(1, 20, 151), M=torch.zeros(20, 35))]
+    x, _, _ = sampler(takes, num_frames=10, real=1.0).batch(0)
     assert torch.equal(x, torch.ones_like(x))
 
 
@@ -187,7 +164,7 @@ def crossing(n, changes, frames=20):
         x = torch.zeros(n, frames, 151)
         x[:, :, 4] = torch.arange(float(n))[:, None]
         x[list(order), frames // 2 :, 4] = torch.arange(float(n))[:, None]
-        takes.append(Take(str(k), x, torch.zeros(frames, 35)))
+        takes.append(DanceTake(str(k), x, M=torch.zeros(frames, 35)))
     return takes
 
 
@@ -195,7 +172,7 @@ def test_every_change_of_order_is_shown_as_often_as_any_other():
     """Nine takes exchange the outer two, one goes round: both are drawn alike."""
     takes = crossing(3, [(0, 1, 2)] * 40 + [(2, 1, 0)] * 9 + [(1, 2, 0)])
     for share in (0.0, 0.6):
-        windows = GroupDanceWindows(takes, num_frames=20, dancers_per_batch=60, swaps=share)
+        windows = sampler(takes, num_frames=20, dancers_per_batch=60, swaps=share)
         S = torch.cat([windows.batch(step)[2] for step in range(60)])
         outer, around = (
             (S == torch.tensor(order)).all(1).float().mean() for order in ((2, 1, 0), (1, 2, 0))
@@ -206,14 +183,14 @@ def test_every_change_of_order_is_shown_as_often_as_any_other():
 
 def test_a_size_that_never_changes_order_is_drawn_as_it_falls():
     takes = crossing(2, [(0, 1)] * 3)
-    x, _, S = GroupDanceWindows(takes, num_frames=10, swaps=1.0).batch(0)
+    x, _, S = sampler(takes, num_frames=10, swaps=1.0).batch(0)
     assert (S == torch.arange(2)).all() and len(x) == 12
     with pytest.raises(ValueError, match=r"swaps=1\.5"):
-        GroupDanceWindows(takes, num_frames=10, swaps=1.5)
+        sampler(takes, num_frames=10, swaps=1.5)
 
 
 def test_order_changes_are_those_of_the_ranked_windows():
-    take = choreographed_takes(3, seconds=16.0, sizes=(3,))[0]
+    take = choreographed_takes(2, seconds=16.0, sizes=(3,))[0]
     found = order_changes([take], 150, every=10)
     assert sum(map(len, found)) > 0
     listed = {int(start) for places in found for _, start in places}

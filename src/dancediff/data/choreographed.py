@@ -1,7 +1,8 @@
-r"""Synthetic songs and the dances that the choreographer makes to them, as jobs for `prepare`.
+r"""Synthetic songs and the dances that the choreographer makes to them: one corpus for everybody.
 
-Every song is danced by a group of every size, perhaps several times. All of it follows from the
-seeds. Genres take turns from song to song; the tempo is drawn from those that suit the genre.
+`dancediff prepare choreograph`, training without data and ablations learn from these takes. Every
+song is danced by a group of every size, perhaps several times. All of it follows from the seeds.
+Genres take turns from song to song; the tempo is drawn from those that suit the genre.
 
 Symbols (axes: f frames · m music features)
     M   music features of a song, raw   (f, m)
@@ -10,6 +11,7 @@ Symbols (axes: f frames · m music features)
 import itertools
 import json
 import operator
+from dataclasses import dataclass
 from functools import lru_cache, partial
 from hashlib import sha256
 
@@ -19,11 +21,13 @@ from torch import Tensor
 
 from dancediff.data.cache import cached, code_digest, content_key
 from dancediff.data.choreographer import choreograph
-from dancediff.data.choreographer.genres import GENRES
-from dancediff.data.corpus import SIZES
+from dancediff.data.packed import PackedTakes
+from dancediff.data.prepare import prepare
 from dancediff.data.take import DanceTake, Job
+from dancediff.genre import TEMPOS
 from dancediff.music.synth import synth_song
 
+SIZES = (1, 2, 3, 4, 5)  # of groups
 SOURCE = "dancediff's choreographer and synthesiser"
 LICENCE = "MIT (made by this project's own code)"
 _LETTERS = ["", *"bcdefghij"]  # of the first dance to a song, of the second, ...
@@ -66,57 +70,123 @@ def choreograph_jobs(
     dances = list(itertools.product(range(repeats), sizes))  # to each song
     songs = -(-num // len(dances))
     last = num - (songs - 1) * len(dances)  # how many to the last song
-    options = {"seconds": float(seconds), "share": float(share)}
-    jobs = []
-    for place, (again, n) in enumerate(dances):
-        for song in range(seed, seed + songs - (place >= last)):
-            name = f"choreographed_{song:06d}_{n}{_LETTERS[again]}"
-            make = partial(make_choreographed, name, song, n, again, **options)
-            jobs.append(Job(name, make))
-    return jobs
+    return [
+        _job(song, n, again, seconds, share)
+        for place, (again, n) in enumerate(dances)
+        for song in range(seed, seed + songs - (place >= last))
+    ]
 
 
 def make_choreographed(
-    name: str, song_seed: int, n: int, again: int, *, seconds: float, share: float
+    song_seed: int, n: int, again: int = 0, *, seconds: float, share: float = 0.0
 ) -> DanceTake:
     """Dance number ``again`` of n people to one song."""
-    genre, tempo = genre_and_tempo(song_seed)
-    M, beats, sections = song_of(song_seed, seconds, tempo)
-    seed = 10 * song_seed + n + again * 10**9
-    dance, _ = choreograph(
-        beats, dancers=n, seed=seed, seconds=seconds, genre=genre, sections=sections
+    return synthetic_song(song_seed, seconds).danced_by(n, again, share)
+
+
+def choreographed_takes(song_seed: int, *, seconds: float = 30.0, sizes=SIZES) -> list[DanceTake]:
+    """One synthetic song, danced once by a group of every size; the same takes as the jobs make.
+
+    >>> [take.x.shape for take in choreographed_takes(0, seconds=6, sizes=(1, 3))]
+    [torch.Size([1, 180, 151]), torch.Size([3, 180, 151])]
+    """
+    song = synthetic_song(song_seed, seconds)
+    return [song.danced_by(n) for n in sizes]
+
+
+def choreographed_corpus(
+    song_seeds, *, seconds: float = 30.0, sizes=SIZES, workers: int = 2, cache=None
+) -> list[DanceTake]:
+    """A training set without a data set: `choreographed_takes` of many songs, in their order.
+
+    ``cache`` is a folder: takes are prepared there and read from disk, and a run that was stopped
+    goes on with the take it had reached.
+
+    Raises: ValueError when a song is too short to be danced to.
+    """
+    seeds, sizes = list(song_seeds), tuple(sizes)
+    if cache is None:
+        if workers < 2 or len(seeds) < 2:
+            songs = [choreographed_takes(s, seconds=seconds, sizes=sizes) for s in seeds]
+        else:
+            import joblib
+
+            make = joblib.delayed(partial(_in_one_thread, seconds=seconds, sizes=sizes))
+            songs = joblib.Parallel(n_jobs=workers)(make(seed) for seed in seeds)
+        return list(itertools.chain.from_iterable(songs))
+    jobs = [_job(seed, n, 0, seconds, 0.0) for seed in seeds for n in sizes]
+    summary = prepare(jobs, cache, workers=workers, progress=False)
+    for name, reason in summary.skipped.items():
+        raise ValueError(f"{name}: {reason}")
+    takes = {take.name: take for take in PackedTakes(cache).takes()}
+    return [takes[job.name] for job in jobs]
+
+
+def _in_one_thread(song_seed: int, **options) -> list[DanceTake]:
+    torch.set_num_threads(1)
+    return choreographed_takes(song_seed, **options)
+
+
+def _name(song_seed: int, n: int, again: int = 0) -> str:
+    return f"choreographed_{song_seed:06d}_{n}{_LETTERS[again]}"
+
+
+def _job(song_seed: int, n: int, again: int, seconds: float, share: float) -> Job:
+    options = {"seconds": float(seconds), "share": float(share)}
+    return Job(
+        _name(song_seed, n, again), partial(make_choreographed, song_seed, n, again, **options)
     )
-    f = min(dance.num_frames, len(M))
-    digest = sha256(f"choreographed {song_seed}".encode()).digest()
-    return DanceTake(
-        name=name,
-        motion=dance.frames(0, f),
-        kind="synthetic",
-        music="synthetic",
-        source=SOURCE,
-        licence=LICENCE,
-        split="val" if int.from_bytes(digest[:8]) < share * 2**64 else "train",
-        group=f"synth-{song_seed}",
-        M=M[:f],
-        beats=beats[beats < f / dance.fps],
-        genre=genre,
-        notes={"seed": seed, "tempo": tempo},
-    )
+
+
+@dataclass(frozen=True, eq=False)
+class SyntheticSong:
+    """A song's features M (f, m) and what is known of it; beats in seconds."""
+
+    seed: int
+    seconds: float
+    genre: str
+    tempo: float  # beats a minute
+    M: Tensor
+    beats: np.ndarray
+    sections: list
+
+    def danced_by(self, n: int, again: int = 0, share: float = 0.0) -> DanceTake:
+        """Dance number ``again`` of n people; ``share`` of the songs is expected in "val"."""
+        seed = 10 * self.seed + n + again * 10**9
+        options = {"genre": self.genre, "sections": self.sections, "seconds": self.seconds}
+        dance, _ = choreograph(self.beats, dancers=n, seed=seed, **options)
+        f = min(dance.num_frames, len(self.M))
+        digest = sha256(f"choreographed {self.seed}".encode()).digest()
+        return DanceTake(
+            name=_name(self.seed, n, again),
+            dance=dance.frames(0, f),
+            kind="synthetic",
+            music="synthetic",
+            source=SOURCE,
+            licence=LICENCE,
+            split="val" if int.from_bytes(digest[:8]) < share * 2**64 else "train",
+            group=f"synth-{self.seed}",
+            M=self.M[:f],
+            beats=self.beats[self.beats < f / dance.fps],
+            genre=self.genre,
+            notes={"seed": seed, "tempo": self.tempo},
+        )
 
 
 def genre_and_tempo(song_seed: int) -> tuple[str, float]:
     """What a song is for, and its tempo in beats a minute.
 
-    >>> genre_and_tempo(0)[0] == genre_and_tempo(len(GENRES))[0]
+    >>> genre_and_tempo(0)[0] == genre_and_tempo(len(TEMPOS))[0]
     True
     """
-    genre = list(GENRES.values())[song_seed % len(GENRES)]
-    low, high = np.clip(genre.tempo, 60, 200)
-    return genre.name, round(float(np.random.default_rng([song_seed, 1]).uniform(low, high)), 1)
+    genre = list(TEMPOS)[song_seed % len(TEMPOS)]
+    rng = np.random.default_rng([song_seed, 1])
+    return genre, round(float(rng.uniform(*np.clip(TEMPOS[genre], 60, 200))), 1)
 
 
-def song_of(seed: int, seconds: float, tempo: float) -> tuple[Tensor, np.ndarray, list]:
-    """Features (f, m), beats (s) and sections of a synthetic song, from the cache if there."""
+def synthetic_song(seed: int, seconds: float) -> SyntheticSong:
+    """A song of a genre's tempo, from the cache if it is there."""
+    genre, tempo = genre_and_tempo(seed)
     key = content_key("song", code_digest(("music",)), seed, seconds, tempo)
     render = lru_cache(partial(synth_song, seed, seconds=seconds, tempo=tempo))  # at most once
 
@@ -127,4 +197,5 @@ def song_of(seed: int, seconds: float, tempo: float) -> tuple[Tensor, np.ndarray
 
     known = json.loads(cached(f"{key}.truth", truth).tobytes())
     M = torch.from_numpy(cached(key, lambda: render()[0].features().numpy()))
-    return M, np.array(known["beats"]), [tuple(section) for section in known["sections"]]
+    sections = [tuple(section) for section in known["sections"]]
+    return SyntheticSong(seed, seconds, genre, tempo, M, np.array(known["beats"]), sections)

@@ -91,7 +91,7 @@ def make_take(
     ]
     return DanceTake(
         name=name,
-        motion=_on_one_stage([motion for motion, _ in done], name),
+        dance=_on_one_stage([motion for motion, _ in done], name),
         kind="real",
         music="none",
         source=source,

@@ -188,7 +188,7 @@ def _take(name: str, motion: Motion, parts: list[DanceTake], how: dict, songs: i
     made_from = [part.name for part in parts]
     take = DanceTake(
         name=name,
-        motion=motion,
+        dance=motion,
         kind="composed",
         music="none",
         source=f"composed of {AND.join(made_from)}; {first.source}",

@@ -114,7 +114,7 @@ def make_take(name: str, motion: Motion, song: Path | None, *, skip: int = 0, **
     motion = motion.frames(0, f)
     return DanceTake(
         name=name,
-        motion=replace(motion, contact=foot_contact(motion.joints()), meta={"name": name}),
+        dance=replace(motion, contact=foot_contact(motion.joints()), meta={"name": name}),
         kind="real",
         music="none" if M is None else "original",
         M=None if M is None else M[:f].clone(),

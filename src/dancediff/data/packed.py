@@ -11,7 +11,7 @@ Symbols (axes: n dancers · f frames · d motion, m music features)
 import json
 import shutil
 import tempfile
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from hashlib import sha256
 from pathlib import Path
 
@@ -21,7 +21,7 @@ from torch import Tensor
 
 from dancediff.data.cache import code_digest
 from dancediff.data.prepared import Entry, PreparedData
-from dancediff.data.windows import Take
+from dancediff.data.take import DanceTake
 from dancediff.motion.representation import TCDIFFPP
 from dancediff.motion.skeleton import SMPL24
 from dancediff.music.features import NUM_FEATURES
@@ -123,21 +123,20 @@ class PackedTakes:
         shape = (entry.songs, entry.frames, NUM_FEATURES)
         return torch.from_numpy(rows.reshape(shape)[:, start:stop])
 
-    def takes(self, *, num_frames: int = 1, max_dancers: int | None = None) -> list[Take]:
-        """All takes for `GroupDanceWindows`: of at least ``num_frames``, up to ``max_dancers``."""
+    def takes(self, *, num_frames: int = 1, max_dancers: int | None = None) -> list[DanceTake]:
+        """All takes of at least ``num_frames`` and up to ``max_dancers``; they stay on disk."""
         return [
-            Take(
-                place.entry.name,
-                self.motion(k),
-                self.music(k)[0],
-                place.entry.group,
-                self.music(k)[1:],
-                place.entry.kind,
-            )
+            self._take(k)
             for k, place in enumerate(self.places)
             if place.entry.frames >= num_frames
             and place.entry.dancers <= (max_dancers or place.entry.dancers)
         ]
+
+    def _take(self, k: int) -> DanceTake:
+        entry, songs = self.places[k].entry, self.music(k)
+        same = {field.name for field in fields(DanceTake)} & set(entry.__dict__)
+        origin = {name: getattr(entry, name) for name in same}
+        return DanceTake(dance=self.motion(k), M=songs[0], M_other=songs[1:], **origin)
 
 
 def _check_size(entry: Entry, folder: Path) -> None:

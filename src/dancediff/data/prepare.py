@@ -177,6 +177,8 @@ def run_job(job: Job, out: Path) -> tuple[str, str]:
             raise ValueError(f"it calls itself {take.name!r}")
         if take.motion.fps != FPS:
             raise ValueError(f"it has {take.motion.fps} frames a second, not {FPS}")
+        if missing := [part for part in ("source", "licence", "group") if not getattr(take, part)]:
+            raise ValueError(f"it does not tell its {' and '.join(missing)}")
         describe(take)
     except Exception as err:  # one odd file must not end a run over thousands
         if isinstance(err, OSError) and err.errno in FULL:

@@ -92,7 +92,7 @@ def read_take(path) -> DanceTake:
             raise ValueError(f"M has shape {arrays['M'].shape}, not (f, {NUM_FEATURES})")
         tensors = {k: torch.from_numpy(v).float() for k, v in arrays.items() if k != "beats"}
         origin = {name: row[name] for name in _ORIGIN}
-        return DanceTake(motion=Motion.load(path), beats=arrays.get("beats"), **tensors, **origin)
+        return DanceTake(dance=Motion.load(path), beats=arrays.get("beats"), **tensors, **origin)
     except _UNREADABLE as err:
         raise ValueError(f"{str(path)!r} is no prepared take; prepare it anew: {err}") from err
 

@@ -151,6 +151,20 @@ def joints_of(x: Tensor, spec: MotionSpec = TCDIFFPP) -> Tensor:
     return forward_kinematics(whole_pose(pose), root)
 
 
+def at_origin(x: Tensor, spec: MotionSpec = TCDIFFPP) -> Tensor:
+    """Move each clip so that its root starts at x = z = 0; a copy, heights unchanged.
+
+    Shapes: x (..., f, d) metres -> (..., f, d).
+
+    >>> x = torch.ones(2, 5, 139)
+    >>> at_origin(x)[1, :, 4:7].unique(dim=0).tolist(), x.min().item()
+    ([[0.0, 1.0, 0.0]], 1.0)
+    """
+    y = x.clone()
+    y[..., spec.root] -= x[..., :1, spec.root] * x.new_tensor([1.0, 0.0, 1.0])
+    return y
+
+
 class Normalizer(nn.Module):
     r"""Scale each channel to [-1, 1] by the smallest and largest value of the training set.
 

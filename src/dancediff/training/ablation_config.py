@@ -11,7 +11,7 @@ import json
 from dataclasses import asdict, dataclass, field, fields, replace
 from hashlib import sha256
 
-from dancediff.data.corpus import SIZES
+from dancediff.data.choreographed import SIZES
 from dancediff.training.config import SHORTEST_SONG, GroupData, SoloData
 from dancediff.training.lodge import STAGES, check_lodge_tables, is_lodge, stage_config
 from dancediff.training.run import MODELS, check_tables

@@ -72,7 +72,7 @@ class Data:
 
 @dataclass(frozen=True)
 class GroupData(Data):
-    """For TCDiff++ and EDGE; see `dancediff.data.windows.GroupDanceWindows`."""
+    """For TCDiff++ and EDGE; see `dancediff.data.windows.WindowSampler`."""
 
     dancers_per_batch: int = 24
     shift: float = 0.0
@@ -87,7 +87,7 @@ class GroupData(Data):
 
 @dataclass(frozen=True)
 class SoloData(Data):
-    """For Lodge; see `dancediff.training.lodge_data.SoloWindows`."""
+    """For Lodge; see `dancediff.data.windows.WindowSampler`."""
 
     seconds: float = 40.0
     windows_per_batch: int = 16

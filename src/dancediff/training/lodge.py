@@ -20,7 +20,9 @@ from pathlib import Path
 
 import torch
 
-from dancediff.data.choreographed import choreograph_jobs
+from dancediff.data.augment import Augmentation
+from dancediff.data.take import DanceTake
+from dancediff.data.windows import SoloCut, WindowSampler
 from dancediff.extensions.metre_unit import metre_unit_normalizer
 from dancediff.motion.representation import LODGE, Normalizer
 from dancediff.music.features import MusicNormalizer
@@ -34,7 +36,13 @@ from dancediff.papers.lodge.primitives import Layout
 from dancediff.training.checkpoint import NAME, check_free, load_average
 from dancediff.training.config import SoloData, TrainConfig, TrainingExtensions
 from dancediff.training.evaluator import Evaluator
-from dancediff.training.lodge_data import Solo, SoloWindows, prepared_solos, solos_of
+from dancediff.training.lodge_data import (
+    PrimitiveCut,
+    choreographed_solos,
+    half_windows,
+    long_enough,
+    prepared_solos,
+)
 from dancediff.training.lodge_losses import Critic, LodgeObjective
 from dancediff.training.statistics import PLAIN, window_weights
 from dancediff.training.tables import check_all, check_sizes
@@ -108,25 +116,25 @@ def stage_config(tables: dict, stage: str) -> TrainConfig | None:
 
 def fit_stage(
     model: GlobalDenoiser | LocalDenoiser,
-    windows: SoloWindows,
+    windows: WindowSampler,
     extensions: TrainingExtensions = PLAIN,
 ) -> None:
     """Set the scales of motion and music and the spectrum of dance from the windows, once."""
     extremes = torch.cat(
-        [torch.stack([x.amin((0, 1)), x.amax((0, 1))]) for x in windows.pieces()]
+        [torch.stack([x.amin((0, 1)), x.amax((0, 1))]) for x in half_windows(windows)]
     )  # all pieces at once would take gigabytes
     model.normalizer = (
         metre_unit_normalizer(extremes, LODGE, at_most=True)  # primitives do not get that far
         if extensions.metre_unit
         else Normalizer.fit(extremes)
     )
-    songs = {solo.songs.data_ptr(): solo.songs[0] for solo in windows.solos}
+    songs = {solo.M.data_ptr(): solo.M for solo in windows.takes}
     music = MusicNormalizer.fit(list(songs.values()))
     model.music_normalizer = music.without(extensions.masked_music)
-    frames = [(solo.captured, len(solo.x)) for solo in windows.solos]
+    frames = [(solo.real, solo.num_frames) for solo in windows.takes]
     model.fit_precondition(
-        (model.normalizer.normalize(x) for x in windows.pieces()),
-        weights=window_weights(frames, windows.captured),
+        (model.normalizer.normalize(x) for x in half_windows(windows)),
+        weights=window_weights(frames, windows.real),
     )
 
 
@@ -135,7 +143,7 @@ def train_lodge(
     out,
     *,
     source: str = "config",
-    solos: list[Solo] | None = None,
+    solos: list[DanceTake] | None = None,
     data=None,
     preview: Callable | None = None,
     device: str = "cpu",
@@ -194,13 +202,14 @@ def _start(kind, sizes, tables: dict):
     return kind(sizes)
 
 
-def _solos(corpus: SoloData, folder, genres: tuple[str, ...]) -> list[Solo]:
+def _solos(corpus: SoloData, folder, genres: tuple[str, ...]) -> list[DanceTake]:
     if folder := folder or corpus.folder:
         return prepared_solos(folder, genres)
-    return _choreographed(corpus.songs, corpus.first_seed, corpus.seconds, genres)
+    after = corpus.first_seed + corpus.songs
+    return choreographed_solos(range(corpus.first_seed, after), corpus.seconds, genres)
 
 
-def _held_out(corpus: SoloData, folder, genres: tuple[str, ...]) -> list[Solo]:
+def _held_out(corpus: SoloData, folder, genres: tuple[str, ...]) -> list[DanceTake]:
     """Solos to evaluate on; none, with a warning, where a prepared folder has none."""
     if folder := folder or corpus.folder:
         try:
@@ -209,35 +218,31 @@ def _held_out(corpus: SoloData, folder, genres: tuple[str, ...]) -> list[Solo]:
             warnings.warn(f"there is no validation: {err}", stacklevel=3)
             return []
     after = corpus.first_seed + corpus.songs
-    return _choreographed(corpus.held_out, after, corpus.seconds, genres)
-
-
-def _choreographed(songs: int, first_seed: int, seconds: float, genres) -> list[Solo]:
-    jobs = choreograph_jobs(songs, seed=first_seed, seconds=seconds, sizes=(1,), share=0.0)
-    return solos_of((job.make() for job in jobs), genres)
+    return choreographed_solos(range(after, after + corpus.held_out), corpus.seconds, genres)
 
 
 def _windows(
-    solos: list[Solo],
+    solos: list[DanceTake],
     corpus: SoloData,
     extensions: TrainingExtensions,
     sizes: LodgeConfig,
     seed: int,
     layout: Layout | None = None,
-) -> SoloWindows:
+) -> WindowSampler:
     """Windows for the local stage, or primitives for the global one, whose ``layout`` they have."""
     batch = corpus.windows_per_batch if layout is None else corpus.global_windows_per_batch
-    return SoloWindows(
-        solos,
-        sizes.genres,
-        num_frames=sizes.num_frames if layout is None else layout.global_frames,
-        windows_per_batch=batch,
-        layout=layout,
+    if layout is None:
+        cut = SoloCut(sizes.num_frames, sizes.genres)
+    else:
+        cut = PrimitiveCut(layout, sizes.genres)
+    augment = Augmentation(mirror=corpus.mirror, music=corpus.music, any_song=extensions.any_song)
+    return WindowSampler(
+        long_enough(solos, cut),
+        cut,
+        augment=augment,
+        dancers_per_batch=batch,
+        real=corpus.real,
         seed=seed,
-        mirror=corpus.mirror,
-        captured=corpus.real,
-        music=corpus.music,
-        any_song=extensions.any_song,
     )
 
 
@@ -263,7 +268,7 @@ def _train(
     if settings is None:
         kept = folder / NAME
         return load_average(kept, model) if kept.exists() else model
-    name = name_of(windows.solos, {})
+    name = name_of(windows.takes, {})
     trainer = Trainer(
         model,
         windows,

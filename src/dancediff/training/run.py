@@ -7,10 +7,12 @@ from pathlib import Path
 import torch
 from torch import nn
 
-from dancediff.data.corpus import choreographed_corpus
+from dancediff.data.augment import Augmentation
+from dancediff.data.choreographed import choreographed_corpus
 from dancediff.data.packed import PackedTakes
-from dancediff.data.windows import GroupDanceWindows, Take
-from dancediff.papers.edge.model import EDGE, EDGEConfig, solo_takes
+from dancediff.data.take import DanceTake
+from dancediff.data.windows import GroupCut, WindowSampler
+from dancediff.papers.edge.model import EDGE, EDGEConfig
 from dancediff.papers.tcdiffpp.losses import LossWeights
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 from dancediff.training.checkpoint import check_free
@@ -68,7 +70,7 @@ def train_from_config(
     path,
     out,
     *,
-    takes: list[Take] | None = None,
+    takes: list[DanceTake] | None = None,
     data=None,
     start: nn.Module | None = None,
     preview: Callable | None = None,
@@ -79,7 +81,7 @@ def train_from_config(
     - ``data``, else ``folder`` in the config: a prepared folder, whose training split replaces the
       choreographed corpus and whose validation split is evaluated on; ``takes`` does so directly.
       With ``class = "Lodge"`` all of it is up to `dancediff.training.lodge.train_lodge`, and
-      ``takes`` are of its class `Solo`.
+      ``takes`` are solos.
     - ``start``: a trained model to set out from, see `take_over`; not for Lodge.
     - ``preview(model, step)``: see `dancediff.training.evaluator`.
     - ``options``: ``device``, or a ``world`` that brings its own; ``resume``, ``overwrite``: see
@@ -103,7 +105,7 @@ def train_from_config(
     torch.manual_seed(settings.seed)
     model = model_class(sizes)
     if isinstance(model, EDGE):
-        takes, held_out = solo_takes(takes), solo_takes(held_out)
+        takes, held_out = _solos(takes), _solos(held_out)
     fit_statistics(model, takes, settings.extensions, real=corpus.real, start=start)
     if start is not None:
         take_over(model, start)
@@ -120,7 +122,7 @@ def train_from_config(
     ).run()
 
 
-def prepared_takes(folder, sizes, split: str = "train") -> list[Take]:
+def prepared_takes(folder, sizes, split: str = "train") -> list[DanceTake]:
     """Takes of a prepared folder that a model of these sizes can learn from: long and small enough.
 
     Raises: ValueError when the folder is not prepared, or has no take to train on.
@@ -136,7 +138,13 @@ def prepared_takes(folder, sizes, split: str = "train") -> list[Take]:
     return takes
 
 
-def _takes(corpus: GroupData, folder, sizes, evaluates: bool) -> tuple[list[Take], list[Take]]:
+def _solos(takes: list[DanceTake]) -> list[DanceTake]:
+    return [solo for take in takes for solo in take.solos(centred=True)]
+
+
+def _takes(
+    corpus: GroupData, folder, sizes, evaluates: bool
+) -> tuple[list[DanceTake], list[DanceTake]]:
     """Takes to learn from, and takes to evaluate on where that is wanted."""
     if folder := folder or corpus.folder:
         return prepared_takes(folder, sizes), (
@@ -151,16 +159,16 @@ def _takes(corpus: GroupData, folder, sizes, evaluates: bool) -> tuple[list[Take
     return tuple(choreographed_corpus(list(part), **options) for part in seeds)
 
 
-def _windows(takes: list[Take], corpus: GroupData, sizes, settings: TrainConfig):
-    return GroupDanceWindows(
+def _windows(takes: list[DanceTake], corpus: GroupData, sizes, settings: TrainConfig):
+    augment = Augmentation(
+        mirror=corpus.mirror, rotate=corpus.rotate, shift=corpus.shift, music=corpus.music
+    )
+    return WindowSampler(
         takes,
-        num_frames=sizes.num_frames,
+        GroupCut(sizes.num_frames),
+        augment=augment,
         dancers_per_batch=corpus.dancers_per_batch,
-        seed=settings.seed,
-        mirror=corpus.mirror,
-        shift=corpus.shift,
-        rotate=corpus.rotate,
-        music=corpus.music,
-        captured=corpus.real,
+        real=corpus.real,
         swaps=corpus.swaps,
+        seed=settings.seed,
     )

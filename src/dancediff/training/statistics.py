@@ -5,7 +5,8 @@ from collections.abc import Iterator
 import torch
 from torch import Tensor, nn
 
-from dancediff.data.windows import Take, ranked_windows
+from dancediff.data.take import DanceTake
+from dancediff.data.windows import GroupCut, half_overlapping
 from dancediff.extensions.metre_unit import metre_unit_normalizer
 from dancediff.motion.representation import TCDIFFPP, Normalizer
 from dancediff.music.features import MusicNormalizer
@@ -18,7 +19,7 @@ PLAIN = TrainingExtensions()
 
 def fit_statistics(
     model: TCDiffPP | EDGE,
-    takes: list[Take],
+    takes: list[DanceTake],
     extensions: TrainingExtensions = PLAIN,
     *,
     real: float | None = None,
@@ -26,7 +27,7 @@ def fit_statistics(
 ) -> None:
     """Set the scales of motion and music and the spectrum of dance from the takes, once.
 
-    ``real``: the share of real takes that training will see, see `GroupDanceWindows`.
+    ``real``: the share of real takes that training will see, see `WindowSampler`.
     ``start``: a model to take the scales from, because its weights go with them.
     """
     if start is not None:
@@ -40,17 +41,17 @@ def fit_statistics(
         model.music_normalizer = MusicNormalizer.fit(list(songs.values()))
     model.music_normalizer = model.music_normalizer.without(extensions.masked_music)
     if model.decoder.precondition is not None:
-        frames = [(take.captured, take.x[..., 0].numel()) for take in takes]
+        frames = [(take.real, take.num_dancers * take.num_frames) for take in takes]
         _fit_preconditioning(model, takes, window_weights(frames, real))
 
 
-def _fit_preconditioning(model, takes: list[Take], weights: list[float]) -> None:
+def _fit_preconditioning(model, takes: list[DanceTake], weights: list[float]) -> None:
     """The spectrum of dance, around where the formation prior, if there is one, expects it."""
-    f, formation = model.config.num_frames, model.decoder.formation
+    cut, formation = GroupCut(model.config.num_frames), model.decoder.formation
 
     def windows() -> Iterator[tuple[Tensor, Tensor]]:
         for take in takes:
-            x, S = ranked_windows(take.x, f, f // 2)
+            x, S = half_overlapping(take, cut)
             yield model.normalizer.normalize(x), S
 
     if formation is not None:

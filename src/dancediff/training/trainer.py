@@ -42,12 +42,13 @@ class Trainer:
     Raises: ValueError when the folder holds a training and neither was said.
 
     >>> import torch, dancediff as dd
-    >>> from dancediff.data.windows import GroupDanceWindows, Take
+    >>> from dancediff.data.take import DanceTake
+    >>> from dancediff.data.windows import GroupCut, WindowSampler
     >>> from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
     >>> model = TCDiffPP(TCDiffPPConfig(d_model=16, num_layers=1, ff_dim=32, fusion_hidden=32))
     >>> dance, _ = dd.choreograph([0.5, 1.0, 1.5, 2.0, 2.5], dancers=2, seed=0, seconds=3)
-    >>> take = Take("a duo", dance.features(), torch.zeros(90, 35))
-    >>> data = GroupDanceWindows([take], num_frames=90, dancers_per_batch=2)
+    >>> take = DanceTake("a duo", dance, M=torch.zeros(90, 35))
+    >>> data = WindowSampler([take], GroupCut(90), dancers_per_batch=2)
     >>> trained = Trainer(model, data, TrainConfig(steps=2)).run()
     """
 

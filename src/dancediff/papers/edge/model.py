@@ -16,7 +16,6 @@ from dataclasses import asdict, dataclass, replace
 import torch
 from torch import Tensor, nn
 
-from dancediff.data.windows import Take
 from dancediff.diffusion.conditions import Conditions
 from dancediff.diffusion.schedule import cosine_abar
 from dancediff.generation.request import Wish
@@ -191,26 +190,6 @@ def without_group(config: EDGEConfig) -> TCDiffPPConfig:
     """
     off = dict.fromkeys(("dpe", "fp", "fa", "swap_mode", "foot_cues"), False)
     return TCDiffPPConfig(**asdict(config) | {"max_dancers": 1, "ssm": "none"} | off)
-
-
-def solo_takes(takes: list[Take]) -> list[Take]:
-    r"""Every dancer of every take as a take of one, moved so that her home is the origin.
-
-    $$p_f \leftarrow p_f - \overline{p}, \quad \text{x and z only}$$
-
-    Without it the model would have to guess from the music where in a formation somebody stood.
-
-    Shapes: x (n, f, d) -> n times (1, f, d).
-
-    >>> solos = solo_takes([Take("trio", torch.ones(3, 9, 151), torch.zeros(9, 35))])
-    >>> [solo.name for solo in solos], solos[0].x[0, 0, 4:7].tolist()
-    (['trio-0', 'trio-1', 'trio-2'], [0.0, 1.0, 0.0])
-    """
-    return [
-        replace(take, name=f"{take.name}-{k}", x=x[None])
-        for take in takes
-        for k, x in enumerate(_moved(take.x, -take.x[..., TCDIFFPP.root].mean(1, keepdim=True)))
-    ]
 
 
 def start_slots(n: int) -> Tensor:

@@ -19,8 +19,7 @@ from torch import Tensor
 from dancediff.axes import ON_FLOOR
 from dancediff.data.choreographer.formations import MIN_DISTANCE, formation_names, slots
 from dancediff.motion.mirror import mirror_features
-from dancediff.motion.representation import LODGE
-from dancediff.papers.lodge.primitives import at_origin
+from dancediff.motion.representation import LODGE, at_origin
 
 RELATIONS = ("unison", "canon", "mirror")
 EASE = 8  # frames before and after a late start in which a dancer gets going

@@ -23,7 +23,7 @@ import torch
 from torch import Tensor
 
 from dancediff.motion.beats import motion_beats
-from dancediff.motion.representation import LODGE, MotionSpec, joints_of
+from dancediff.motion.representation import LODGE, MotionSpec, at_origin, joints_of
 
 SOFT_PER_LOCAL = 2
 
@@ -220,17 +220,3 @@ def spread_evenly(
         k = gaps.index(max(gaps))
         chosen.insert(k, (fences[k] + fences[k + 1]) // 2)
     return chosen
-
-
-def at_origin(x: Tensor, spec: MotionSpec = LODGE) -> Tensor:
-    """Move each clip so that its root starts at x = z = 0; a copy, heights unchanged.
-
-    Shapes: x (..., f, d) metres -> (..., f, d).
-
-    >>> x = torch.ones(2, 5, 139)
-    >>> at_origin(x)[1, :, 4:7].unique(dim=0).tolist(), x.min().item()
-    ([[0.0, 1.0, 0.0]], 1.0)
-    """
-    y = x.clone()
-    y[..., spec.root] -= x[..., :1, spec.root] * x.new_tensor([1.0, 0.0, 1.0])
-    return y
