@@ -95,7 +95,7 @@ def test_imports_point_one_way(own):
         ("motion.ik", "from dancediff import hub", 1),
         ("motion.ik", "try:\n    import dancediff.nn.film\nexcept ImportError:\n    pass", 1),
         ("motion.ik", "def save():\n    from dancediff.viz.plots import save_filmstrip", 1),
-        ("training.loop", "from dancediff.viz.plots import plot_losses", 0),
+        ("training.loop", "from dancediff.viz.plots import plot_energy", 0),
         ("papers.lodge.style", "from dancediff.papers.lodge import losses", 0),
         ("hub", "from dancediff import __version__", 0),
     ],

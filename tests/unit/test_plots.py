@@ -260,30 +260,24 @@ def test_noise_filmstrip_wants_a_label_each(dance):
 def test_every_plot_draws_on_the_axes_it_is_given(dance):
     M = click_song().features()
     points = body.body_points(dance)
-    rows = {"a": dict.fromkeys("xyz", 1.0)}
     wanted = {
         "plot_barcode": [dance.features()[0]],
-        "plot_beat_alignment": [dance, [0.5, 1.0]],
         "plot_beats": [M],
         "plot_contact_strip": [dance],
-        "plot_distances": [dance],
         "plot_drift": [Drift(np.ones((7, 4)), np.arange(4) * 5.0)],
         "plot_energy": [dance],
         "plot_features": [M],
         "plot_filmstrip": [dance],
         "plot_floor_paths": [dance],
-        "plot_losses": [{"total": np.ones(9)}],
         "plot_moment": [points[:, 0], follow(points[:, :1], (160, 90))[0]],
         "plot_noise_filmstrip": [[dance], ["a"]],
-        "plot_radar": [rows, rows["a"]],
         "plot_schedule": [cosine_abar(100)],
         "plot_skeleton": [],
     }
     assert sorted(wanted) == [name for name in plots.__all__ if name.startswith("plot_")]
     for name, given_values in wanted.items():
         plt.close("all")
-        polar = {"projection": "polar"} if name == "plot_radar" else {}
-        figure, (ax, other) = plt.subplots(1, 2, subplot_kw=polar)
+        figure, (ax, other) = plt.subplots(1, 2)
         before = len(ax.get_children())
         assert getattr(plots, name)(*given_values, ax=ax, title="A finding") is ax, name
         assert ax.get_title("left") == "A finding", name

@@ -19,8 +19,8 @@ from dancediff.motion.skeleton import SMPL24, Skeleton
 SAME = 1e-4  # metres by which written offsets may differ: a file has six digits
 
 
-def save_bvh(motion: Motion, path, *, scale: float = CENTIMETRE) -> Path:
-    r"""Write one dancer as BVH: channels Z X Y, in units of ``scale`` metres.
+def save_bvh(motion: Motion, path) -> Path:
+    r"""Write one dancer as BVH: channels Z X Y, in centimetres.
 
     The file appears whole or not at all. `load_bvh` gives the joints back within 1 mm.
 
@@ -31,9 +31,9 @@ def save_bvh(motion: Motion, path, *, scale: float = CENTIMETRE) -> Path:
             f"motion has {motion.num_dancers} dancers and a BVH file holds one; "
             "write motion.dancer(k) for each k"
         )
-    header, order = _tree_text(motion.skeleton, scale)
+    header, order = _tree_text(motion.skeleton)
     angles = _euler_zxy(motion.pose[0].double())[:, order].flatten(1)
-    rows = torch.cat([motion.root[0].double() / scale, angles], 1).numpy()
+    rows = torch.cat([motion.root[0].double() / CENTIMETRE, angles], 1).numpy()
     times = [f"Frames: {motion.num_frames}", f"Frame Time: {1 / motion.fps:.9f}"]
     frames = (" ".join(f"{value:.5f}" for value in row) for row in rows)
     path = Path(path)
@@ -42,14 +42,14 @@ def save_bvh(motion: Motion, path, *, scale: float = CENTIMETRE) -> Path:
     return path
 
 
-def load_bvh(path, *, scale: float = CENTIMETRE) -> Motion:
+def load_bvh(path) -> Motion:
     """Read a BVH file with the joint tree that `save_bvh` writes; a solo.
 
     Other trees, such as those of a motion capture studio, need `dancediff.data.retarget`.
 
     Raises: FileNotFoundError, or ValueError naming the file and what is wrong with it.
     """
-    bvh = read_bvh(path, scale=scale)
+    bvh = read_bvh(path)
     own = [j for j, name in enumerate(bvh.names) if not name.endswith(END)]
     places = {bvh.names[j]: j for j in own}
     if set(places) != set(SMPL24.names):
@@ -84,9 +84,11 @@ def _euler_zxy(R: Tensor) -> Tensor:
     return torch.rad2deg(torch.stack([a, b, c], -1))
 
 
-def _tree_text(skeleton, scale: float) -> tuple[list[str], list[int]]:
+def _tree_text(skeleton) -> tuple[list[str], list[int]]:
     """The HIERARCHY part, and the joints in the order in which it names them: depth first."""
-    place = [" ".join(f"{x:.6f}" for x in offset / scale) for offset in skeleton.offsets.double()]
+    place = [
+        " ".join(f"{x:.6f}" for x in offset / CENTIMETRE) for offset in skeleton.offsets.double()
+    ]
     order: list[int] = []
 
     def lines(j: int) -> list[str]:

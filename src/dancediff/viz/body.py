@@ -28,8 +28,10 @@ _EXTRA = (
 )
 SKULL, FACE, LHEEL, RHEEL, LTIP, RTIP = range(24, 30)
 HEAD_RADIUS = 0.105
+_REACH = 6  # metres of floor on each side of the camera's target
 _SHADES = 6  # steps in which the floor grid fades
 _FADES = 8  # steps in which a trail fades
+_TRAIL = 0.045  # metres, width
 _RING = np.stack([np.cos(a := np.linspace(0, 2 * np.pi, 24, endpoint=False)), 0 * a, np.sin(a)], -1)
 _SHADOW = mix(INK, "#334466", 0.5)
 
@@ -125,7 +127,7 @@ def capsules(xy: np.ndarray, scale: np.ndarray, grow: float = 0.0, trim=0.0) -> 
     return centre + ((radii + grow) * pixels)[..., None] * ring
 
 
-def dancer_shapes(points: np.ndarray, camera: Camera, *, colors=None, halo: float = 0.012):
+def dancer_shapes(points: np.ndarray, camera: Camera, *, halo: float = 0.012):
     """Filled outlines of all dancers in one frame, from back to front.
 
     Every dancer is a white silhouette with a dark rim, then limb by limb; far limbs are darker, and
@@ -142,7 +144,7 @@ def dancer_shapes(points: np.ndarray, camera: Camera, *, colors=None, halo: floa
     names = list(LIMBS)
     shapes = []
     for i in np.argsort(core):  # far dancers first
-        color = dancer_color(i) if colors is None else colors[i]
+        color = dancer_color(i)
         dark = (*mix(color, INK, 0.55), 1.0)
         shapes += [(white[i], (*rgb(PAPER), 0.9)), (rim[i], dark)]
         for m in np.argsort(near[i] + list(_BIAS.values())):
@@ -190,20 +192,20 @@ def floor_ribbon(a, b, width, camera: Camera) -> np.ndarray:
     )
 
 
-def grid_shapes(camera: Camera, pulse: float = 0.0, *, reach: int = 6, width: float = 0.012):
+def grid_shapes(camera: Camera, pulse: float = 0.0, *, width: float = 0.012):
     """The metre grid around the camera's target, fading outwards; a beat tints it for a moment.
 
     >>> len(grid_shapes(Camera((0, 2, 6), (0, 1, 0), (160, 90), 100)))
     6
     """
     cx, _, cz = camera.target
-    x = np.floor(cx) + np.arange(-reach, reach + 1)
-    z = np.floor(cz) + np.arange(-reach, 4)
+    x = np.floor(cx) + np.arange(-_REACH, _REACH + 1)
+    z = np.floor(cz) + np.arange(-_REACH, 4)
     at = np.stack(np.broadcast_arrays(x, 0.0, z[:, None]), -1)
     a = np.concatenate([at[:, :-1].reshape(-1, 3), at[:-1].reshape(-1, 3)])
     b = np.concatenate([at[:, 1:].reshape(-1, 3), at[1:].reshape(-1, 3)])
     away = np.linalg.norm(((a + b) / 2 - (cx, 0, cz))[:, ON_FLOOR], axis=1)
-    alpha = np.clip(1 - away / reach, 0, 1)
+    alpha = np.clip(1 - away / _REACH, 0, 1)
     quads = floor_ribbon(a, b, width * (1 + 0.6 * pulse), camera)
     tint = mix(GRID, BEAT, 0.4 * pulse)
     level = np.minimum((alpha * _SHADES).astype(int), _SHADES - 1)
@@ -213,11 +215,11 @@ def grid_shapes(camera: Camera, pulse: float = 0.0, *, reach: int = 6, width: fl
     ]
 
 
-def trail_shapes(path: np.ndarray, camera: Camera, color: str, width: float = 0.045):
+def trail_shapes(path: np.ndarray, camera: Camera, color: str):
     """Where a root has just been, (k, 3) metres, as a ribbon on the floor that fades backwards."""
     if len(path) < 2:
         return []
-    quads = floor_ribbon(path[:-1] * (1, 0, 1), path[1:] * (1, 0, 1), width, camera)
+    quads = floor_ribbon(path[:-1] * (1, 0, 1), path[1:] * (1, 0, 1), _TRAIL, camera)
     level = np.arange(len(quads)) * _FADES // len(quads)  # one shape a level: they are costly
     tone = rgb(color)
     return [(quads[level == v], (*tone, 0.6 * (v + 0.5) / _FADES)) for v in np.unique(level)]

@@ -21,14 +21,7 @@ from dancediff.viz.body import (
     shadow_shapes,
     to_paths,
 )
-from dancediff.viz.charts import (
-    plot_beat_alignment,
-    plot_distances,
-    plot_drift,
-    plot_energy,
-    plot_losses,
-    plot_radar,
-)
+from dancediff.viz.charts import plot_drift, plot_energy
 from dancediff.viz.numbers import (
     plot_barcode,
     plot_beats,
@@ -44,19 +37,15 @@ __all__ = [
     "filmstrip_page",
     "moments",
     "plot_barcode",
-    "plot_beat_alignment",
     "plot_beats",
     "plot_contact_strip",
-    "plot_distances",
     "plot_drift",
     "plot_energy",
     "plot_features",
     "plot_filmstrip",
     "plot_floor_paths",
-    "plot_losses",
     "plot_moment",
     "plot_noise_filmstrip",
-    "plot_radar",
     "plot_schedule",
     "plot_skeleton",
     "save_filmstrip",
@@ -66,22 +55,20 @@ _LINE = 0.2  # inches that a line of text above a picture takes
 FEET = ("left ankle", "right ankle", "left toe", "right toe")
 
 
-def plot_moment(
-    points: np.ndarray, camera: Camera, *, ax=None, colors=None, numbers: bool = True, title=None
-):
+def plot_moment(points: np.ndarray, camera: Camera, *, ax=None, numbers: bool = True, title=None):
     """All dancers at one moment, seen by a camera.
 
     Shapes: points (n, 30, 3) metres, from `body.body_points` -> Axes.
     """
     width, height = camera.size
     ax = new_axes(ax, (4.0, 4.0 * height / width))
-    _draw_moment(ax, points, camera, colors=colors, numbers=numbers)
+    _draw_moment(ax, points, camera, numbers=numbers)
     ax.set(xlim=(0, width), ylim=(0, height), aspect="equal")
     ax.axis("off")
     return set_title(ax, title)
 
 
-def _draw_moment(ax, points, camera: Camera, *, at=(0.0, 0.0), colors=None, numbers=True) -> None:
+def _draw_moment(ax, points, camera: Camera, *, at=(0.0, 0.0), numbers=True) -> None:
     """A moment as a picture as large as the camera's, its lower left corner ``at`` a place."""
     from matplotlib.collections import PathCollection
     from matplotlib.patches import Rectangle
@@ -95,7 +82,7 @@ def _draw_moment(ax, points, camera: Camera, *, at=(0.0, 0.0), colors=None, numb
         extent=(x, x + width, y, y + height), origin="lower", interpolation="bilinear",
     )  # fmt: skip
     shapes = grid_shapes(camera, width=0.016) + shadow_shapes(points, camera)
-    paths, faces = to_paths(shapes + dancer_shapes(points, camera, colors=colors, halo=0.016))
+    paths, faces = to_paths(shapes + dancer_shapes(points, camera, halo=0.016))
     bodies = PathCollection(paths, facecolors=faces, linewidths=0)
     bodies.set_transform(Affine2D().translate(x, y) + ax.transData)
     ax.add_collection(bodies, autolim=False)
@@ -235,10 +222,10 @@ def _name_moment(frame: int, beats: np.ndarray, fps: float) -> str:
     return f"{frame / fps:.1f} s" + (f" · beat {at[0] + 1}" if len(at) else "")
 
 
-def save_filmstrip(motion: Motion, path, song=None, *, count: int = 8) -> Path:
+def save_filmstrip(motion: Motion, path, song=None) -> Path:
     """Write `filmstrip_page` as a picture; the file appears whole or not at all."""
     path = Path(path)
-    figure = filmstrip_page(motion, count=count, song=song)
+    figure = filmstrip_page(motion, song=song)
     with atomic_write(path) as part:
         figure.savefig(part, format=path.suffix[1:], dpi=160, metadata={"Software": None})
     return path

@@ -14,6 +14,8 @@ from functools import cached_property
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
+_VIEW = 20.0  # degrees from the lower to the upper edge
+_GLIDE = 1.5  # seconds over which the middle of the group is averaged
 _NEAR = 0.1  # metres; nothing closer to the lens is drawn right
 
 
@@ -58,18 +60,15 @@ def follow(
     size: tuple[float, float],
     *,
     fps: float = 30.0,
-    azimuth: float = 0.0,
     elevation: float = 13.0,
-    view: float = 20.0,
     margin: float = 0.9,
-    smooth: float = 1.5,
 ) -> list[Camera]:
     """One camera a frame that glides with the group and never loses a dancer.
 
-    The camera keeps its direction (degrees: ``azimuth`` 0 is the audience's seat, ``elevation``
-    above the floor) and its distance, which is just enough for every joint in every frame.
+    The camera looks from the audience's side, ``elevation`` degrees above the floor. It keeps its
+    direction and its distance, which is just enough for every joint in every frame.
 
-    Shapes: joints (n, f, j, 3) metres -> f cameras. ``smooth`` is in seconds, ``view`` in degrees.
+    Shapes: joints (n, f, j, 3) metres -> f cameras.
 
     >>> cameras = follow(np.zeros((2, 7, 24, 3)), (160, 90))
     >>> len(cameras), cameras[0].size
@@ -78,14 +77,14 @@ def follow(
     low, high = joints.min((0, 2)), joints.max((0, 2))  # (f, 3)
     middle = (low + high) / 2
     middle[:, 1] = 0.9
-    middle = gaussian_filter1d(middle, smooth * fps, axis=0, mode="nearest")
-    az, el = np.radians([azimuth, elevation])
-    back = np.array([np.sin(az) * np.cos(el), np.sin(el), np.cos(az) * np.cos(el)])
+    middle = gaussian_filter1d(middle, _GLIDE * fps, axis=0, mode="nearest")
+    angle = np.radians(elevation)
+    back = np.array([0.0, np.sin(angle), np.cos(angle)])
     axes = Camera(tuple(back), (0, 0, 0), size, 1.0).axes
     local = (joints - middle[None, :, None]) @ axes.T
-    half = np.tan(np.radians(view) / 2) * margin
+    half = np.tan(np.radians(_VIEW) / 2) * margin
     need_y = np.abs(local[..., 1]) / half - local[..., 2]
     need_x = np.abs(local[..., 0]) / (half * size[0] / size[1]) - local[..., 2]
     distance = max(2.5, float(np.maximum(need_x, need_y).max()))
-    focal = size[1] / 2 / np.tan(np.radians(view) / 2)
+    focal = size[1] / 2 / np.tan(np.radians(_VIEW) / 2)
     return [Camera(tuple(m + distance * back), tuple(m), size, focal) for m in middle]

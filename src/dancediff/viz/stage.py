@@ -22,8 +22,6 @@ def stage(
     song=None,
     *,
     beside: Motion | None = None,
-    trails: bool = True,
-    contacts: bool = True,
     body: str = "mannequin",
     size=(700, 396),
 ):
@@ -31,8 +29,8 @@ def stage(
 
     Drag to turn, scroll to zoom. The song's sound is the clock, so dance and sound are in step at
     every speed. ``beside`` is a second dance, to the right on the same floor: one slider moves
-    both, and the shorter one stops in its last frame. ``trails`` and ``contacts`` say what is seen
-    at first. ``body`` is "mannequin", "stick" or "mesh", a human skin.
+    both, and the shorter one stops in its last frame. ``body`` is "mannequin", "stick" or "mesh", a
+    human skin.
 
     Returns an ipywidgets.VBox. A page keeps the six newest stages; older ones are closed.
     Raises: ImportError naming the extra when pythreejs or ipywidgets is not installed; ValueError
@@ -45,8 +43,6 @@ def stage(
     eyes = views(roots(dances), fps, size[0] / size[1], aside)
     parts = make_scene(p3, dances, body)
     controls = make_controls(widgets, size[0], frames, fps, [eye["name"] for eye in eyes], song)
-    controls["trails"].value, controls["contacts"].value = trails, contacts
-    parts.trails.visible, parts.dots.visible = trails, contacts
     widgets.jslink((controls["trails"], "value"), (parts.trails, "visible"))
     widgets.jslink((controls["contacts"], "value"), (parts.dots, "visible"))
     renderer = _renderer(p3, parts.scene, eyes[0], size)
