@@ -18,6 +18,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass, field
 from itertools import permutations
 from pathlib import Path
+from unittest import mock
 
 import joblib
 import numpy as np
@@ -27,7 +28,9 @@ from tqdm.auto import tqdm
 
 from dancediff import hub
 from dancediff.data.prepared import PreparedData
-from dancediff.generation.generate import draw_long_group, generate
+from dancediff.generation.pipeline import EDGEPipeline, Pipeline
+from dancediff.generation.request import default_of
+from dancediff.generation.segments import Segments
 from dancediff.metrics.fidelity import fid
 from dancediff.metrics.kinetic import kinetic_features
 from dancediff.metrics.report import evaluate_dances
@@ -35,8 +38,6 @@ from dancediff.metrics.rhythm import beat_alignment
 from dancediff.metrics.swaps import obeys, permutation_kind
 from dancediff.motion.motion import Motion
 from dancediff.music.song import Music
-from dancediff.papers.edge.model import EDGE
-from dancediff.papers.edge.naive_long_sampling import draw_naively
 
 OVERLAP, SEGMENT = 75, 150
 
@@ -119,29 +120,29 @@ def chosen(all_of_them: list[Window], count: int, max_dancers: int = 5) -> list[
 class Sampling:
     """How to dance, the same for all models of a table."""
 
-    sampler: str = "dpm"
-    steps: int = 12
-    eta: float = 0.0
-    guidance: float = 1.0
+    sampler: str = default_of("tcdiffpp", "sampler")
+    steps: int = default_of("tcdiffpp", "steps")
+    eta: float = default_of("tcdiffpp", "eta")
+    guidance: float = default_of("tcdiffpp", "guidance")
     autoguidance: float | None = None
-    feet: str = "planted"
-    spacing: str | None = None
-    order: str | None = None
+    foot_contact: bool | None = None
+    collision_avoidance: bool | None = None
+    order_constraint: bool | None = None
+
+    def of(self, model: Pipeline) -> dict:
+        """The options that are given, as far as the model has them."""
+        names = model.request.names()
+        return {k: v for k, v in asdict(self).items() if v is not None and k in names}
 
 
-def dance(model, window: Window, *, seed: int, naive: bool, sampling: Sampling) -> Motion:
+def dance(model: Pipeline, window: Window, *, seed: int, naive: bool, sampling: Sampling) -> Motion:
     """The window's music, danced by as many; a group model is asked for the window's orders."""
-    options = {"dancers": window.motion.num_dancers, "seed": seed} | asdict(sampling)
-    if isinstance(model, EDGE):
-        del options["spacing"], options["order"]  # its dancers do not see each other
+    options = {"dancers": window.motion.num_dancers, "seed": seed} | sampling.of(model)
+    if isinstance(model, EDGEPipeline):
         return model.generate(window, **options)
-    draw = draw_naively if naive else draw_long_group
-
-    def ordered(model, song, wish, **more):
-        wish.target_orders = window.orders
-        return draw(model, song, wish, **more)
-
-    return generate(model, window, draw=ordered, **options)
+    # not one order at the end, as a request has it, but one for every segment
+    with mock.patch.object(Segments, "targets", lambda self, request: window.orders()):
+        return model.generate(window, long_sampling="naive" if naive else "lgds", **options)
 
 
 def _dance_to(path: Path, model: str, window: Window, **how) -> None:
@@ -182,7 +183,7 @@ class Dances:
         """Print what the dances and the held-out windows score, side by side; fidelity by seed."""
         todo = chosen(list(windows(self.held, self.frames, self.kinds)), self.count)
         name = f"{Path(self.model).name}-{self.frames}{'-naive' * self.naive}"
-        name += "-free" * (self.sampling.feet == "free")
+        name += "-free" * (self.sampling.foot_contact is False)
         name += "" if "synthetic" in self.kinds else "-" + "-".join(self.kinds)
         folder = self.out / name
         folder.mkdir(parents=True, exist_ok=True)
@@ -282,8 +283,9 @@ class Swaps:
 
 def _obeys(model: str, song: Window, order, seed: int, sampling: Sampling) -> bool:
     torch.set_num_threads(1)
-    options = {"seed": seed, "swap": order} | asdict(sampling)
-    return obeys(_loaded(model).generate(song, dancers=3, **options).root, order)
+    loaded = _loaded(model)
+    options = {"seed": seed, "swap": order} | sampling.of(loaded)
+    return obeys(loaded.generate(song, dancers=3, **options).root, order)
 
 
 @dataclass
@@ -333,8 +335,9 @@ class Songs:
 def _to_song(model: str, song: str, seconds: float, dancers: int, seed: int, sampling: Sampling):
     torch.set_num_threads(1)
     music = Music.load(song)
-    options = {"dancers": dancers, "seconds": seconds, "seed": seed} | asdict(sampling)
-    made = _loaded(model).generate(music, **options)
+    loaded = _loaded(model)
+    options = {"dancers": dancers, "seconds": seconds, "seed": seed} | sampling.of(loaded)
+    made = loaded.generate(music, **options)
     return song, made.joints(), np.asarray(music.beats())
 
 

@@ -80,7 +80,7 @@ class Dances:
     dancers: tuple[int, ...] = (1, 3, 5)
     seeds: tuple[int, ...] = (1, 2)
     autoguidance: float | None = None
-    feet: str | None = None
+    foot_contact: bool | None = None
     overlap: int | None = None
     pinning: str | None = None
     workers: int = 2
@@ -89,7 +89,7 @@ class Dances:
     def run(self) -> None:
         """Print posture by window, then each bar with what was measured."""
         self.out.mkdir(parents=True, exist_ok=True)
-        names = ("autoguidance", "feet", "overlap", "pinning")
+        names = ("autoguidance", "foot_contact", "overlap", "pinning")
         options = {name: getattr(self, name) for name in names if getattr(self, name) is not None}
         jobs = {
             (n, seed, song): self.out / f"{Path(song).stem}-{n}-{seed}.npz"

@@ -31,6 +31,7 @@ from torch.nn.functional import conv1d
 from tqdm.auto import tqdm
 
 from dancediff import hub
+from dancediff.generation.request import default_of
 from dancediff.metrics.kinetic import kinetic_features
 from dancediff.metrics.physical import fsr
 from dancediff.metrics.report import evaluate_dances
@@ -40,7 +41,6 @@ from dancediff.motion.motion import Motion
 from dancediff.motion.representation import LODGE, with_hands
 from dancediff.motion.rotation import matrix_to_rot6d, rot6d_to_matrix
 from dancediff.papers.lodge import parallel
-from dancediff.papers.lodge.staging import AUTOGUIDANCE
 from dancediff.training.lodge_data import prepared_solos
 
 FPS, LOCAL = 30, 256
@@ -89,8 +89,8 @@ def interval(values) -> str:
 def arguments(sampling: Sampling) -> dict:
     """Of `generate`, for one who dances alone: nobody to keep apart from."""
     how = asdict(sampling)
-    del how["spacing"], how["order"]
-    return how
+    del how["collision_avoidance"], how["order_constraint"]
+    return {name: value for name, value in how.items() if value is not None}
 
 
 def of_stages(sampling: Sampling, at_once: int | None) -> parallel.Sampling:
@@ -98,7 +98,9 @@ def of_stages(sampling: Sampling, at_once: int | None) -> parallel.Sampling:
     names = ("sampler", "steps", "guidance")
     how = {name: getattr(sampling, name) for name in names}
     return parallel.Sampling(
-        **how, autoguidance=sampling.autoguidance or AUTOGUIDANCE, at_once=at_once
+        **how,
+        autoguidance=sampling.autoguidance or default_of("lodge", "autoguidance"),
+        at_once=at_once,
     )
 
 
@@ -124,7 +126,7 @@ class Equal(Common):
 
     def run(self) -> None:
         """Print the largest difference between all at once and one after the other, in features."""
-        model = hub.load(self.model)
+        model = hub.load(self.model).model
         for L in self.segments:
             M = torch.randn(L * LOCAL, 35, generator=torch.Generator().manual_seed(L))
             M[:, 33:] = 0
@@ -137,7 +139,7 @@ class Equal(Common):
                     L * LOCAL,
                     genre=0,
                     how=of_stages(self.sampling, at_once),
-                    feet=self.sampling.feet,
+                    feet="free" if self.sampling.foot_contact is False else "planted",
                 )
                 for at_once in (None, 1)
             ]
@@ -223,7 +225,7 @@ class Feet(Common):
     def run(self) -> None:
         """Print foot skating with and without the block, which is taken out of the same model."""
         some = held_out(self.held, 1024, self.count)
-        how = self.how | {"feet": "free"}
+        how = self.how | {"foot_contact": False}
         for name, refine in (("with", True), ("without", False)):
             jobs = [
                 joblib.delayed(_skating)(self.model, w, k, how, refine) for k, w in enumerate(some)
@@ -232,7 +234,7 @@ class Feet(Common):
 
 
 def _skating(name: str, window: Window, seed: int, how: dict, refine: bool) -> float:
-    stage = _loaded(name).local_stage
+    stage = _loaded(name).model.local_stage
     block, stage.foot_refine = stage.foot_refine, stage.foot_refine if refine else None
     try:
         return float(fsr(danced(name, window, seed, how).joints()))
@@ -341,7 +343,7 @@ class Length(Common):
 
     def run(self) -> None:
         """Print seconds for each length, one after the other in one process."""
-        model, times = hub.load(self.model), []
+        model, times = hub.load(self.model).model, []
         how = of_stages(self.sampling, self.at_once)
         go = partial(parallel.dance, model.global_stage, model.local_stage, genre=0, how=how)
         go(torch.zeros(LOCAL, 35), LOCAL)  # warm

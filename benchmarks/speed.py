@@ -29,6 +29,7 @@ from dancediff.data.augment import Augmentation
 from dancediff.data.choreographed import choreographed_corpus
 from dancediff.data.windows import GroupCut, WindowSampler
 from dancediff.diffusion.guidance import guided
+from dancediff.generation.pipeline import pipeline_of
 from dancediff.nn import ssm
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 from dancediff.training import run
@@ -102,14 +103,14 @@ def naive():
     with (
         mock.patch.object(ssm, "ssd_scan", indexed_ssd),
         mock.patch.object(ssm, "selective_scan", indexed_scan),
-        mock.patch("dancediff.generation.generate.guided", two_passes),
+        mock.patch("dancediff.generation.group_dance.guided", two_passes),
         mock.patch("dancediff.nn.decoder._same_place", lambda a, b: False),
     ):
         yield
 
 
 NAIVE = {"sampler": "ddim", "steps": 50, "guidance": 2.0, "autoguidance": 1.0}
-BARE = {"feet": "free", "spacing": "free", "order": "free"}
+BARE = dict.fromkeys(("foot_contact", "collision_avoidance", "order_constraint"), False)
 
 
 # ------------------------------------------------------------------------------- what is measured
@@ -162,7 +163,7 @@ def group(args: Args) -> list[dict]:
 def paper(args: Args) -> list[dict]:
     """TCDiff++ at the paper's size, untrained: what it draws does not matter for its speed."""
     torch.manual_seed(0)
-    model = TCDiffPP(TCDiffPPConfig.paper()).eval()
+    model = pipeline_of(TCDiffPP(TCDiffPPConfig.paper()).eval())
     song = loaded(args).slice(0, 5)
     song.features()
     usual = {"sampler": "dpm", "steps": 12, "guidance": 1.0}
@@ -175,7 +176,7 @@ def paper(args: Args) -> list[dict]:
     rows = []
     for name, options in ways.items():
         with naive() if name == "naive" else contextlib.nullcontext():
-            free = {"seconds": 5, "dancers": 3, "feet": "free"}
+            free = {"seconds": 5, "dancers": 3, "foot_contact": False}
             took = seconds(lambda o=options, f=free: model.generate(song, **f, **o))
         rows.append({"what": f"paper size, 150 frames, {name}", "seconds": took})
     for row in rows[:-1]:

@@ -16,6 +16,7 @@ from safetensors.torch import load_file
 
 from dancediff import __version__
 from dancediff.atomic import atomic_write, save_tensors
+from dancediff.generation.pipeline import Pipeline, pipeline_of
 from dancediff.music.song import Music
 from dancediff.papers.edge.model import EDGE, EDGEConfig
 from dancediff.papers.lodge.model import Lodge, LodgeConfig
@@ -79,8 +80,8 @@ def packaged_song() -> Music:
     return Music.load(ASSETS / "songs" / f"{SONG}.ogg")
 
 
-def load(name, *, device: str = "cpu") -> TCDiffPP | EDGE | Lodge:
-    """Load a packaged model by name, or a model folder by path.
+def load(name, *, device: str = "cpu") -> Pipeline:
+    """Load a packaged model by name, or a model folder by path; ``.model`` is the network.
 
     Raises: ValueError naming what is wrong with it and which names there are.
 
@@ -100,9 +101,8 @@ def load(name, *, device: str = "cpu") -> TCDiffPP | EDGE | Lodge:
         raise ValueError(
             f"model folder {str(folder)!r} cannot be read: {err}; train or copy it again"
         ) from err
-    model.name = folder.name
     try:
-        return model.to(device).eval()
+        return pipeline_of(model.to(device).eval(), folder.name)
     except (RuntimeError, AssertionError) as err:
         raise ValueError(f"device={device!r} cannot be used here: {err}; choose 'cpu'") from err
 

@@ -35,7 +35,7 @@ def test_a_model_folder(model, file, tmp_path, record_property):
 
     def read(given):
         put(path, given)
-        loaded = hub.load(folder)
+        loaded = hub.load(folder).model
         assert all(value.isfinite().all() for value in loaded.state_dict().values())
 
     out = fuzz(read, mutated(whole, num_inputs(), head=head))

@@ -13,7 +13,7 @@ from dancediff.axes import FPS, from_tokens, to_tokens
 from dancediff.data.take import DanceTake
 from dancediff.data.windows import GroupCut, WindowSampler, rank_left_to_right
 from dancediff.diffusion.conditions import Conditions
-from dancediff.generation.generate import binder
+from dancediff.generation.group_dance import binder
 from dancediff.motion.order import swap_mode
 from dancediff.motion.representation import TCDIFFPP, MotionSpec
 from dancediff.motion.skeleton import LOWER_BODY, SMPL24

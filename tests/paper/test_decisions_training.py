@@ -11,7 +11,8 @@ import pytest
 import torch
 
 from dancediff.diffusion.schedule import cosine_abar
-from dancediff.generation.request import Wish
+from dancediff.generation.request import GroupDanceRequest, default_of
+from dancediff.generation.segments import Segments
 from dancediff.motion.representation import Normalizer
 from dancediff.nn import ssm
 from dancediff.papers.tcdiffpp.long_group_sampling import LongGroupSampler
@@ -107,18 +108,17 @@ def test_t21_the_first_segment_is_kept():
 
 
 def test_t22_segments_share_half_of_their_frames():
-    asked = inspect.signature(TCDiffPP.generate).parameters["overlap"].default
+    asked = default_of("tcdiffpp", "overlap")
     sampled = inspect.signature(LongGroupSampler).parameters["overlap"].default
-    wish = Wish(5, 60.0)
-    assert asked == sampled == wish.overlap == TCDiffPPConfig.paper().num_frames // 2 == 75
-    assert Wish(5, 60.0, overlap=30).stride == 120
+    assert asked == sampled == TCDiffPPConfig.paper().num_frames // 2 == 75
+    assert Segments(720, 150, overlap=30).stride == 120
 
 
 def test_t25_long_dances_are_judged_at_720_frames():
     """Released: cut at 512."""
     assert HeldOut().seconds * 30 == 720
-    wish = Wish(5, HeldOut().seconds)
-    assert wish.frames == 720 and wish.segments == 9
+    request = GroupDanceRequest(seconds=HeldOut().seconds)
+    assert request.frames == 720 and Segments.of(request, 150).count == 9
 
 
 def test_t27_contact_is_a_hard_mask_in_physical_units():

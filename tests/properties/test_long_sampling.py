@@ -10,6 +10,7 @@ from dancediff.diffusion.long_sampling import SEAMS
 from dancediff.diffusion.pinning import MODES
 from dancediff.diffusion.samplers import SAMPLERS
 from dancediff.diffusion.schedule import cosine_abar
+from dancediff.generation.pipeline import pipeline_of
 from dancediff.motion.representation import LODGE
 from dancediff.papers.lodge.choreography import make_cues
 from dancediff.papers.lodge.primitives import Layout
@@ -118,7 +119,7 @@ def tiny_model():
     torch.manual_seed(0)
     sizes = {"d_model": 8, "num_heads": 1, "num_layers": 1, "ff_dim": 8, "fusion_hidden": 8}
     sizes |= {"footwork_hidden": 8, "head_dim": 8, "num_frames": 30}
-    return TCDiffPP(TCDiffPPConfig(**sizes)).eval()
+    return pipeline_of(TCDiffPP(TCDiffPPConfig(**sizes)).eval())
 
 
 class Noise:
@@ -140,7 +141,7 @@ def test_a_streamed_dance_is_the_generated_one(seconds, overlap, dancers, seed, 
         "seed": seed,
         "steps": 1,
         "pinning": data.draw(st.sampled_from(MODES)),
-        "feet": data.draw(st.sampled_from(["planted", "free"])),
+        "foot_contact": data.draw(st.booleans()),
     }
     if seconds > 2 and overlap > 20:
         options["overlap"] = 20  # or there would be a hundred segments

@@ -17,6 +17,7 @@ from dancediff.extensions.collision_avoidance import CollisionAvoidance
 from dancediff.extensions.floor_contact import stand_on_floor
 from dancediff.extensions.foot_contact_projection import foot_contact_hook, plant_feet
 from dancediff.extensions.speed_limit import limit_travel, limit_turns
+from dancediff.generation.pipeline import pipeline_of
 from dancediff.metrics.collision import tif
 from dancediff.metrics.fidelity import diversity, fid
 from dancediff.metrics.geometric import geometric_features
@@ -284,12 +285,12 @@ TINY = {"d_model": 8, "num_heads": 1, "num_layers": 1, "ff_dim": 8}
 def tiny(kind):
     torch.manual_seed(0)
     if kind == "EDGE":
-        return EDGE(EDGEConfig(**TINY, num_frames=30)).eval()
+        return pipeline_of(EDGE(EDGEConfig(**TINY, num_frames=30)).eval())
     if kind == "Lodge":
         return hub.load("lodge")
     switches = dict.fromkeys(("foot_cues", "beat_waves", "non_local", "formation_prior"), True)
     sizes = {"fusion_hidden": 8, "footwork_hidden": 8, "head_dim": 8, "num_frames": 30}
-    return TCDiffPP(TCDiffPPConfig(**TINY, **sizes, **switches)).eval()
+    return pipeline_of(TCDiffPP(TCDiffPPConfig(**TINY, **sizes, **switches)).eval())
 
 
 @pytest.mark.parametrize("kind", ["TCDiffPP", "EDGE", "Lodge"])

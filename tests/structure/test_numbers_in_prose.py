@@ -40,16 +40,11 @@ SAID = [
     (
         "notebooks/06_*.ipynb",
         r"places on the floor ([\d.]+) times",
-        "dancediff.generation.generate.ROOT_SHARE",
+        "dancediff.extensions.autoguidance.ROOT_SHARE",
     ),
     ("notebooks/06_*.ipynb", r"The papers take (\d+); `generate`", f"{PAPER}.tcdiffpp.guidance"),
     ("notebooks/06_*.ipynb", r"`generate` takes (\d+)", f"{PACKAGED}.tcdiffpp.guidance"),
     ("notebooks/12_*.ipynb", r"of its (\d+) steps", f"{PACKAGED}.lodge.steps"),
-    (
-        "src/dancediff/papers/tcdiffpp/model.py",
-        r"default ([\d.]+), and 1",
-        f"{PACKAGED}.tcdiffpp.autoguidance",
-    ),
     ("README.md", r"(\d+) in all, with", "dancediff.exercises.EXERCISES"),
     ("docs/teaching.md", r"(\d+) exercises that check", "dancediff.exercises.EXERCISES"),
     ("docs/results_tcdiffpp.md", r"defaults became (\d+) steps", f"{PACKAGED}.tcdiffpp.steps"),

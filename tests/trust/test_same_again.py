@@ -12,7 +12,8 @@ from dancediff import hub
 from dancediff.diffusion.conditions import Conditions
 from dancediff.diffusion.samplers import sample
 from dancediff.extensions.foot_contact_projection import foot_contact_hook
-from dancediff.generation.generate import AUTOGUIDANCE, binder, largest_guess
+from dancediff.generation.group_dance import binder, largest_guess
+from dancediff.generation.request import GroupDanceRequest
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(1200)]
 LONG = os.environ.get("DANCEDIFF_TRUST") == "long"
@@ -44,22 +45,23 @@ def test_in_another_process_and_after_other_work(name, tmp_path, record_property
 @pytest.mark.parametrize("n", [1, 2, 3, 4, 5] if LONG else [3])
 def test_a_group_dance_alone_and_among_others(n, record_property):
     """Four segments with their own music and noise, sampled apart and together."""
-    model, b = hub.load("tcdiffpp").eval(), 4
+    model, b = hub.load("tcdiffpp").model, 4
+    request = GroupDanceRequest().resolve(model, hub.packaged_song())
     M = model.music_normalizer.normalize(hub.packaged_song().features())
     M = torch.stack([M[200 * k : 200 * k + 150] for k in range(b)])
     S = torch.arange(n).expand(b, n).contiguous()
 
     def danced(part: slice):
-        bind = binder(model, 1.0, autoguidance=AUTOGUIDANCE)
+        bind = binder(model, 1.0, autoguidance=request.autoguidance)
         seeds = range(b)[part]
         x = sample(
             bind(Conditions(M[part], swap=S[part])),
             (len(seeds), n, 150, 151),
             abar=model.abar,
-            sampler="dpm",
-            steps=12,
-            eta=0.0,
-            clamp=largest_guess(model),
+            sampler=request.sampler,
+            steps=request.steps,
+            eta=request.eta,
+            clamp=largest_guess(model, request),
             generator=[torch.Generator().manual_seed(k) for k in seeds],
             hooks=[foot_contact_hook(model.normalizer.on_cpu())],
         )

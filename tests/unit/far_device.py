@@ -138,9 +138,11 @@ def model_of(name: str):
 
     if name != "paper":
         return hub.load(name)
+    from dancediff.generation.pipeline import pipeline_of
+
     torch.manual_seed(0)
     small = {"d_model": 32, "num_layers": 2, "ff_dim": 64, "fusion_hidden": 32}
-    return TCDiffPP(TCDiffPPConfig(**small))
+    return pipeline_of(TCDiffPP(TCDiffPPConfig(**small)))
 
 
 def main(name: str, options: str) -> None:

@@ -129,7 +129,7 @@ def test_without_l_d_distances_cost_nothing(tiny):
 def test_long_sampling_is_no_training(tiny):
     full, naive = tiny["full"], tiny["no-LGDS"]
     assert full.training == naive.training and full.key != naive.key
-    assert (full.sample.long, naive.sample.long) == ("lgds", "naive")
+    assert (full.sample.long_sampling, naive.sample.long_sampling) == ("lgds", "naive")
 
 
 def test_edge_keeps_the_sizes_that_both_have(tiny):
@@ -145,10 +145,13 @@ def test_edge_keeps_the_sizes_that_both_have(tiny):
     [
         ("", r"has no \[variants.NAME\]"),
         ("[variants.a]\nmodel = {colour = 1}", "variant 'a': 'model' has no 'colour'"),
-        ("[variants.a]\nsample = {colour = 1}", "variant 'a': 'sample' has no 'colour'"),
+        ("[variants.a]\nsample = {colour = 1}", "variant 'a': 'sample': colour=1 is no option"),
         ("[variants.a]\ndata = {songs = 1}", "variant 'a' changes 'data', not model, train"),
         ("[variants.a]\nheld_out = {songs = 1}", "variant 'a' changes 'held_out'"),
-        ("[variants.a]\nsample = {long = 'short'}", "long='short' is not one of 'lgds', 'naive'"),
+        (
+            "[variants.a]\nsample = {long_sampling = 'short'}",
+            "long_sampling='short' is not one of 'lgds', 'naive'",
+        ),
         ("[variants.a]\ntrain = {decay = 7}", "variant 'a': 'train': decay=7"),
         ("[variants.a]\nmodel = {class = 'GPT'}", "'GPT' is not one of TCDiffPP, EDGE"),
         ("[variants.a]\nmodel = 3", "'model' is no table"),
@@ -192,7 +195,7 @@ FOUR = """
 [variants.no-FP]
 model = { fp = false }
 [variants.no-LGDS]
-sample = { long = "naive" }
+sample = { long_sampling = "naive" }
 [variants.EDGE]
 model = { class = "EDGE" }
 """
@@ -212,7 +215,7 @@ def test_rows_dances_and_what_is_done_stays_done(config, tmp_path, monkeypatch):
         name: Motion.load(next((out / "variants" / name).glob("*/dance_0.npz"))).meta
         for name in ("full", "no-LGDS", "EDGE")
     }
-    assert "pinning" in metas["full"] and metas["no-LGDS"]["long"] == "naive"
+    assert "pinning" in metas["full"] and metas["no-LGDS"]["long_sampling"] == "naive"
     assert metas["EDGE"]["model"] == "edge"
 
     def never(*_, **__):
@@ -279,14 +282,15 @@ def test_a_killed_run_goes_on_from_its_checkpoint(config, tmp_path, monkeypatch)
 def test_one_failure_does_not_stop_the_others(config, tmp_path):
     variants = """
 [variants.wrong]
-sample = { swap = [2, 1, 0] }
+model = { precondition = false }
+sample = { order_constraint = true }
 [variants.swap]
 sample = { swap = [1, 0] }
 [variants.broken]
 train = { lr = 1e30, clip = 1e30, warmup = 0 }
 """
     rows = run_ablation(config(variants), tmp_path / "out", evaluate=Judge())
-    assert rows[1]["failed"].startswith("dancing: swap=[2, 1, 0] must hold each of 0..1")
+    assert rows[1]["failed"].startswith("dancing: order_constraint=True needs")
     assert "scores" in rows[2]
     assert rows[3]["failed"].startswith("training: the gradient of step")
     text = (tmp_path / "out" / "results.md").read_text()
@@ -294,16 +298,11 @@ train = { lr = 1e30, clip = 1e30, warmup = 0 }
 
 
 def test_nothing_can_be_asked_of_dancers_who_do_not_see_each_other(config, tmp_path):
-    variants = """
-[variants.asked]
-model = { class = "EDGE" }
-sample = { swap = [1, 0] }
-[variants.EDGE]
-model = { class = "EDGE" }
-sample = { swap = [] }
-"""
-    rows = run_ablation(config(variants), tmp_path / "out", evaluate=Judge())
-    assert "do not see each other" in rows[1]["failed"] and "scores" in rows[2]
+    asked = '[variants.asked]\nmodel = { class = "EDGE" }\nsample = { swap = [1, 0] }\n'
+    with pytest.raises(ValueError, match=r"'asked': 'sample': swap=\[1, 0\] is not for"):
+        run_ablation(config(asked), tmp_path / "out", evaluate=Judge())
+    (variant,) = read_ablation(config(asked.replace("[1, 0]", "[]")))
+    assert "swap" not in variant.sample.names()
 
 
 def test_bad_devices_are_named_before_anything_is_done(config, tmp_path):
@@ -348,7 +347,7 @@ def test_command_line(config, tmp_path, capsys, monkeypatch):
 
 
 def test_every_variant_is_trained_and_sampled_with_every_seed(config):
-    path = config("[variants.full]\n[variants.naive]\nsample = {long = 'naive'}\n")
+    path = config("[variants.full]\n[variants.naive]\nsample = {long_sampling = 'naive'}\n")
     path.write_text("seeds = [3, 5]\n" + path.read_text())
     variants = read_ablation(path)
     assert [v.name for v in variants] == [

@@ -14,10 +14,9 @@ from dancediff.extensions.collision_avoidance import (
     pushes,
 )
 from dancediff.extensions.constraint import Conditioning, Constraint
-from dancediff.generation.generate import generate
+from dancediff.generation.pipeline import pipeline_of
 from dancediff.metrics.collision import tif
 from dancediff.motion.representation import Normalizer, pack
-from dancediff.papers.edge.naive_long_sampling import draw_naively
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 
 F = 30
@@ -102,35 +101,37 @@ def test_five_dancers_touch_less():
     song, model = dd.packaged_song(), dd.load("tcdiffpp")
     ask = {"dancers": 5, "seconds": 5, "steps": 10, "guidance": 2}
     touched = {
-        kind: sum(
-            tif(model.generate(song, seed=seed, spacing=kind, **ask).joints()) for seed in (0, 1)
+        on: sum(
+            tif(model.generate(song, seed=seed, collision_avoidance=on, **ask).joints())
+            for seed in (0, 1)
         )
-        for kind in ("free", "kept")
+        for on in (False, True)
     }
-    assert touched["free"] > 0.1, "nobody met: choose other seeds"
-    assert touched["kept"] < 0.5 * touched["free"], touched
+    assert touched[False] > 0.1, "nobody met: choose other seeds"
+    assert touched[True] < 0.5 * touched[False], touched
 
 
 def test_arguments():
     song, model = dd.packaged_song(), dd.load("tcdiffpp")
-    with pytest.raises(ValueError, match="spacing='wide' is not one of"):
-        model.generate(song, spacing="wide")
+    with pytest.raises(ValueError, match="collision_avoidance='wide' must be True or False"):
+        model.generate(song, collision_avoidance="wide")
     plain = TCDiffPP(TCDiffPPConfig(d_model=16, num_layers=1, ff_dim=32, precondition=False))
-    with pytest.raises(ValueError, match="spacing='kept' bends guesses"):
-        plain.generate(song, spacing="kept")
+    with pytest.raises(ValueError, match="collision_avoidance=True needs"):
+        pipeline_of(plain).generate(song, collision_avoidance=True)
 
 
 def test_naive_sampling_keeps_nobody_apart_and_says_so():
     song, model = dd.packaged_song(), dd.load("tcdiffpp")
-    with pytest.raises(ValueError, match="not possible with naive long sampling"):
-        generate(model, song, draw=draw_naively, seconds=5, steps=2, spacing="kept")
-    naive = generate(model, song, draw=draw_naively, seconds=5, steps=2)
-    assert naive.meta["spacing"] == "free"
+    naive = {"long_sampling": "naive", "seconds": 5, "steps": 2}
+    with pytest.raises(ValueError, match="not possible with long_sampling='naive'"):
+        model.generate(song, collision_avoidance=True, **naive)
+    assert model.generate(song, **naive).meta["collision_avoidance"] is False
 
 
 def test_room_is_kept_where_the_model_can():
     song, model = dd.packaged_song(), dd.load("tcdiffpp")
     plain = TCDiffPP(TCDiffPPConfig(d_model=16, num_layers=1, ff_dim=32, precondition=False))
     ask = {"seconds": 5, "steps": 1}
-    made = [m.generate(song, **ask).meta["spacing"] for m in (model, plain)]
-    assert made == ["kept", "free"]
+    models = (model, pipeline_of(plain))
+    made = [m.generate(song, **ask).meta["collision_avoidance"] for m in models]
+    assert made == [True, False]

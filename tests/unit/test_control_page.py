@@ -7,6 +7,7 @@ import pytest
 import torch
 
 import dancediff as dd
+from dancediff.generation.pipeline import pipeline_of
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 
 PAGE = Path(__file__).parents[2] / "docs" / "control.md"
@@ -32,7 +33,7 @@ def test_without_the_spectrum_of_the_data_there_is_no_constraint():
     config = TCDiffPPConfig(
         d_model=16, num_heads=2, num_layers=1, ff_dim=32, fusion_hidden=48, precondition=False
     )
-    with pytest.raises(ValueError, match="constraint needs spread="):
-        TCDiffPP(config).generate(
+    with pytest.raises(ValueError, match="start=, end= and constraints= need"):
+        pipeline_of(TCDiffPP(config)).generate(
             dd.packaged_song(), dancers=2, seconds=2, steps=1, start=[(-1, 0), (1, 0)]
         )

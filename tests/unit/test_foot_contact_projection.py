@@ -48,14 +48,14 @@ def test_legs_are_held_where_any_of_their_rotations_is_known():
 
 
 def test_dances_slide_less_with_planted_feet(dance_with):
-    free, planted = (dance_with(feet=feet) for feet in ("free", "planted"))
-    assert free.meta["feet"] == "free" and planted.meta["feet"] == "planted"
+    free, planted = (dance_with(foot_contact=on) for on in (False, True))
+    assert planted.meta["foot_contact"] and not free.meta["foot_contact"]
     assert fsr(planted.joints()) < 0.6 * fsr(free.joints())
 
 
 def test_it_is_no_work_on_the_finished_dance(dance_with):
     """The network answers to planted feet: planting the free dance is not the same."""
-    free, planted = (dance_with(feet=feet) for feet in ("free", "planted"))
+    free, planted = (dance_with(foot_contact=on) for on in (False, True))
     afterwards = plant_feet(free.features())
     assert (afterwards[..., TCDIFFPP.root] - planted.root).abs().max() > 0.005
 
@@ -77,6 +77,6 @@ def test_planted_feet_do_not_move_at_a_seam():
     assert jump.max() < 1.5
 
 
-def test_feet_must_be_planted_or_free(dance_with):
-    with pytest.raises(ValueError, match="feet='glued' is not one of"):
-        dance_with(feet="glued")
+def test_it_is_on_or_off(dance_with):
+    with pytest.raises(ValueError, match="foot_contact='glued' must be True or False"):
+        dance_with(foot_contact="glued")

@@ -9,13 +9,10 @@ import dancediff as dd
 from dancediff.diffusion.conditions import Conditions
 from dancediff.extensions.autoguidance import LASTING_SHARE, ROOT_SHARE
 from dancediff.extensions.preconditioning import dct_matrix
-from dancediff.generation.generate import (
-    AUTOGUIDANCE,
-    binder,
-    cut_music,
-    largest_guess,
-)
-from dancediff.generation.request import Wish
+from dancediff.generation.group_dance import binder, largest_guess
+from dancediff.generation.pipeline import pipeline_of
+from dancediff.generation.request import GroupDanceRequest, default_of
+from dancediff.generation.segments import Segments
 from dancediff.nn.decoder import MusicEncoder
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 
@@ -43,7 +40,7 @@ def model():
     config = TCDiffPPConfig(
         d_model=16, num_heads=2, num_layers=1, ff_dim=32, fusion_hidden=48, head_dim=8
     )
-    return TCDiffPP(config)
+    return pipeline_of(TCDiffPP(config))
 
 
 def dance(model, song=None, **options):
@@ -94,17 +91,18 @@ def test_music_is_encoded_once_a_segment_and_that_changes_nothing(model, guidanc
     each_time = dance(model, **options)
     assert len(seen) == 3 + 3 * 4
     assert once.root.equal(each_time.root) and once.pose.equal(each_time.pose)
-    encoder, M = model.decoder.music, torch.randn(1, 9, 35)
+    encoder, M = model.model.decoder.music, torch.randn(1, 9, 35)
     assert encoder(M) is not encoder(M)  # nothing is remembered afterwards
 
 
 def test_leaves_the_model_as_it_was(model):
-    model.train()
+    model.model.train()
     dance(model, seconds=1)
-    assert model.training
-    assert all(p.grad is None for p in model.parameters())
-    motion = dance(model.eval(), seconds=1)
-    assert not model.training and not motion.root.is_inference()
+    assert model.model.training
+    assert all(p.grad is None for p in model.model.parameters())
+    model.model.eval()
+    motion = dance(model, seconds=1)
+    assert not model.model.training and not motion.root.is_inference()
 
 
 def test_options_reach_the_sampler(model):
@@ -127,7 +125,7 @@ def test_ddpm_takes_all_steps():
         d_model=16, num_layers=1, ff_dim=32, fusion_hidden=16, num_steps=8, ssm="none"
     )
     calls = []
-    motion = TCDiffPP(tiny).generate(
+    motion = pipeline_of(TCDiffPP(tiny)).generate(
         Tune(), seconds=2, steps=3, sampler="ddpm", progress=lambda done, total: calls.append(total)
     )
     assert motion.root.isfinite().all() and calls == [8] * 8
@@ -135,7 +133,7 @@ def test_ddpm_takes_all_steps():
 
 def test_bfloat16_dance_is_close(model):
     # rules decide yes or no, and autoguidance makes more of any difference: it shall be rounding
-    wish = {"seconds": 2, "feet": "free", "spacing": "free", "autoguidance": 1}
+    wish = {"seconds": 2, "foot_contact": False, "collision_avoidance": False, "autoguidance": 1}
     plain, fast = dance(model, **wish), dance(model, **wish, dtype=torch.bfloat16)
     assert (plain.root - fast.root).abs().max() < 0.1
     assert not torch.equal(plain.root, fast.root)
@@ -170,11 +168,11 @@ def test_watching_can_stop_the_dance(model):
     def stop(done, total, guess):
         raise KeyboardInterrupt
 
-    model.train()
+    model.model.train()
     with pytest.raises(KeyboardInterrupt):
         dance(model, seconds=2, watch=stop)
-    assert model.training
-    model.eval()
+    assert model.model.training
+    model.model.eval()
 
 
 def test_progress_bar_closes(model, capsys):
@@ -196,7 +194,7 @@ def test_one_dancer_swaps_with_nobody(model):
 @pytest.mark.parametrize(
     "argument, value, message",
     [
-        ("dancers", 0, r"dancers=0 must lie in 1 \.\.\. 5"),
+        ("dancers", 0, r"dancers=0 must be a number of at least 1"),
         ("dancers", 9, r"dancers=9 must lie in 1 \.\.\. 5"),
         ("dancers", 2.0, r"dancers=2.0 must be an integer"),
         ("seed", "x", r"seed='x' must be an integer"),
@@ -211,7 +209,7 @@ def test_one_dancer_swaps_with_nobody(model):
         ("seconds", "ten", r"seconds='ten' must be a number"),
         ("seconds", 13, r"seconds=13 is more than the song's 12\.00"),
         ("swap", [0, 1], r"swap=\[0, 1\] must hold each of 0\.\.2 exactly once"),
-        ("swap_at", 3, r"swap_at=3 needs swap="),
+        ("swap_at", 3, r"swap_at=3\.0 needs swap="),
         ("overlap", 150, r"overlap=150 must lie in 1 \.\.\. 149"),
         ("pinning", "glue", r"pinning='glue' is not one of"),
         ("seam", "zip", r"seam='zip' is not one of"),
@@ -238,29 +236,33 @@ def test_song_without_sound_or_length(model):
 
 @pytest.mark.parametrize("seconds", [1, 5, 5.04, 7.5, 20, 24, 60])
 def test_segments_just_cover_the_dance(seconds):
-    wish = Wish(5, 90.0, seconds=seconds)
-    covered = 150 + wish.stride * (wish.segments - 1)
-    assert covered >= wish.frames and (wish.segments == 1 or covered - wish.stride < wish.frames)
+    found = Segments.of(GroupDanceRequest(seconds=seconds), 150)
+    covered = 150 + found.stride * (found.count - 1)
+    assert covered >= found.frames and (found.count == 1 or covered - found.stride < found.frames)
 
 
 def test_720_frames_take_9_segments():
-    assert Wish(5, 24.0).segments == 9  # the papers' evaluation length
+    assert (
+        Segments.of(GroupDanceRequest(seconds=24), 150).count == 9
+    )  # the papers' evaluation length
 
 
 @pytest.mark.parametrize("seconds", [6, 20, 21.3])
 def test_default_swap_ends_within_the_dance(seconds):
-    wish = Wish(5, 30.0, seconds=seconds, dancers=2, swap=[1, 0])
-    orders = wish.target_orders()
+    request = GroupDanceRequest(seconds=seconds, dancers=2, swap=[1, 0])
+    found = Segments.of(request, 150)
+    orders = found.targets(request)
     chosen = next(i for i, order in enumerate(orders) if order is not None)
-    assert len(orders) == wish.segments and chosen * wish.stride + 150 <= wish.frames
+    assert len(orders) == found.count and chosen * found.stride + 150 <= found.frames
     assert sum(order is not None for order in orders) == 1
 
 
-def test_cut_music_repeats_the_song():
+def test_music_of_segments_repeats_the_song():
     M = torch.arange(7.0)[:, None].expand(7, 2)
-    cut = cut_music(M, 3, length=4, stride=2)
+    cut = Segments(8, window=4, overlap=2).music(M)
     assert cut[..., 0].tolist() == [[0, 1, 2, 3], [2, 3, 4, 5], [4, 5, 6, 0]]
-    assert cut_music(M, 1, length=20, stride=2)[0, :, 0].tolist()[:15] == [*range(7), *range(7), 0]
+    long = Segments(20, window=20, overlap=2).music(M)
+    assert long[0, :, 0].tolist()[:15] == [*range(7), *range(7), 0]
 
 
 def test_stream_hands_out_the_same_dance_in_pieces():
@@ -277,12 +279,12 @@ def test_stream_checks_at_once_and_leaves_the_model_as_it_was():
     model, song = dd.load("tcdiffpp"), dd.packaged_song()
     with pytest.raises(ValueError, match="dancers=9"):
         model.stream(song, dancers=9)
-    model.train()
+    model.model.train()
     pieces = model.stream(song, dancers=1, seconds=8, steps=1)
     next(pieces)
     assert torch.is_grad_enabled() and not torch.is_inference_mode_enabled()
     pieces.close()
-    assert model.training
+    assert model.model.training
 
 
 def test_a_long_dance_says_where_its_seams_are():
@@ -299,11 +301,15 @@ def test_a_long_dance_says_where_its_seams_are():
 
 def test_autoguidance_is_on_where_there_is_a_linear_guess():
     model, song = dd.load("tcdiffpp"), dd.packaged_song()
-    plain = TCDiffPP(TCDiffPPConfig(d_model=16, num_layers=1, ff_dim=32, precondition=False))
+    plain = pipeline_of(
+        TCDiffPP(TCDiffPPConfig(d_model=16, num_layers=1, ff_dim=32, precondition=False))
+    )
     ask = {"dancers": 2, "seconds": 2, "steps": 3}
-    assert model.generate(song, **ask).meta["autoguidance"] == AUTOGUIDANCE
+    assert model.generate(song, **ask).meta["autoguidance"] == default_of(
+        "tcdiffpp", "autoguidance"
+    )
     assert plain.generate(song, **ask).meta["autoguidance"] == 1
-    with pytest.raises(ValueError, match=r"autoguidance=1\.5 pushes"):
+    with pytest.raises(ValueError, match=r"autoguidance=1\.5 needs"):
         plain.generate(song, autoguidance=1.5, **ask)
     with pytest.raises(ValueError, match=r"autoguidance=0\.5 must lie in 1"):
         model.generate(song, autoguidance=0.5, **ask)
@@ -312,7 +318,9 @@ def test_autoguidance_is_on_where_there_is_a_linear_guess():
 def test_without_preconditioning_dancers_may_stand_far_out():
     """The unit on the floor is a metre, so guesses there are not cut at 1."""
     plain = TCDiffPP(TCDiffPPConfig(d_model=16, num_layers=1, ff_dim=32, precondition=False))
-    guess = largest_guess(plain)(torch.full((1, 2, 5, 151), 3.0))
+    guess = largest_guess(plain, GroupDanceRequest(frequency_clip=False))(
+        torch.full((1, 2, 5, 151), 3.0)
+    )
     assert guess[..., [4, 6]].unique().tolist() == [3.0]
     assert guess[..., [0, 5, 7]].unique().tolist() == [1.0]
 
@@ -320,23 +328,23 @@ def test_without_preconditioning_dancers_may_stand_far_out():
 def test_no_guess_runs_away():
     """Pushed ten times as far, a dance stays within what frequencies the training set has."""
     model, song = dd.load("tcdiffpp"), dd.packaged_song()
-    free = {"feet": "free", "spacing": "free", "order": "free"}
+    free = dict.fromkeys(("foot_contact", "collision_avoidance", "order_constraint"), False)
     ask = {"dancers": 2, "seconds": 5, "steps": 8} | free
-    precondition = model.decoder.precondition
+    precondition = model.model.decoder.precondition
     C = dct_matrix(150)
     largest = {}
     for kind, w in (("usual", 1.0), ("pushed", 10.0)):
         guesses = []
         look = lambda done, total, guess, seen=guesses: seen.append(guess)  # noqa: E731
         model.generate(song, autoguidance=w, watch=look, **ask)
-        x = model.normalizer.normalize(guesses[-1].features())
+        x = model.model.normalizer.normalize(guesses[-1].features())
         largest[kind] = ((C @ (x - precondition.mean)).abs() / precondition.spread)[..., 4:7].max()
     assert largest["pushed"] < 4.05  # the dance went through rotations and back
     assert largest["usual"] < 4.05
 
 
 def test_autoguidance_pushes_what_the_sampler_sees():
-    model = dd.load("tcdiffpp")
+    model = dd.load("tcdiffpp").model
     x_t = torch.randn(1, 2, 150, 151, generator=torch.Generator().manual_seed(0))
     M, S = torch.zeros(1, 150, 35), torch.tensor([[1, 0]])
     with torch.inference_mode():

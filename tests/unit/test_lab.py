@@ -7,6 +7,7 @@ import pytest
 import torch
 
 import dancediff as dd
+from dancediff.generation.pipeline import pipeline_of
 from dancediff.papers.lodge.cue_guidance import guided_steps
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 from dancediff.viz import lab
@@ -21,7 +22,7 @@ def song():
 def model():
     torch.manual_seed(0)
     small = TCDiffPPConfig(d_model=32, num_layers=1, num_heads=2, ff_dim=32, max_dancers=3)
-    return TCDiffPP(small).eval()
+    return pipeline_of(TCDiffPP(small).eval())
 
 
 @pytest.fixture(scope="module")
@@ -82,7 +83,7 @@ def test_cue_panel_draws_what_is_held(lodge, song):
     ribbon = np.asarray(figure.axes[1].images[0].get_array())
     assert ribbon.shape == (6, 270)
     held = (ribbon == 1).any(1)
-    times = dd.diffusion.samplers.sampling_times("dpm", 6, lodge.abar)
+    times = dd.diffusion.samplers.sampling_times("dpm", 6, lodge.model.abar)
     assert held.sum() == guided_steps(times, 0.5) and held[: held.sum()].all()
     assert (ribbon == 2).any(1).all()
     assert "s = 0.5: BAS 0." in title(figure)

@@ -320,7 +320,7 @@ def test_all_stages_are_trained_and_make_one_model(solos, tmp_path):
         assert {name.split(".")[0] for name in kept} == {"weights", "moments"}
     assert load_extra(tmp_path / "global" / "checkpoint.safetensors") == {}
     hub.save_model(model, tmp_path / "model", card="tiny", dtype=torch.float32)
-    again = hub.load(tmp_path / "model")
+    again = hub.load(tmp_path / "model").model
     for name, value in model.state_dict().items():
         assert torch.equal(again.state_dict()[name], value), name
 

@@ -9,15 +9,14 @@ import torch
 
 from dancediff.diffusion.samplers import sample
 from dancediff.diffusion.schedule import cosine_abar, q_sample
-from dancediff.generation.request import Wish
+from dancediff.generation.group_dance import AT_ONCE, naive_dance
+from dancediff.generation.pipeline import pipeline_of
+from dancediff.generation.request import GroupDanceRequest
 from dancediff.motion.representation import Normalizer, pack, unpack
 from dancediff.motion.rotation import rotation_about, slerp
 from dancediff.papers.edge.naive_long_sampling import (
-    AT_ONCE,
     Consistency,
     cross_fade,
-    draw_naively,
-    generate_naively,
     join,
 )
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
@@ -163,18 +162,24 @@ class Knows(torch.nn.Module):
         return self.normalizer.normalize(x.to(x_t))
 
 
+def naive(model, **options):
+    options = {"dancers": 2, "long_sampling": "naive"} | options
+    return GroupDanceRequest(**options).resolve(model, Tune())
+
+
 @pytest.mark.parametrize("seconds", [3, 5, 7.4, 24, 40])
 def test_perfect_network_gives_the_whole_dance_back(seconds):
     dance = a_dance(1500)
-    wish = Wish(5, 60.0, seconds=seconds, dancers=2, steps=3, feet="free")
-    x = draw_naively(Knows(dance).eval(), Tune(), wish)
-    assert x.shape == (2, wish.frames, 151)
-    torch.testing.assert_close(x, dance[:, : wish.frames].float(), atol=1e-5, rtol=0)
+    model = Knows(dance).eval()
+    request = naive(model, seconds=seconds, steps=3, foot_contact=False)
+    x = naive_dance(model, Tune(), request)
+    assert x.shape == (2, request.frames, 151)
+    torch.testing.assert_close(x, dance[:, : request.frames].float(), atol=1e-5, rtol=0)
 
 
 def test_long_dances_go_through_the_network_in_parts():
     model = Knows(a_dance(1800))
-    draw_naively(model, Tune(), Wish(5, 60.0, dancers=2, steps=1, guidance=1.0))
+    naive_dance(model, Tune(), naive(model, steps=1, guidance=1.0))
     assert [b for b, *_ in model.calls] == [AT_ONCE, AT_ONCE, 23 - 2 * AT_ONCE]
 
 
@@ -182,30 +187,30 @@ def test_guidance_ramp_of_edge():
     for seconds, first in ((24, [False]), (5, [True, False])):
         for ramp in (True, False):
             model = Knows(a_dance(1000))
-            wish = Wish(5, 60.0, seconds=seconds, dancers=2, steps=4, guidance=2.0)
-            draw_naively(model, Tune(), wish, ramp=ramp)
+            request = naive(model, seconds=seconds, steps=4, guidance=2.0)
+            naive_dance(model, Tune(), request, ramp=ramp)
             expected = first if ramp else [True, False]  # weight 0: only without music
             assert sorted(set(model.calls[0][3])) == sorted(expected)
 
 
 def test_a_swap_is_asked_of_its_segment_only():
     model = Knows(a_dance(700))
-    wish = Wish(5, 60.0, seconds=10, dancers=2, steps=1, swap=[1, 0], swap_at=6, guidance=1.0)
-    draw_naively(model, Tune(), wish)
+    request = naive(model, seconds=10, steps=1, swap=[1, 0], swap_at=6, guidance=1.0)
+    naive_dance(model, Tune(), request)
     assert model.calls[0][2] == [[0, 1], [1, 0], [0, 1]]
 
 
 def test_tcdiffpp_without_its_long_sampling():
     torch.manual_seed(0)
     sizes = {"d_model": 16, "num_heads": 2, "num_layers": 1, "ff_dim": 32, "fusion_hidden": 32}
-    model = TCDiffPP(TCDiffPPConfig(**sizes, ssm="none"))
+    model = pipeline_of(TCDiffPP(TCDiffPPConfig(**sizes, ssm="none")))
     song = Tune(10.0)
     song.features = lambda: torch.randn(301, 35, generator=torch.Generator().manual_seed(0))
     options = {"dancers": 3, "steps": 2, "seconds": 8}
-    naive, lgds = generate_naively(model, song, **options), model.generate(song, **options)
+    naive, lgds = (model.generate(song, long_sampling=way, **options) for way in ("naive", "lgds"))
     assert naive.root.shape == lgds.root.shape == (3, 240, 3)
     assert not torch.equal(naive.root, lgds.root)
-    assert naive.meta["long"] == "naive" and "pinning" in lgds.meta
+    assert naive.meta["long_sampling"] == "naive" and "pinning" in lgds.meta
 
 
 def test_q_sample_levels_are_those_of_the_sampler():

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 HERE = Path(__file__).parent
-FREE = {"feet": "free", "spacing": "free", "order": "free"}
+FREE = dict.fromkeys(("foot_contact", "collision_avoidance", "order_constraint"), False)
 
 
 def two_more_steps(model: str, **options) -> dict:

@@ -7,10 +7,9 @@ import dancediff as dd
 from dancediff.extensions.collision_avoidance import SLACK
 from dancediff.extensions.constraint import Conditioning, Constraint
 from dancediff.extensions.order_constraint import GAP, OrderConstraint, X, in_order
-from dancediff.generation.generate import generate
+from dancediff.generation.pipeline import pipeline_of
 from dancediff.metrics.swaps import obeys
 from dancediff.motion.representation import Normalizer
-from dancediff.papers.edge.naive_long_sampling import draw_naively
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 
 F = 60
@@ -78,22 +77,22 @@ def test_the_packaged_model_obeys_more_often():
     song, model = dd.packaged_song(), dd.load("tcdiffpp")
     ask = {"dancers": 3, "seconds": 5, "steps": 10, "swap": [2, 1, 0]}
     obeyed = {
-        kind: sum(
-            obeys(model.generate(song, seed=seed, order=kind, **ask).root, ask["swap"])
+        on: sum(
+            obeys(model.generate(song, seed=seed, order_constraint=on, **ask).root, ask["swap"])
             for seed in range(8)
         )
-        for kind in ("free", "kept")
+        for on in (False, True)
     }
-    assert obeyed["kept"] >= 7 and obeyed["kept"] >= obeyed["free"], obeyed
+    assert obeyed[True] >= 7 and obeyed[True] >= obeyed[False], obeyed
 
 
 def test_arguments():
     song, model = dd.packaged_song(), dd.load("tcdiffpp")
-    with pytest.raises(ValueError, match="order='sorted' is not one of"):
-        model.generate(song, order="sorted")
+    with pytest.raises(ValueError, match="order_constraint='sorted' must be True or False"):
+        model.generate(song, order_constraint="sorted")
     plain = TCDiffPP(TCDiffPPConfig(d_model=16, num_layers=1, ff_dim=32, precondition=False))
-    with pytest.raises(ValueError, match="order='kept' bends guesses"):
-        plain.generate(song, order="kept")
-    with pytest.raises(ValueError, match="order='kept' is not possible with naive"):
-        generate(model, song, draw=draw_naively, seconds=5, steps=2, order="kept")
-    assert model.generate(song, seconds=5, steps=1).meta["order"] == "kept"
+    with pytest.raises(ValueError, match="order_constraint=True needs"):
+        pipeline_of(plain).generate(song, order_constraint=True)
+    with pytest.raises(ValueError, match="order_constraint=True is not possible"):
+        model.generate(song, long_sampling="naive", order_constraint=True)
+    assert model.generate(song, seconds=5, steps=1).meta["order_constraint"] is True

@@ -1,8 +1,6 @@
 """The commands, each with its options; torch is imported when one runs."""
 
 import contextlib
-import inspect
-import operator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -43,14 +41,14 @@ class Generate:
     """Denoising steps; default: what the model does best with few."""
     guidance: float | None = None
     """How much the music matters: 0 not at all, 1 as learned, 2 exaggerated."""
-    feet: Literal["planted", "free"] = "planted"
-    """Keep feet in place that stand, or leave them as the network draws them."""
+    foot_contact: bool | None = None
+    """Keep feet in place that stand; False leaves them as the network draws them."""
     autoguidance: float | None = None
     """1 takes guesses as they are, more pushes them away from the mean of all dances."""
-    spacing: Literal["kept", "free"] | None = None
-    """Of a group model: make room between dancers who would run into each other; default: kept."""
-    order: Literal["kept", "free"] | None = None
-    """Of a group model: help dancers who change places to get there; default: kept."""
+    collision_avoidance: bool | None = None
+    """Of a group model: make room between dancers who would run into each other."""
+    order_constraint: bool | None = None
+    """Of a group model: help dancers who change places to get there."""
     swap: tuple[int, ...] | None = None
     """Order at the end: the dancers (counted 0.. from the left at the start), left to right."""
     genre: str | None = None
@@ -78,21 +76,12 @@ class Generate:
         check_targets(self.out, formats)
         song = song_named(self.song)
         model = hub.load(self.model)
-        wishes = {"swap": self.swap and list(self.swap), "genre": self.genre, "soft": self.soft}
-        wishes |= {
-            key: getattr(self, key)
-            for key in ("steps", "guidance", "autoguidance", "spacing", "order")
-        }
-        options = {
-            "dancers": operator.index(self.dancers),
-            "seconds": self.seconds,
-            "seed": self.seed,
-            "feet": self.feet,
-            "dtype": self.dtype if self.dtype == "fastest" else getattr(torch, self.dtype),
-            "progress": not self.json,
-            **possible(model, wishes),
-        }
-        if formats == ["npz"] and hasattr(model, "stream"):
+        names = ("dancers", "seconds", "seed", "steps", "guidance", "autoguidance", "swap", "genre")
+        names += ("soft", "foot_contact", "collision_avoidance", "order_constraint")
+        options = {name: getattr(self, name) for name in names if getattr(self, name) is not None}
+        options["dtype"] = self.dtype if self.dtype == "fastest" else getattr(torch, self.dtype)
+        options["progress"] = not self.json
+        if formats == ["npz"]:
             # nothing else is asked of the dance, so no more than a piece of it is held in memory
             with contextlib.closing(model.stream(song, **options)) as dancing:  # and its bar
                 pieces = Counted(dancing)
@@ -117,18 +106,6 @@ class Counted:
         for piece in self.pieces:
             self.last, self.frames = piece, self.frames + piece.num_frames
             yield piece
-
-
-def possible(model, wishes: dict) -> dict:
-    """The options that were given, if they are for this model.
-
-    Raises: ValueError naming the option and the model.
-    """
-    given = {name: value for name, value in wishes.items() if value is not None}
-    for name, value in given.items():
-        if name not in inspect.signature(model.generate).parameters:
-            raise ValueError(f"--{name} {value} is not for the model {model.name!r}; leave it out")
-    return given
 
 
 @dataclass
@@ -200,7 +177,7 @@ class Train:
     def run(self) -> None:
         """Train, then save the averaged model in OUT/model."""
         from dancediff import hub
-        from dancediff.generation.generate import usable_device
+        from dancediff.generation.pipeline import usable_device
         from dancediff.training.checkpoint import load_average, read_facts
         from dancediff.training.distributed import join_world
         from dancediff.training.run import train_from_config
@@ -214,7 +191,7 @@ class Train:
                 resume=self.resume,
                 overwrite=self.overwrite,
                 data=self.data,
-                start=None if self.start is None else hub.load(self.start),
+                start=None if self.start is None else hub.load(self.start).model,
                 world=world,
                 preview=self.preview,
             )
@@ -235,12 +212,13 @@ class Train:
     def preview(self, model, step: int) -> None:
         """Five seconds of the averaged model so far, as a filmstrip in OUT/previews."""
         from dancediff import hub
+        from dancediff.generation.pipeline import pipeline_of
         from dancediff.viz.plots import save_filmstrip
 
         folder = self.out / "previews"
         folder.mkdir(exist_ok=True)
         song = hub.packaged_song()
-        dance = model.generate(song, dancers=3, seconds=5, seed=0)
+        dance = pipeline_of(model).generate(song, dancers=3, seconds=5, seed=0)
         dance.save(folder / f"step_{step:06d}.npz")
         save_filmstrip(dance, folder / f"step_{step:06d}.png", song)
 

@@ -98,7 +98,7 @@ def models() -> str:
     from dancediff import hub
 
     names = hub.packaged_models()
-    weights = [sum(p.numel() for p in hub.load(name).parameters()) / 1e6 for name in names]
+    weights = [sum(p.numel() for p in hub.load(name).model.parameters()) / 1e6 for name in names]
     words = (f"{name} ({m:.1f} million weights)" for name, m in zip(names, weights, strict=True))
     return ", ".join(words)
 

@@ -19,18 +19,15 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict
 from functools import partial
-from inspect import signature
 from multiprocessing import get_context
 from pathlib import Path
 
 import torch
 
 from dancediff import __version__
-from dancediff.generation.generate import usable_device
+from dancediff.generation.pipeline import pipeline_of, usable_device
 from dancediff.motion.motion import Motion
-from dancediff.papers.edge.naive_long_sampling import generate_naively
 from dancediff.papers.lodge.model import Lodge
-from dancediff.papers.tcdiffpp.model import TCDiffPP
 from dancediff.training.ablation_config import TRUTH, Variant, key_of, read_ablation
 from dancediff.training.ablation_data import (
     corpus,
@@ -169,12 +166,8 @@ def _train(variant: Variant, out: Path, device: str, takes: list, save):
 
 def _dance(model, variant: Variant, out: Path) -> None:
     """Dance to every held-out song that has not been danced to."""
-    sample, held_out = asdict(variant.sample), variant.held_out
-    naive = sample.pop("long") == "naive" and isinstance(model, TCDiffPP)
-    make = generate_naively if naive else type(model).generate
-    known = signature(type(model).generate).parameters
-    options = {k: value for k, value in sample.items() if k in known and value is not None}
-    options |= {"dancers": held_out.dancers, "seconds": held_out.seconds}
+    sample, pipeline = variant.sample, pipeline_of(model)
+    options = {name: value for name, value in vars(sample).items() if value is not None}
     files = _dance_files(variant, out)
     files[0].parent.mkdir(parents=True, exist_ok=True)
     songs, genres = held_out_songs(variant), held_out_genres(variant)
@@ -182,7 +175,7 @@ def _dance(model, variant: Variant, out: Path) -> None:
         if not path.exists():
             if isinstance(model, Lodge):
                 options["genre"] = genre
-            make(model, song, **options | {"seed": sample["seed"] + i}).save(path)
+            pipeline.generate(song, **options | {"seed": sample.seed + i}).save(path)
 
 
 def _toml(tables: dict) -> str:

@@ -1,6 +1,7 @@
 r"""What an ablation compares: one TOML file with the tables of a training config and three more.
 
-``held_out`` says which songs are danced to in the end (`HeldOut`), ``sample`` how (`Sample`), and
+``held_out`` says which songs are danced to in the end (`HeldOut`), ``sample`` how (options of
+`dancediff.generation.request`, as far as a model has them; ``swap = []`` asks for none), and
 ``variants.NAME`` which keys of ``model``, ``train``, ``weights`` and ``sample`` a variant changes.
 ``seeds = [0, 1, 2]`` at the top trains and samples every variant that often.
 A variant that switches to another ``class`` of model keeps the sizes that both have. With ``class =
@@ -12,6 +13,12 @@ from dataclasses import asdict, dataclass, field, fields, replace
 from hashlib import sha256
 
 from dancediff.data.choreographed import SIZES
+from dancediff.generation.request import (
+    EDGERequest,
+    GroupDanceRequest,
+    LodgeRequest,
+    SamplingConfig,
+)
 from dancediff.training.config import SHORTEST_SONG, GroupData, SoloData
 from dancediff.training.lodge import STAGES, check_lodge_tables, is_lodge, stage_config
 from dancediff.training.run import MODELS, check_tables
@@ -19,6 +26,8 @@ from dancediff.training.tables import check_table, read_toml
 
 SEED_STRIDE = 100_000  # more than there are held-out songs: no song meets the same noise twice
 TRUTH = "choreographer"  # the row of the dances that were made, not learned
+REQUEST_OF = {"TCDiffPP": GroupDanceRequest, "EDGE": EDGERequest, "Lodge": LodgeRequest}
+OF_HELD_OUT = {"dancers", "seconds", "genre"}
 _CHANGEABLE = (
     "model",
     "train",
@@ -54,48 +63,12 @@ class HeldOut:
 
 
 @dataclass(frozen=True)
-class Sample:
-    """How to dance: arguments of `generate`, as far as a model has them, and ``long``.
-
-    None is what `generate` of the model does by itself.
-    """
-
-    seed: int = 0  # song i is danced with seed + i
-    steps: int = 20
-    sampler: str = "dpm"
-    guidance: float | None = None
-    autoguidance: float | None = None
-    eta: float = 0.0
-    swap: list | None = None  # [] is None, for a variant of which nothing can be asked
-    swap_at: float | None = None
-    overlap: int = 75
-    pinning: str | None = None
-    seam: str = "copy"
-    feet: str = "planted"
-    spacing: str | None = None
-    order: str | None = None
-    soft: float = 1.0  # this and the next four: Lodge
-    home: bool = True
-    mirror: bool = True
-    beat_align: bool = True
-    at_once: int | None = None
-    long: str = "lgds"  # or "naive": see `dancediff.papers.edge.naive_long_sampling`
-
-    def __post_init__(self):
-        """Check what `generate` does not."""
-        if self.long not in ("lgds", "naive"):
-            raise ValueError(f"long={self.long!r} is not one of 'lgds', 'naive'")
-        if self.swap == []:
-            object.__setattr__(self, "swap", None)
-
-
-@dataclass(frozen=True)
 class Variant:
     """One row of the table: its name, the tables it is trained with and how it dances."""
 
     name: str
     tables: dict = field(repr=False)
-    sample: Sample
+    sample: SamplingConfig
     held_out: HeldOut
     of: str = ""  # what several seeds are seeds of
 
@@ -107,7 +80,7 @@ class Variant:
     @property
     def key(self) -> str:
         """Changes with everything that its dances depend on."""
-        return key_of([self.tables, asdict(self.sample), asdict(self.held_out)])
+        return key_of([self.tables, self.sample.facts(), asdict(self.held_out)])
 
 
 def key_of(value) -> str:
@@ -171,10 +144,12 @@ def _variant(name: str, changes: dict, config: dict, source: str) -> Variant:
         base = config | {"model": _shared(config.get("model", {}), changes.get("model", {}))}
     merged = {table: base.get(table, {}) | changes.get(table, {}) for table in base | changes}
     held_out = _options(HeldOut, merged.pop("held_out", {}), f"{source}: 'held_out'")
-    sample = _options(Sample, merged.pop("sample", {}), f"{source}: 'sample'")
+    options = merged.pop("sample", {})
     tables = check_lodge_tables(merged, source) if lodge else check_tables(merged, source)
     if lodge:
         _check_stages(tables, held_out, source)
+    kind = "Lodge" if lodge else tables["model"].get("class", "TCDiffPP")
+    sample = _sample(options, kind, held_out, f"{source}: 'sample'")
     corpus = (SoloData if lodge else GroupData)(**tables["data"])
     usual = {key: getattr(corpus, key) for key in ("songs", "first_seed", "seconds")}
     tables["data"] = usual | tables["data"]
@@ -216,6 +191,21 @@ def _check_songs(held_out: HeldOut, data: dict, source: str) -> None:
             f"{source}: held_out seconds={held_out.seconds:g} is longer than the training songs, "
             f"whose dances are the reference; choose at most {data['seconds']:g}"
         )
+
+
+def _sample(values: dict, kind: str, held_out: HeldOut, source: str) -> SamplingConfig:
+    """How a model of this class dances; options that only others have are left out, but a swap."""
+    request = REQUEST_OF[kind]
+    for name in OF_HELD_OUT & values.keys():
+        raise ValueError(f"{source}: {name} is said in 'held_out'")
+    others = {name for one in REQUEST_OF.values() for name in one.names()} - set(request.names())
+    values = {k: v for k, v in values.items() if k not in others or k == "swap"}
+    if values.get("swap") == []:  # for a variant of which nothing can be asked
+        del values["swap"]
+    try:
+        return request.of(kind, values | {"dancers": held_out.dancers, "seconds": held_out.seconds})
+    except ValueError as err:
+        raise ValueError(f"{source}: {err}") from err
 
 
 def _options(kind, values: dict, source: str):

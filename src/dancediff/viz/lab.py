@@ -208,7 +208,7 @@ def cue_panel(
         progress=report or False,
     )
     hard, soft_frames = cue_frames(model, song, dance.num_frames, mirror, beat_align)
-    times = sampling_times("dpm", steps, model.abar)
+    times = sampling_times("dpm", steps, model.model.abar)
     held = guided_steps(times, soft)
     ribbon = np.zeros((len(times) - 1, dance.num_frames))
     ribbon[:held, soft_frames] = 1
@@ -234,7 +234,7 @@ def cue_frames(
     model, song, frames: int, mirror: bool, beat_align: bool
 ) -> tuple[np.ndarray, np.ndarray]:
     """Which frames of a dance lie under hard and under soft cues, two bool (f,)."""
-    layout = layout_of(model.global_stage)
+    layout = layout_of(model.model.global_stage)
     segments, M = plan(frames, layout), song.features()
     empty = torch.zeros(len(segments.globals), layout.num_primitives, layout.length, LODGE.dim)
     cues = make_cues(

@@ -11,23 +11,19 @@ A group is danced by n copies who neither see nor hear of each other: that is wh
 baseline of a group model.
 """
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 
 import torch
 from torch import Tensor, nn
 
 from dancediff.diffusion.conditions import Conditions
 from dancediff.diffusion.schedule import cosine_abar
-from dancediff.generation.request import Wish
-from dancediff.motion.motion import Motion
 from dancediff.motion.representation import TCDIFFPP, Normalizer
 from dancediff.music.features import MusicNormalizer
-from dancediff.papers.edge.naive_long_sampling import draw_like_edge, generate_naively
 from dancediff.papers.tcdiffpp.group_dance_decoder import GroupDanceDecoder
 from dancediff.papers.tcdiffpp.model import TCDiffPPConfig
 
 SPACING = 1.2  # metres between the start slots, about as in the training data
-SEED_STRIDE = 0x9E3779B97F4A7C15  # far apart, so that seeds s and s + 1 share no dancer
 
 
 @dataclass
@@ -91,8 +87,6 @@ class EDGE(nn.Module):
     torch.Size([2, 3, 20, 151])
     """
 
-    name = "edge"  # what dances made with it call it; a loaded folder puts its own name here
-
     def __init__(self, config: EDGEConfig | None = None):
         """Random weights; normalisers that change nothing until training fits them."""
         super().__init__()
@@ -128,59 +122,6 @@ class EDGE(nn.Module):
         conditions = Conditions(M, nobody_swaps, music_mask=mask)
         return x_t.flatten(0, 1)[:, None], t.repeat_interleave(n, 0), conditions
 
-    def generate(
-        self,
-        song,
-        *,
-        dancers: int = 3,
-        seconds: float | None = None,
-        seed: int = 0,
-        steps: int = 20,
-        sampler: str = "dpm",
-        guidance: float = 1.0,
-        autoguidance: float | None = None,
-        eta: float = 0.0,
-        swap=None,
-        overlap: int = 75,
-        feet: str = "planted",
-        progress=False,
-        device=None,
-        dtype=None,
-    ) -> Motion:
-        """Dance to a song: each dancer alone, then placed side by side.
-
-        The arguments are those of `dancediff.papers.tcdiffpp.model.TCDiffPP.generate`.  Dancer k
-        is the
-        same whoever else dances.  Segments of 5 s are joined by
-        `dancediff.papers.edge.naive_long_sampling`; ``overlap`` is what they share, in frames.
-
-        Raises: ValueError naming the argument, its value and what is allowed; also for a ``swap``,
-        because nobody here knows of anybody, and for a silent song or one under a second.
-        """
-        if swap is not None:
-            raise ValueError(
-                f"swap={swap} is not possible with {self.name!r}: its dancers do not see each "
-                "other; leave it out or use a TCDiff++ model"
-            )
-        return generate_naively(
-            self,
-            song,
-            draw=draw_alone,
-            dancers=dancers,
-            seconds=seconds,
-            seed=seed,
-            steps=steps,
-            sampler=sampler,
-            guidance=guidance,
-            autoguidance=autoguidance,
-            eta=eta,
-            overlap=overlap,
-            feet=feet,
-            progress=progress,
-            device=device,
-            dtype=dtype,
-        )
-
 
 def without_group(config: EDGEConfig) -> TCDiffPPConfig:
     """The configuration of a Group Dance Decoder that is EDGE.
@@ -203,28 +144,7 @@ def start_slots(n: int) -> Tensor:
     return slots
 
 
-def draw_alone(model: EDGE, song, wish: Wish, *, report=None, dtype=None) -> Tensor:
-    """Sample the dancers one after the other and place them; the ``draw`` of `generate`.
-
-    Shapes: -> (n, F, d) metres and 6-D rotations, on the CPU.
-    """
-    n, solos = wish.dancers, []
-    for k in range(n):
-        alone = replace(wish, dancers=1, seed=(wish.seed + k * SEED_STRIDE) % 2**63)
-        solos.append(
-            draw_like_edge(
-                model,
-                song,
-                alone,
-                report=report and (lambda i, total, k=k: report(k * total + i, n * total)),
-                dtype=dtype,
-            )
-        )
-    x = torch.cat(solos)
-    return _moved(x, start_slots(n) - x[:, :1, TCDIFFPP.root])
-
-
-def _moved(x: Tensor, way: Tensor) -> Tensor:
+def moved(x: Tensor, way: Tensor) -> Tensor:
     """Move dancers (n, f, d) over the floor by (n, 1, 3); heights stay."""
     x = x.clone()
     x[..., TCDIFFPP.root] += way * way.new_tensor([1.0, 0.0, 1.0])

@@ -13,30 +13,13 @@ left-to-right order. Long Group Diffusion Sampling is TCDiff++'s answer to that.
 """
 
 from dataclasses import dataclass
-from functools import partial
 from itertools import pairwise
 
 import torch
 from torch import Tensor
 
-from dancediff.diffusion.conditions import Conditions
-from dancediff.diffusion.guidance import off_at_the_end, ramp_up
-from dancediff.diffusion.samplers import sample, sampling_times
-from dancediff.diffusion.schedule import cosine_abar
-from dancediff.extensions.foot_contact_projection import foot_contact_hook
-from dancediff.generation.generate import (
-    autoguidance_of,
-    binder,
-    cut_music,
-    generate,
-    largest_guess,
-)
-from dancediff.generation.request import Wish
-from dancediff.motion.motion import Motion
 from dancediff.motion.representation import pack, unpack
 from dancediff.motion.rotation import slerp
-
-AT_ONCE = 8  # segments that go through the network together: memory stays that of 20 s
 
 
 @dataclass
@@ -112,71 +95,3 @@ def join(x: Tensor, overlap: int) -> Tensor:
         shared = cross_fade(dance[:, -overlap:], segment[:, :overlap])
         dance = torch.cat([dance[:, :-overlap], shared, segment[:, overlap:]], dim=1)
     return dance
-
-
-def draw_naively(model, song, wish: Wish, *, report=None, dtype=None, ramp: bool = False) -> Tensor:
-    """Sample all segments of a dance as one batch and join them; the ``draw`` of `generate`.
-
-    ``ramp``: in long dances guidance rises over the first half of the DDIM steps, as in EDGE's
-    code. A swap is asked of the segment that carries it out; the others are told to stay.
-
-    Shapes: -> (n, F, d) metres and 6-D rotations, on the CPU.
-    Raises: ValueError for "kept" spacing or order, which belong to Long Group Diffusion Sampling.
-    """
-    for name in ("spacing", "order"):
-        if getattr(wish, name) == "kept":
-            raise ValueError(f"{name}='kept' is not possible with naive long sampling; use 'free'")
-        setattr(wish, name, "free")
-    device, k, n = model.abar.device, wish.segments, wish.dancers
-    M = model.music_normalizer.normalize(song.features().to(device))
-    M = cut_music(M, k, length=wish.num_frames, stride=wish.stride)
-    targets = wish.target_orders() or [None] * k
-    S = torch.stack([torch.arange(n) if order is None else order for order in targets]).to(device)
-    weight = _guidance(wish, ramp=ramp and k > 1)
-    bind = binder(model, weight, dtype, autoguidance_of(model, wish))
-    pairs = zip(M.split(AT_ONCE), S.split(AT_ONCE), strict=True)
-    parts = [bind(Conditions(music, swap=order)) for music, order in pairs]
-
-    def denoise_in_parts(x_t, t):
-        pairs = zip(parts, x_t.split(AT_ONCE), strict=True)
-        return torch.cat([denoise(x, t) for denoise, x in pairs])
-
-    x = sample(
-        denoise_in_parts,
-        (k, n, wish.num_frames, model.config.motion_dim),
-        abar=model.abar,
-        sampler=wish.sampler,
-        steps=wish.steps,
-        eta=wish.eta,
-        clamp=largest_guess(model),
-        generator=torch.Generator().manual_seed(wish.seed),
-        pin=Consistency(wish.overlap),
-        hooks=[foot_contact_hook(model.normalizer.on_cpu())] * (wish.feet == "planted"),
-        callback=report and (lambda i, total, _: report(i + 1, total)),
-        device=device,
-    )
-    return join(model.normalizer.unnormalize(x), wish.overlap)[:, : wish.frames].cpu()
-
-
-def generate_naively(model, song, *, draw=None, **options) -> Motion:
-    """`dancediff.generation.generate.generate` with naive long sampling, for any model.
-
-    With a `TCDiffPP` it is the row "w/o LGDS" of the paper's ablation.
-    """
-    motion = generate(model, song, draw=draw or draw_naively, **options)
-    del motion.meta["pinning"]  # nothing was pinned
-    motion.meta["long"] = "naive"
-    return motion
-
-
-draw_like_edge = partial(draw_naively, ramp=True)
-
-
-def _guidance(wish: Wish, *, ramp: bool):
-    if wish.sampler == "ddpm":
-        return off_at_the_end(wish.guidance, wish.num_steps)
-    if ramp:
-        return ramp_up(
-            wish.guidance, sampling_times(wish.sampler, wish.steps, cosine_abar(wish.num_steps))
-        )
-    return wish.guidance

@@ -7,19 +7,13 @@ Symbols (axes: n dancers · F frames of the dance · d motion features)
     local stage    music of 8.5 s and cues -> dance, see `dancediff.papers.lodge.local_diffusion`
 """
 
-from collections.abc import Iterator
-from dataclasses import dataclass, field, fields
-from functools import partial
+from dataclasses import dataclass, field
 
 import torch
 from torch import Tensor, nn
 
-from dancediff.generation.generate import generate, stream
-from dancediff.motion.motion import Motion
 from dancediff.papers.lodge.global_diffusion import GlobalConfig, GlobalDenoiser
-from dancediff.papers.lodge.group import places
 from dancediff.papers.lodge.local_diffusion import LocalConfig, LocalDenoiser
-from dancediff.papers.lodge.staging import Staging, describe, draw_group, draw_pieces
 
 MAX_DANCERS = 5  # for whom there are formations
 
@@ -100,12 +94,9 @@ class Lodge(nn.Module):
 
     >>> tiny = {"d_model": 16, "num_heads": 2, "num_layers": 1, "ff_dim": 32}
     >>> model = Lodge(LodgeConfig(GlobalConfig(**tiny), LocalConfig(**tiny)))
-    >>> import dancediff as dd
-    >>> model.generate(dd.packaged_song(), seconds=9, steps=2, dancers=2).num_frames
-    270
+    >>> model.config.num_frames
+    256
     """
-
-    name = "lodge"  # what dances made with it call it; a loaded folder puts its own name here
 
     def __init__(self, config: LodgeConfig | None = None):
         """Random weights; normalisers that change nothing until training fits them."""
@@ -126,105 +117,3 @@ class Lodge(nn.Module):
     def abar(self) -> Tensor:
         """The noise schedule; it is where the model is."""
         return self.local_stage.abar
-
-    def generate(
-        self,
-        song,
-        *,
-        dancers: int = 1,
-        seconds: float | None = None,
-        seed: int = 0,
-        genre: str | None = None,
-        soft: float = 1.0,
-        home: bool = True,
-        feet: str = "planted",
-        mirror: bool = True,
-        beat_align: bool = True,
-        steps: int = 20,
-        sampler: str = "dpm",
-        guidance: float = 1.0,
-        autoguidance: float | None = None,
-        eta: float = 0.0,
-        at_once: int | None = 16,
-        formation: str = "line",
-        relation: str = "unison",
-        progress=False,
-        device=None,
-        dtype=None,
-    ) -> Motion:
-        """Dance to a song.
-
-        - ``song``: a `Music`.  ``seconds``: how much of it, from its start; default all.
-        - ``genre``: one of ``config.genres``; default: by the song's tempo, see `genre_for`.
-        - ``soft``: for which share of the steps the dance is held at its soft cues, 0 to 1.
-        - ``home``: come back to the same place every 8.5 s; without it a dancer may walk off.
-        - ``feet``: "planted" keeps feet in place that stand;
-          "free" leaves them as the network draws them.
-        - ``mirror``: dance each soft cue a second time, mirrored.  ``beat_align``: on beats.
-        - ``dancers``: 1 to 5, all with the same solo, in a ``formation`` ("line", "V", ...);
-          ``relation`` "unison", "canon" (each 4 beats later than the one to her left) or "mirror".
-        - ``seed``: the same seed on the same machine gives the same bits.
-        - ``sampler`` "dpm" or "ddim" (``steps``, ``eta``: 0 = no fresh noise, 1 = as in the paper,
-          which takes 50 steps of "ddim"), or "ddpm" (all 1000 steps).
-        - ``guidance``: 0 ignores the music, 1 listens, 2 exaggerates (the papers' value).
-        - ``autoguidance``: above 1 pushes guesses away from the mean of all dances
-          (`dancediff.extensions.autoguidance.autoguided`); a model without preconditioning cannot;
-          default 1.3 for one that can.
-        - ``at_once``: segments in memory together (16 are two minutes), None: all; the dance is
-          the same.
-        - ``progress``: True for a bar, or a function (done, total).
-        - ``device``: move the model there first.
-        - ``dtype``: torch.bfloat16 computes with half the digits, which some processors do much
-          faster; "fastest" tries that out (`dancediff.nn.precision`); default: all digits.
-
-        Raises: ValueError naming the argument, its value and what is allowed; also for a silent
-        song or one under a second.
-        """
-        staging = Staging(
-            genre, soft, home, mirror, beat_align, at_once, formation, relation, self.config.genres
-        )
-        return generate(
-            self,
-            song,
-            draw=partial(draw_group, staging=staging),
-            describe=partial(describe, staging=staging),
-            dancers=dancers,
-            seconds=seconds,
-            seed=seed,
-            steps=steps,
-            sampler=sampler,
-            guidance=guidance,
-            autoguidance=autoguidance,
-            eta=eta,
-            feet=feet,
-            overlap=1,  # not used: segments share nothing but halves of primitives
-            progress=progress,
-            device=device,
-            dtype=dtype,
-        )
-
-    def stream(self, song, **options) -> Iterator[Motion]:
-        """The dance that `generate` makes of the same arguments, handed out a minute at a time.
-
-        The solo is made first: 139 numbers a frame, 60 MB an hour, are held to its end. Everything
-        else, above all the other dancers, is made for a piece only.
-
-        >>> import dancediff as dd
-        >>> pieces = dd.load("lodge").stream(dd.packaged_song(), seconds=9, steps=2)
-        >>> [piece.num_frames for piece in pieces]
-        [270]
-
-        Raises: ValueError as `generate`.
-        """
-        own = {f.name: options.pop(f.name) for f in fields(Staging) if f.name in options}
-        staging = Staging(**own, genres=self.config.genres)
-        options = {"dancers": 1, "steps": 20, "overlap": 1} | options
-        pieces = stream(
-            self,
-            song,
-            draw=partial(draw_pieces, staging=staging),
-            describe=partial(describe, staging=staging),
-            **options,
-        )
-        places(options["dancers"], staging.formation)  # refuses here, not at the first piece
-        return pieces

@@ -7,7 +7,6 @@ Symbols (axes: b batch · n dancers · f frames · d motion, m music features)
     abar           $\bar\alpha_t$, signal kept after t steps         (T,)
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from functools import partial
 
@@ -17,8 +16,6 @@ from torch import Tensor, nn
 from dancediff.diffusion.conditions import Conditions
 from dancediff.diffusion.schedule import cosine_abar
 from dancediff.extensions.foot_cues import NUM_MOVING, foot_cues
-from dancediff.generation.generate import generate, stream
-from dancediff.motion.motion import Motion
 from dancediff.motion.representation import Normalizer
 from dancediff.music.features import MusicNormalizer
 from dancediff.papers.tcdiffpp.footwork_adaptor import FootworkAdaptor
@@ -119,8 +116,6 @@ class TCDiffPP(nn.Module):
     torch.Size([2, 3, 20, 151])
     """
 
-    name = "tcdiffpp"  # what dances made with it call it; a loaded folder puts its own name here
-
     def __init__(self, config: TCDiffPPConfig | None = None):
         """Random weights; normalisers that change nothing until training fits them."""
         super().__init__()
@@ -166,113 +161,3 @@ class TCDiffPP(nn.Module):
     def linear_guess(self, x_t: Tensor, t: Tensor, conditions: Conditions) -> Tensor:
         """What a model with preconditioning guesses without its network, (b, n, f, d)."""
         return self.decoder.linear_guess(x_t, t, conditions)
-
-    def generate(
-        self,
-        song,
-        *,
-        dancers: int = 3,
-        seconds: float | None = None,
-        seed: int = 0,
-        steps: int = 12,
-        sampler: str = "dpm",
-        guidance: float = 1.0,
-        autoguidance: float | None = None,
-        eta: float = 0.0,
-        swap=None,
-        swap_at: float | None = None,
-        overlap: int = 75,
-        pinning: str | None = None,
-        seam: str = "copy",
-        feet: str = "planted",
-        spacing: str | None = None,
-        order: str | None = None,
-        start=None,
-        end=None,
-        constraints=(),
-        progress=False,
-        watch=None,
-        device=None,
-        dtype=None,
-    ) -> Motion:
-        """Dance to a song.
-
-        - ``song``: a `Music`.  ``seconds``: how much of it, from its start; default all.
-        - ``dancers``: 1 to ``config.max_dancers``.  ``seed``: the same seed on the same machine
-          gives the same bits.
-        - ``sampler`` "dpm" or "ddim" (``steps``, ``eta``: 0 = no fresh noise, 1 = as in the
-          papers, which take 50 steps of "ddim"), or "ddpm" (all 1000 steps).  Changes of order
-          need "dpm": see docs/why_nobody_swapped.md.
-        - ``guidance``: 0 ignores the music, 1 listens, 2 exaggerates (the papers' value) and takes
-          twice as long.
-        - ``autoguidance``: 1 takes the network's guesses as they are, more pushes them away from
-          the mean of all dances (`dancediff.extensions.autoguidance`); default 1.5, and 1
-          for a model without preconditioning, which knows nothing else. The root is pushed 0.7
-          times as far.
-        - ``swap[k]``: the dancer, counted 0.. from the left at the first frame, who stands k-th
-          from the left in the end; ``swap_at``: when, in seconds (default: at the end).
-        - ``overlap``, ``pinning``, ``seam``: how segments of 5 s are joined, see
-          `dancediff.papers.tcdiffpp.long_group_sampling`; by default known frames keep their noise
-          where
-          the sampler adds none, and get fresh noise where it does.
-        - ``feet``: "planted" keeps feet in place that stand;
-          "free" leaves them as the network draws them.
-        - ``spacing``: "kept" makes room between dancers who would run into each other
-          (`dancediff.extensions.collision_avoidance`), as is usual; "free" leaves that to the
-          network, and a
-          model without preconditioning knows nothing else.
-        - ``order``: "kept" helps dancers who were asked to change places to get there
-          (`dancediff.extensions.order_constraint`), "free" leaves that to the network; default as
-          for spacing.
-        - ``start``, ``end``: formations, one (x, z) in metres a dancer.  ``constraints``: what
-          else must hold (`dancediff.extensions.control`): paths, parts of another dance.
-        - ``progress``: True for a bar, or a function (done, total).
-        - ``watch``: a function (done, total, guess) that gets to see what the model takes the
-          segment for after every step, a `Motion` (dancers as the network numbers them); an
-          exception it raises stops the dance.
-        - ``device``: move the model there first.
-        - ``dtype``: torch.bfloat16 computes with half the digits, which some processors do much
-          faster; "fastest" tries that out (`dancediff.nn.precision`); default: all digits.
-
-        Raises: ValueError naming the argument, its value and what is allowed; also for a silent
-        song or one under a second.
-        """
-        return generate(
-            self,
-            song,
-            dancers=dancers,
-            seconds=seconds,
-            seed=seed,
-            steps=steps,
-            sampler=sampler,
-            guidance=guidance,
-            autoguidance=autoguidance,
-            eta=eta,
-            swap=swap,
-            swap_at=swap_at,
-            overlap=overlap,
-            pinning=pinning,
-            seam=seam,
-            feet=feet,
-            spacing=spacing,
-            order=order,
-            start=start,
-            end=end,
-            constraints=constraints,
-            progress=progress,
-            watch=watch,
-            device=device,
-            dtype=dtype,
-        )
-
-    def stream(self, song, **options) -> Iterator[Motion]:
-        """The dance that `generate` makes of the same arguments, piece by piece as it is ready.
-
-        >>> import dancediff as dd
-        >>> pieces = dd.load("tcdiffpp").stream(dd.packaged_song(), dancers=2, seconds=8, steps=2)
-        >>> [piece.num_frames for piece in pieces]
-        [75, 75, 75, 15]
-
-        Raises: ValueError as `generate`.
-        """
-        return stream(self, song, **options)

@@ -1,0 +1,186 @@
+r"""From a song and a resolved request to a group dance.
+
+Read first: notebook 10 · `dancediff.papers.tcdiffpp.long_group_sampling`.
+
+Symbols (axes: n dancers · f frames of a segment · F frames of the dance · k segments
+         d motion · m music features)
+    M        standardised music features                          (F, m), cut: (k, f, m)
+    x        the dance, normalised, then in metres                (n, F, d)
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import torch
+from torch import Tensor
+
+from dancediff.axes import FPS
+from dancediff.diffusion.conditions import Conditions
+from dancediff.diffusion.guidance import guided, off_at_the_end, ramp_up
+from dancediff.diffusion.pinning import HOLDING
+from dancediff.diffusion.samplers import sample, sampling_times
+from dancediff.extensions import control
+from dancediff.extensions.autoguidance import LASTING_SHARE, ROOT_SHARE, autoguided
+from dancediff.extensions.collision_avoidance import CollisionAvoidance
+from dancediff.extensions.constraint import Conditioning, Constraint
+from dancediff.extensions.foot_contact_projection import foot_contact_hook
+from dancediff.extensions.frequency_clip import FrequencyClip
+from dancediff.extensions.initial_frames import InitialFrames
+from dancediff.extensions.order_constraint import OrderConstraint
+from dancediff.generation.request import GroupDanceRequest, SegmentedRequest
+from dancediff.generation.segments import Segments
+from dancediff.motion.motion import Motion
+from dancediff.motion.representation import cut_to_range
+from dancediff.papers.edge.naive_long_sampling import Consistency, join
+from dancediff.papers.tcdiffpp.long_group_sampling import LongGroupSampler
+
+AT_ONCE = 8  # segments that go through the network together in naive long sampling: memory of 20 s
+
+
+def group_pieces(
+    model, song, request: GroupDanceRequest, *, report=None, watch=None, dtype=None
+) -> Iterator[Tensor]:
+    """Finished pieces of a dance, features (n, f, d) in metres, on the CPU."""
+    sampler = long_group_sampler(model, song, request, dtype=dtype)
+
+    def callback(done: int, total: int, x0_hat: Tensor) -> None:
+        if report is not None:
+            report(done, total)
+        if watch is not None:
+            x = model.normalizer.unnormalize(x0_hat).cpu().clone()  # made in inference mode
+            watch(done, total, Motion.from_features(x, fps=FPS))
+
+    for x in replace(sampler, callback=callback).pieces():
+        yield model.normalizer.unnormalize(x).cpu()
+
+
+def long_group_sampler(model, song, request: GroupDanceRequest, *, dtype=None) -> LongGroupSampler:
+    """How a resolved request is danced by TCDiff++."""
+    segments, known = Segments.of(request, model.config.num_frames), request.known()
+    return LongGroupSampler(
+        shape=(request.dancers, segments.window, model.config.motion_dim),
+        bind=binder(model, _weight(request, model), dtype, request.autoguidance),
+        music=segments.music(_music(model, song)),
+        root_x=lambda frame: model.normalizer.unnormalize(frame)[..., 4],
+        targets=segments.targets(request) or (),
+        overlap=request.overlap,
+        pinning=request.pinning,
+        seam=request.seam,
+        resampled=request.resampled,
+        hooks=hooks_of(model, request, known),
+        mask=known and known.mask,
+        initial_order=known and control.initial_order(known),
+        settings=_settings(model, request),
+    )
+
+
+def hooks_of(model, request: GroupDanceRequest, known: Constraint | None) -> list:
+    """What changes guesses while a request is danced by TCDiff++."""
+    normalizer, hooks, sources = model.normalizer.on_cpu(), [], []
+    if request.pinning in HOLDING and request.seam == "copy":
+        sources.append(InitialFrames())
+    if known is not None:
+        sources.append(control.normalized(known, normalizer))
+    if request.order_constraint:
+        sources.append(OrderConstraint(normalizer))
+    if request.collision_avoidance:
+        sources.append(CollisionAvoidance(normalizer))
+    if sources and model.spread is not None:
+        hooks.append(Conditioning(model.spread.cpu(), sources))
+    return hooks + [foot_contact_hook(normalizer)] * request.foot_contact
+
+
+def naive_dance(
+    model, song, request: SegmentedRequest, *, report=None, dtype=None, ramp: bool = False
+) -> Tensor:
+    """Sample all segments of a dance as one batch and join them, as EDGE does.
+
+    ``ramp``: in long dances guidance rises over the first half of the DDIM steps, as in EDGE's
+    code. A swap is asked of the segment that carries it out; the others are told to stay. With
+    TCDiff++ it is the row "w/o LGDS" of the paper's ablation.
+
+    Shapes: -> (n, F, d) metres and 6-D rotations, on the CPU.
+    """
+    segments, device = Segments.of(request, model.config.num_frames), model.abar.device
+    k, n = segments.count, request.dancers
+    M = segments.music(_music(model, song))
+    swaps = isinstance(request, GroupDanceRequest)  # EDGE's dancers know nothing of each other
+    targets = (segments.targets(request) if swaps else None) or [None] * k
+    S = torch.tensor([range(n) if order is None else order for order in targets], device=device)
+    weight = _weight(request, model)
+    if ramp and k > 1 and request.sampler != "ddpm":
+        weight = ramp_up(weight, sampling_times(request.sampler, request.steps, model.abar.cpu()))
+    bind = binder(model, weight, dtype, request.autoguidance)
+    pairs = zip(M.split(AT_ONCE), S.split(AT_ONCE), strict=True)
+    parts = [bind(Conditions(music, swap=order)) for music, order in pairs]
+
+    def denoise_in_parts(x_t, t):
+        pairs = zip(parts, x_t.split(AT_ONCE), strict=True)
+        return torch.cat([denoise(x, t) for denoise, x in pairs])
+
+    x = sample(
+        denoise_in_parts,
+        (k, n, segments.window, model.config.motion_dim),
+        pin=Consistency(request.overlap),
+        hooks=[foot_contact_hook(model.normalizer.on_cpu())] * request.foot_contact,
+        callback=report and (lambda i, total, _: report(i + 1, total)),
+        **_settings(model, request),
+    )
+    return join(model.normalizer.unnormalize(x), request.overlap)[:, : request.frames].cpu()
+
+
+def binder(model, guidance, dtype=None, autoguidance: float = 1.0) -> Callable:
+    """``bind(conditions) -> denoise(x_t, t)``: the model with guidance.
+
+    ``guidance``: a weight or a function of t, see `dancediff.diffusion.guidance.guided`;
+    ``autoguidance``: see `dancediff.extensions.autoguidance.autoguided`.
+    """
+    device = model.abar.device
+
+    def denoise(x_t, t, conditions):
+        with torch.autocast(device.type, torch.bfloat16, enabled=dtype == torch.bfloat16):
+            return model.denoise(x_t, t, conditions)
+
+    def bind(conditions: Conditions) -> Callable[[Tensor, int], Tensor]:
+        def linear(x_t, t):
+            steps = torch.full((len(x_t),), t, dtype=torch.long, device=device)
+            return model.linear_guess(x_t, steps, conditions)
+
+        return autoguided(
+            guided(denoise, conditions, guidance),
+            linear,
+            autoguidance,
+            root_share=ROOT_SHARE,
+            lasting_share=LASTING_SHARE,
+        )
+
+    return bind
+
+
+def largest_guess(model, request: SegmentedRequest) -> Callable[[Tensor], Tensor]:
+    """Where guesses are cut: at the training range, as published, or frequency by frequency."""
+    if not request.frequency_clip:
+        return cut_to_range
+    return FrequencyClip(model.decoder.precondition.mean, model.decoder.precondition.spread)
+
+
+def _settings(model, request: SegmentedRequest) -> dict:
+    return {
+        "abar": model.abar,
+        "sampler": request.sampler,
+        "steps": request.steps,
+        "eta": request.eta,
+        "clamp": largest_guess(model, request),
+        "generator": torch.Generator().manual_seed(request.seed),
+        "device": model.abar.device,
+    }
+
+
+def _music(model, song) -> Tensor:
+    return model.music_normalizer.normalize(song.features().to(model.abar.device))
+
+
+def _weight(request: SegmentedRequest, model) -> float | Callable[[int], float]:
+    if request.sampler == "ddpm":
+        return off_at_the_end(request.guidance, model.config.num_steps)
+    return request.guidance

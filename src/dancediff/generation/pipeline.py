@@ -1,0 +1,242 @@
+r"""Pipelines: from a song and a request to a dance.
+
+Read first: notebook 00 · `dancediff.generation.request` · `dancediff.generation.presets`.
+
+    model = dd.load("tcdiffpp")                  # a pipeline
+    dance = model.generate(song, dancers=3)
+    model.model                                  # its network
+
+Symbols (axes: n dancers · f frames of a piece · F frames of the dance · d motion features)
+"""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import Any, ClassVar
+
+import torch
+from torch import Tensor, nn
+
+from dancediff.generation.group_dance import group_pieces, naive_dance
+from dancediff.generation.request import (
+    FPS,
+    EDGERequest,
+    GroupDanceRequest,
+    LodgeRequest,
+    SamplingConfig,
+)
+from dancediff.generation.segments import Segments
+from dancediff.generation.solo_dance import solo_pieces, solo_seams
+from dancediff.motion.motion import Motion
+from dancediff.motion.representation import TCDIFFPP
+from dancediff.nn.decoder import music_heard_once
+from dancediff.nn.precision import chosen_dtype
+from dancediff.papers.edge.model import EDGE, moved, start_slots
+from dancediff.papers.lodge.model import Lodge
+from dancediff.papers.tcdiffpp.model import TCDiffPP
+
+SEED_STRIDE = 0x9E3779B97F4A7C15  # far apart, so that seeds s and s + 1 share no dancer
+
+
+class Pipeline:
+    """A network that dances: ``model``, and ``name``, what its dances call it.
+
+    >>> import dancediff as dd
+    >>> song, model = dd.packaged_song(), dd.load("tcdiffpp")
+    >>> dance = model.generate(song, dancers=2, seconds=8, steps=2)
+    >>> [piece.num_frames for piece in model.stream(song, dancers=2, seconds=8, steps=2)]
+    [75, 75, 75, 15]
+    """
+
+    request: ClassVar[type[SamplingConfig]]
+
+    def __init__(self, model: Any, name: str | None = None):
+        """Take over a network; where it is and its weights stay as they are."""
+        self.model: nn.Module = model
+        self.name = name or self.request.family
+
+    @property
+    def config(self) -> Any:
+        """Sizes and switches of the network."""
+        return self.model.config
+
+    def __repr__(self) -> str:
+        millions = sum(p.numel() for p in self.model.parameters()) / 1e6
+        return f"{type(self).__name__}({self.name!r}, {millions:.1f} million weights)"
+
+    def resolve(self, song, **options) -> SamplingConfig:
+        """What `generate` would do with these options, nothing left open.
+
+        Raises: ValueError as `generate`.
+        """
+        return self.request.of(self.name, options).resolve(self.model, song)
+
+    def generate(self, song, *, progress=False, watch: Callable | None = None, **options) -> Motion:
+        """Dance to a song.
+
+        - ``song``: a `Music`.
+        - ``options``: those of ``request``; ``preset="paper"`` dances as the papers say.
+        - ``progress``: True for a bar, or a function (done, total).
+        - ``watch``: a function (done, total, guess) that gets to see what a group model takes the
+          segment for after every step, a `Motion` (dancers as the network numbers them); an
+          exception it raises stops the dance.
+
+        Raises: ValueError naming the option, its value and what is allowed; also for a silent
+        song or one under a second.
+        """
+        request = self.resolve(song, **options)
+        with torch.inference_mode(), self._ready(request, progress) as how:
+            x = torch.cat(list(self._pieces(song, request, watch=watch, **how)), dim=1)
+        # cloned: what was made in inference mode could not be used in training
+        return self._motion(x[:, : request.frames].clone(), song, request)
+
+    def stream(self, song, *, progress=False, **options) -> Iterator[Motion]:
+        """The same dance as `generate`, handed out piece by piece as it is ready.
+
+        Memory does not grow with the song: what was handed out is forgotten. (Lodge makes a solo
+        first and keeps it: 60 MB an hour. EDGE hands out the whole dance.) The options are checked
+        at once, the dancing begins with the first piece that is asked for.
+
+        Raises: ValueError as `generate`.
+        """
+        return self._stream(song, self.resolve(song, **options), progress)
+
+    def _stream(self, song, request: SamplingConfig, progress) -> Iterator[Motion]:
+        left = request.frames
+        with self._ready(request, progress) as how:
+            for x in self._pieces(song, request, **how):
+                if left > 0:
+                    yield self._motion(x[:, :left].clone(), song, request)
+                left -= x.shape[1]
+
+    @contextmanager
+    def _ready(self, request: SamplingConfig, progress) -> Iterator[dict]:
+        """Put the network where it shall compute, decide with what digits, report progress."""
+        model, was_training = self.model, self.model.training
+        device = model.abar.device if request.device is None else usable_device(request.device)
+        dtype = chosen_dtype(request.dtype, device)
+        model.to(device).eval()
+        try:
+            with music_heard_once(model), _Progress(progress) as report:
+                yield {"dtype": dtype, "report": report}
+        finally:
+            model.train(was_training)
+
+    def _motion(self, x: Tensor, song, request: SamplingConfig) -> Motion:
+        facts = {"model": self.name, "song": song.name} | request.facts()
+        facts["seams"] = self._seams(song, request)
+        return Motion.from_features(x, fps=FPS, meta=facts)
+
+    def _pieces(self, song, request: Any, *, report, dtype, watch=None) -> Iterator[Tensor]:
+        """The dance in pieces, features (n, f, d) in metres, on the CPU."""
+        raise NotImplementedError
+
+    def _seams(self, song, request: Any) -> list[int]:
+        """Frames in which a segment takes over from the one before; metrics look there."""
+        raise NotImplementedError
+
+
+class GroupDancePipeline(Pipeline):
+    """TCDiff++: a group whose dancers see each other."""
+
+    request = GroupDanceRequest
+
+    def _pieces(self, song, request, *, report, dtype, watch=None):
+        if request.long_sampling == "naive":
+            yield naive_dance(self.model, song, request, report=report, dtype=dtype)
+            return
+        how = {"report": report, "dtype": dtype}
+        yield from group_pieces(self.model, song, request, watch=watch, **how)
+
+    def _seams(self, song, request):
+        return Segments.of(request, self.config.num_frames).seams(request.resampled)
+
+
+class EDGEPipeline(Pipeline):
+    """EDGE: each dancer alone, then placed side by side; others make no difference to a dancer."""
+
+    request = EDGERequest
+
+    def _pieces(self, song, request, *, report, dtype, watch=None):
+        _refuse(watch)
+        n, solos = request.dancers, []
+        for k in range(n):
+            alone = replace(request, dancers=1, seed=(request.seed + k * SEED_STRIDE) % 2**63)
+            here = report and (lambda i, total, k=k: report(k * total + i, n * total))
+            solos.append(naive_dance(self.model, song, alone, report=here, dtype=dtype, ramp=True))
+        x = torch.cat(solos)
+        yield moved(x, start_slots(n) - x[:, :1, TCDIFFPP.root])
+
+    def _seams(self, song, request):
+        return Segments.of(request, self.config.num_frames).seams()
+
+
+class LodgePipeline(Pipeline):
+    """Lodge: a long solo, which a group can dance together."""
+
+    request = LodgeRequest
+
+    def _pieces(self, song, request, *, report, dtype, watch=None):
+        _refuse(watch)
+        return solo_pieces(self.model, song, request, report=report, dtype=dtype)
+
+    def _seams(self, song, request):
+        return solo_seams(self.model, song, request)
+
+
+PIPELINES = {TCDiffPP: GroupDancePipeline, EDGE: EDGEPipeline, Lodge: LodgePipeline}
+
+
+def pipeline_of(model: nn.Module, name: str | None = None) -> Pipeline:
+    """The pipeline for a network.
+
+    >>> from dancediff.papers.tcdiffpp.model import TCDiffPPConfig
+    >>> pipeline_of(TCDiffPP(TCDiffPPConfig(d_model=16, num_layers=1, ff_dim=32)), "tiny").name
+    'tiny'
+    """
+    return PIPELINES[type(model)](model, name)
+
+
+def _refuse(watch) -> None:
+    if watch is not None:
+        raise ValueError("watch= is for group models only; leave it out")
+
+
+class _Progress:
+    """Turn ``progress=`` into a function (done, total) or None: False, True or such a function."""
+
+    def __init__(self, progress):
+        self.progress, self.bar = progress, None
+
+    def __enter__(self):
+        if not self.progress or callable(self.progress):
+            return self.progress or None
+        from tqdm.auto import tqdm
+
+        self.bar = tqdm(desc="dancing", unit="step")
+
+        def report(done: int, total: int) -> None:
+            self.bar.total = total
+            self.bar.update(done - self.bar.n)
+
+        return report
+
+    def __exit__(self, *error):
+        if self.bar is not None:
+            self.bar.close()
+
+
+def usable_device(device) -> torch.device:
+    """The device of that name.
+
+    Raises: ValueError when it cannot hold a tensor here.
+
+    >>> usable_device("cpu")
+    device(type='cpu')
+    """
+    try:
+        device = torch.device(device)
+        torch.empty(0, device=device)
+    except (RuntimeError, AssertionError, TypeError) as error:
+        raise ValueError(f"device={device!r} cannot be used here: {error}") from None
+    return device
