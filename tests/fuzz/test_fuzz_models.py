@@ -10,7 +10,7 @@ from fuzzing import fuzz, mutated, num_inputs, put
 from dancediff import hub
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 from dancediff.training.ablation_config import read_ablation
-from dancediff.training.checkpoint import load_checkpoint, save_checkpoint
+from dancediff.training.checkpoint import Checkpointer
 from dancediff.training.config import TrainConfig
 from dancediff.training.ema import EMA
 from dancediff.training.optimizer import make_optimizer
@@ -48,12 +48,13 @@ def test_a_model_folder(model, file, tmp_path, record_property):
 def test_a_checkpoint(model, tmp_path, record_property):
     path, ema = tmp_path / "checkpoint.safetensors", EMA(model, 0.9)
     optimizer = make_optimizer(model, TrainConfig())
-    save_checkpoint(path, model=model, ema=ema, optimizer=optimizer, step=3, config={})
+    checkpointer = Checkpointer(path, model, ema, optimizer, {})
+    checkpointer.save(3)
     whole = path.read_bytes()
 
     def read(given):
         put(path, given)
-        load_checkpoint(path, model=model, ema=ema, optimizer=optimizer)
+        checkpointer.load()
 
     head = 8 + int.from_bytes(whole[:8], "little")
     out = fuzz(read, mutated(whole, num_inputs(), head=head))

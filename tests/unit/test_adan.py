@@ -2,7 +2,7 @@ import pytest
 import torch
 
 from dancediff.training.adan import Adan
-from dancediff.training.checkpoint import load_checkpoint, save_checkpoint
+from dancediff.training.checkpoint import Checkpointer
 from dancediff.training.ema import EMA
 
 
@@ -67,8 +67,8 @@ def test_a_checkpoint_brings_all_of_it_back(tmp_path):
     old, new, path = parts(), parts(), tmp_path / "c.safetensors"
     for k in range(3):
         go(old, k)
-    save_checkpoint(path, **old, step=3, config={})
-    assert load_checkpoint(path, **new) == 3
+    Checkpointer(path, **old, facts={}).save(3)
+    assert Checkpointer(path, **new, facts={}).load() == 3
     for k in range(3, 5):
         go(old, k)
         go(new, k)

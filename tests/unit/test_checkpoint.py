@@ -5,7 +5,7 @@ import torch
 from safetensors import safe_open
 from torch import nn
 
-from dancediff.training.checkpoint import load_checkpoint, save_checkpoint
+from dancediff.training.checkpoint import Checkpointer
 from dancediff.training.ema import EMA
 
 
@@ -29,14 +29,14 @@ def steps(model, ema, optimizer, count=3):
 def saved(tmp_path):
     old = parts()
     steps(**old)
-    save_checkpoint(tmp_path / "c.safetensors", **old, step=3, config={"lr": 0.1})
+    Checkpointer(tmp_path / "c.safetensors", **old, facts={"lr": 0.1}).save(3)
     return old, tmp_path / "c.safetensors"
 
 
 def test_everything_comes_back(saved):
     old, path = saved
     new = parts(seed=9)
-    assert load_checkpoint(path, **new) == 3
+    assert Checkpointer(path, **new, facts={}).load() == 3
     assert new["ema"].updates == 3
     for part in (lambda p: p["model"], lambda p: p["ema"].model):
         for name, value in part(old).state_dict().items():
@@ -64,7 +64,7 @@ def test_a_failed_write_leaves_the_old_file(saved, monkeypatch):
 
     monkeypatch.setattr("safetensors.torch.save_file", half)
     with pytest.raises(OSError, match="no space"):
-        save_checkpoint(path, **old, step=4, config={})
+        Checkpointer(path, **old, facts={}).save(4)
     assert path.read_bytes() == before
     assert [p.name for p in path.parent.iterdir()] == [path.name]
 
@@ -74,5 +74,5 @@ def test_what_is_no_checkpoint_is_named(saved, damage):
     _, path = saved
     if damage != "other model":
         path.write_bytes(path.read_bytes()[: 200 if damage == "cut" else 0])
-    with pytest.raises(ValueError, match=r"c\.safetensors is no checkpoint of this model"):
-        load_checkpoint(path, **parts(width=4 if damage == "other model" else 3))
+    with pytest.raises(ValueError, match=r"c\.safetensors is no checkpoint"):
+        Checkpointer(path, **parts(width=4 if damage == "other model" else 3), facts={}).load()

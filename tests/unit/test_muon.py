@@ -3,7 +3,7 @@ import torch
 from torch import nn
 
 from dancediff.papers.tcdiffpp.fusion_projection import FusionProjection
-from dancediff.training.checkpoint import load_checkpoint, save_checkpoint
+from dancediff.training.checkpoint import Checkpointer
 from dancediff.training.config import TrainConfig
 from dancediff.training.ema import EMA
 from dancediff.training.muon import MuonAdamW
@@ -79,10 +79,10 @@ def test_a_checkpoint_brings_both_states_back(tmp_path):
     optimizer, ema = optimizer_of(first), EMA(first)
     run(first, optimizer, range(3))
     path = tmp_path / "checkpoint.safetensors"
-    save_checkpoint(path, model=first, ema=ema, optimizer=optimizer, step=3, config={})
+    Checkpointer(path, first, ema, optimizer, {}).save(3)
     second = nn.Sequential(nn.Linear(40, 64), nn.SiLU(), nn.Linear(64, 2))
     again = optimizer_of(second)
-    assert load_checkpoint(path, model=second, ema=EMA(second), optimizer=again) == 3
+    assert Checkpointer(path, second, EMA(second), again, {}).load() == 3
     assert torch.equal(run(second, again, range(3, 6)), whole)
 
 

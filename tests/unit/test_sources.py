@@ -105,6 +105,8 @@ def test_train_reads_a_prepared_folder(tmp_path, capsys):
     assert "the takes in data" in card and str(tmp_path) not in card
     capsys.readouterr()
     args[3] = str(tmp_path)
+    assert main(args) == 2 and "holds a training" in last_line(capsys)
+    args.append("--overwrite")
     assert main(args) == 2 and "no folder of prepared data" in last_line(capsys)
     config.write_text(config.read_text().replace("60", "600"))
     args[3] = str(tmp_path / "data")

@@ -16,15 +16,16 @@ from dancediff.training.config import TrainConfig
 from dancediff.training.ema import EMA
 
 NAME = "checkpoint.safetensors"
-_ERRORS = (SafetensorError, OSError, RuntimeError, KeyError, ValueError, TypeError)
+_ERRORS = (SafetensorError, OSError, AttributeError, RuntimeError, KeyError, ValueError, TypeError)
 _MAY_CHANGE = {"steps", "save_every", "evaluate_every", "evaluate_batches", "preview_every"}
 
 
 @dataclass
 class Checkpointer:
-    """Writes and reads the checkpoint of one training.
+    """Writes and reads the checkpoint of one training: weights, averages, optimiser moments.
 
-    ``facts`` describe the run, see `facts_of`; a run that goes on compares them with its own.
+    No random state is kept: a step's randomness follows from its number. ``facts`` describe the
+    run, see `facts_of`; a run that goes on compares them with its own.
     """
 
     path: Path
@@ -33,52 +34,70 @@ class Checkpointer:
     optimizer: object
     facts: dict
 
-    def save(self, step: int, extra: dict[str, torch.Tensor]) -> None:
-        """Write what is needed to go on after ``step`` steps."""
-        save_checkpoint(
-            self.path,
-            model=self.model,
-            ema=self.ema,
-            optimizer=self.optimizer,
-            step=step,
-            config=self.facts,
-            extra=extra,
-        )
+    def save(self, step: int, extra: dict[str, torch.Tensor] | None = None) -> None:
+        """Write what is needed to go on after ``step`` steps; the old file stays until then."""
+        tensors = _named("model", self.model.state_dict())
+        tensors |= _named("ema", self.ema.model.state_dict()) | _named("extra", extra or {})
+        for i, state in self.optimizer.state_dict()["state"].items():
+            tensors |= _named(f"optimizer.{i}", {k: torch.as_tensor(v) for k, v in state.items()})
+        facts = {"step": step, "ema_updates": self.ema.updates, "config": self.facts}
+        _write(self.path, tensors, facts)
 
     def load(self) -> int:
         """Put everything back where it came from; returns the number of steps that are done.
 
         Warns: of other data and of other settings than those the checkpoint was written with.
-        Raises: ValueError for a model or an optimiser that it was not written with.
+        Raises: ValueError when it is none, or one of another model or optimiser.
         """
-        old = read_facts(self.path)["config"]
-        wrong = _differences(old.get("model", {}), self.facts["model"])
-        if wrong:
-            raise ValueError(
-                f"{self.path} holds another model ({wrong}); use its config, or overwrite it"
-            )
-        mine, before = self.facts["train"], old.get("train", {})
-        changed = _differences(before, mine, without=_MAY_CHANGE)
-        if before.get("optimizer", mine["optimizer"]) != mine["optimizer"]:
-            raise ValueError(f"{self.path} holds another optimizer ({changed}); use its config")
-        if changed:
-            warnings.warn(f"{self.path} was written with other settings: {changed}", stacklevel=3)
-        if old.get("data", self.facts["data"]) != self.facts["data"]:
+        facts = read_facts(self.path)
+        self._compare(_table(facts, "config"))
+        try:
+            tensors = _read(self.path)
+            self.model.load_state_dict(_part(tensors, "model"))
+            self.ema.model.load_state_dict(_part(tensors, "ema"))
+            state: dict = {}
+            for name, value in _part(tensors, "optimizer").items():
+                i, key = name.split(".", 1)
+                state.setdefault(int(i), {})[key] = value
+            groups = self.optimizer.state_dict()["param_groups"]
+            self.optimizer.load_state_dict({"state": state, "param_groups": groups})
+            self.ema.updates = int(facts["ema_updates"])
+            return int(facts["step"])
+        except _ERRORS as err:
+            raise _no_checkpoint(self.path, err, " of this model") from err
+
+    def _compare(self, old: dict) -> None:
+        """Say what is other than it was."""
+        model, train = (
+            _changes(_table(old, name), self.facts.get(name, {})) for name in ("model", "train")
+        )
+        changed = ", ".join(f"{k}={was}, here {now}" for k, (was, now) in (model or train).items())
+        for name, differs in (("model", model), ("optimizer", "optimizer" in train)):
+            if differs:
+                text = f"{self.path} holds another {name} ({changed}); use its config, or overwrite"
+                raise ValueError(text)
+        if train:
+            text = f"{self.path} was written with other settings: {changed}"
+            warnings.warn(text, stacklevel=4)
+        if old.get("data", self.facts.get("data")) != self.facts.get("data"):
             text = f"{self.path} was written in a training on other data; it goes on with yours"
-            warnings.warn(text, stacklevel=3)
-        return load_checkpoint(self.path, model=self.model, ema=self.ema, optimizer=self.optimizer)
+            warnings.warn(text, stacklevel=4)
 
 
 def facts_of(model: nn.Module, config: TrainConfig, data: str) -> dict:
     """What a checkpoint says of its training; ``data`` changes with what is learned from."""
-    return json.loads(
-        json.dumps({"train": asdict(config), "model": asdict(model.config), "data": data})
-    )
+    facts = {"train": asdict(config), "model": asdict(model.config), "data": data}
+    return json.loads(json.dumps(facts))
 
 
-def _differences(old: dict, new: dict, without: set[str] = frozenset()) -> str:
-    changed = [key for key in new if key in old and old[key] != new[key] and key not in without]
-    return ", ".join(f"{key}={old[key]}, here {new[key]}" for key in changed)
+def _table(facts: dict, name: str) -> dict:
+    value = facts.get(name)
+    return value if isinstance(value, dict) else {}
+
+
+def _changes(old: dict, new: dict) -> dict[str, tuple]:
+    both = [key for key in new if key in old and key not in _MAY_CHANGE]
+    return {key: (old[key], new[key]) for key in both if old[key] != new[key]}
 
 
 def check_free(folder: Path, resume: bool | None, overwrite: bool | None) -> None:
@@ -122,75 +141,9 @@ class Signals:
         self.stop = self.stop or number == signal.SIGTERM
 
 
-def save_checkpoint(
-    path,
-    *,
-    model: nn.Module,
-    ema: EMA,
-    optimizer,
-    step: int,
-    config: dict,
-    extra: dict[str, torch.Tensor] | None = None,
-):
-    """Write weights, averaged weights and optimiser moments; ``extra``: see `load_extra`.
-
-    The old file stays until the new one is whole. No random state is kept: a step's randomness
-    follows from its number.
-    """
-    tensors = _named("model", model.state_dict()) | _named("ema", ema.model.state_dict())
-    for i, state in optimizer.state_dict()["state"].items():
-        tensors |= _named(f"optimizer.{i}", {k: torch.as_tensor(v) for k, v in state.items()})
-    facts = {"step": step, "ema_updates": ema.updates, "config": config}
-    _write(path, tensors | _named("extra", extra or {}), facts)
-
-
 def save_average(path, model: nn.Module, facts: dict) -> None:
     """Write averaged weights alone, for `load_average`."""
     _write(path, _named("ema", model.state_dict()), facts)
-
-
-def load_checkpoint(path, *, model: nn.Module, ema: EMA, optimizer) -> int:
-    """Put a checkpoint back where it came from; returns the step it was written after.
-
-    Raises: ValueError naming the file when it is no checkpoint of this model.
-    """
-    try:
-        facts, tensors = read_facts(path), _read(path)
-        model.load_state_dict(_part(tensors, "model"))
-        ema.model.load_state_dict(_part(tensors, "ema"))
-        state: dict = {}
-        for name, value in _part(tensors, "optimizer").items():
-            i, key = name.split(".", 1)
-            state.setdefault(int(i), {})[key] = value
-        groups = optimizer.state_dict()["param_groups"]
-        optimizer.load_state_dict({"state": state, "param_groups": groups})
-        ema.updates = int(facts["ema_updates"])
-        return int(facts["step"])
-    except _ERRORS as err:
-        raise ValueError(f"{path} is no checkpoint of this model: {_short(err)}") from err
-
-
-def read_facts(path) -> dict:
-    """What a checkpoint says of itself.
-
-    Raises: ValueError naming the file when it is no checkpoint.
-    """
-    try:
-        with safe_open(path, "pt") as file:
-            return json.loads(file.metadata()["facts"])
-    except (*_ERRORS, AttributeError) as err:
-        raise ValueError(f"{path} is no checkpoint: {_short(err)}") from err
-
-
-def load_extra(path) -> dict[str, torch.Tensor]:
-    """What else was written into a checkpoint, so that both are of the same step.
-
-    Raises: ValueError naming the file when it is no checkpoint.
-    """
-    try:
-        return _part(_read(path, "extra."), "extra")
-    except _ERRORS as err:
-        raise ValueError(f"{path} is no checkpoint: {_short(err)}") from err
 
 
 def load_average(path, model: nn.Module) -> nn.Module:
@@ -201,8 +154,37 @@ def load_average(path, model: nn.Module) -> nn.Module:
     try:
         model.load_state_dict(_part(_read(path, "ema."), "ema"))
     except _ERRORS as err:
-        raise ValueError(f"{path} is no checkpoint of this model: {_short(err)}") from err
+        raise _no_checkpoint(path, err, " of this model") from err
     return model
+
+
+def load_extra(path) -> dict[str, torch.Tensor]:
+    """What else was written into a checkpoint, so that both are of the same step.
+
+    Raises: ValueError naming the file when it is no checkpoint.
+    """
+    try:
+        return _part(_read(path, "extra."), "extra")
+    except _ERRORS as err:
+        raise _no_checkpoint(path, err) from err
+
+
+def read_facts(path) -> dict:
+    """What a checkpoint says of itself.
+
+    Raises: ValueError naming the file when it is no checkpoint.
+    """
+    try:
+        with safe_open(path, "pt") as file:
+            return dict(json.loads(file.metadata()["facts"]))
+    except _ERRORS as err:
+        raise _no_checkpoint(path, err) from err
+
+
+def _no_checkpoint(path, err: Exception, of: str = "") -> ValueError:
+    """With the beginning of an error; PyTorch names every weight that does not fit."""
+    text = " ".join(str(err).split())
+    return ValueError(f"{path} is no checkpoint{of}: {text[:200]}{' ...' * (len(text) > 200)}")
 
 
 def _write(path, tensors: dict, facts: dict) -> None:
@@ -222,9 +204,3 @@ def _named(prefix: str, tensors: dict) -> dict:
 def _part(tensors: dict, prefix: str) -> dict:
     start = f"{prefix}."
     return {k.removeprefix(start): v for k, v in tensors.items() if k.startswith(start)}
-
-
-def _short(err: Exception, most: int = 200) -> str:
-    """The beginning of an error; PyTorch names every weight that does not fit."""
-    text = " ".join(str(err).split())
-    return text if len(text) <= most else f"{text[:most]} ..."

@@ -167,7 +167,7 @@ def train_lodge(
     for stage in (name for name in STAGES if settings[name] is not None):
         check_free(out / stage, options.get("resume"), options.get("overwrite"))
     if solos is None:
-        solos = _solos(corpus, data, sizes.genres)
+        solos = solos_for(corpus, data, sizes.genres)
     seed = tables["train"].get("seed", 0)
     cut = partial(_windows, corpus=corpus, extensions=extensions, sizes=sizes, seed=seed)
     evaluates = any(one is not None and one.evaluate_every for one in settings.values())
@@ -202,11 +202,15 @@ def _start(kind, sizes, tables: dict):
     return kind(sizes)
 
 
-def _solos(corpus: SoloData, folder, genres: tuple[str, ...]) -> list[DanceTake]:
+def solos_for(
+    corpus: SoloData, folder, genres: tuple[str, ...], cache: Path | None = None
+) -> list[DanceTake]:
+    """Solos to learn from: those of a prepared folder, else the choreographer's."""
     if folder := folder or corpus.folder:
         return prepared_solos(folder, genres)
     after = corpus.first_seed + corpus.songs
-    return choreographed_solos(range(corpus.first_seed, after), corpus.seconds, genres)
+    options = {"workers": corpus.workers, "cache": cache}
+    return choreographed_solos(range(corpus.first_seed, after), corpus.seconds, genres, **options)
 
 
 def _held_out(corpus: SoloData, folder, genres: tuple[str, ...]) -> list[DanceTake]:

@@ -101,7 +101,8 @@ def train_from_config(
     model_class, config_class = MODELS[tables["model"].pop("class", "TCDiffPP")]
     sizes, held_out = config_class(**tables["model"]), []
     if takes is None:
-        takes, held_out = _takes(corpus, data, sizes, settings.evaluate_every > 0)
+        evaluates = settings.evaluate_every > 0
+        takes, held_out = takes_for(corpus, data, sizes, evaluates=evaluates)
     torch.manual_seed(settings.seed)
     model = model_class(sizes)
     if isinstance(model, EDGE):
@@ -142,21 +143,18 @@ def _solos(takes: list[DanceTake]) -> list[DanceTake]:
     return [solo for take in takes for solo in take.solos(centred=True)]
 
 
-def _takes(
-    corpus: GroupData, folder, sizes, evaluates: bool
+def takes_for(
+    corpus: GroupData, folder, sizes, *, evaluates: bool = False, cache: Path | None = None
 ) -> tuple[list[DanceTake], list[DanceTake]]:
     """Takes to learn from, and takes to evaluate on where that is wanted."""
     if folder := folder or corpus.folder:
-        return prepared_takes(folder, sizes), (
-            prepared_takes(folder, sizes, "val") if evaluates else []
-        )
+        held_out = prepared_takes(folder, sizes, "val") if evaluates else []
+        return prepared_takes(folder, sizes), held_out
     after = corpus.first_seed + corpus.songs
-    seeds = (
-        range(corpus.first_seed, after),
-        range(after, after + (corpus.held_out if evaluates else 0)),
-    )
-    options = {"seconds": corpus.seconds, "workers": corpus.workers}
-    return tuple(choreographed_corpus(list(part), **options) for part in seeds)
+    end = after + (corpus.held_out if evaluates else 0)
+    options = {"seconds": corpus.seconds, "workers": corpus.workers, "cache": cache}
+    takes = choreographed_corpus(list(range(corpus.first_seed, after)), **options)
+    return takes, choreographed_corpus(list(range(after, end)), **options)
 
 
 def _windows(takes: list[DanceTake], corpus: GroupData, sizes, settings: TrainConfig):
