@@ -197,7 +197,7 @@ class LongSampler:
     def first_input(self, segment: Segment, before: Tensor | None) -> Tensor:
         """Fresh noise; with pinning "init" the context keeps that of the segment before."""
         x_T = gaussian(self.shape, generator=self.settings.get("generator"))
-        if self.pinning == "init" and segment.context is not None:
+        if self.pinning == "init" and segment.context is not None and before is not None:
             k = segment.context.shape[1]
             x_T[:, :k] = before[segment.order, self.stride : self.stride + k]
         return x_T

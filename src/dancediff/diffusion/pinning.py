@@ -85,8 +85,8 @@ class Pinning:
                 raise ValueError("mode='same_noise' needs the noise of the first input: call start")
             eps = self.noise
         else:
-            like = {"device": x_next.device, "dtype": x_next.dtype}
-            eps = gaussian(self.context.shape, generator=self.generator, **like)
+            shape, device = self.context.shape, x_next.device
+            eps = gaussian(shape, generator=self.generator, device=device, dtype=x_next.dtype)
         return self._replace(x_next, q_sample(self.context, t_next, self.abar, eps))
 
     def _replace(self, x: Tensor, start: Tensor) -> Tensor:

@@ -316,14 +316,13 @@ def sample(
     x = _first(x_T, tuple(shape), generator).to(device=device, dtype=dtype)
     if pin is not None:
         x = pin.start(x)
-    before = None
+    before: tuple[Tensor, int] | None = None
     for i, (t, t_next) in enumerate(pairwise(times)):
         x0_hat = _hooked(_cut(denoise(x, t), clamp), hooks, abar_at(abar, t))
         if sampler == "ddpm":
             x = ddpm_step(x, x0_hat, t, abar, generator=generator)
         elif sampler == "dpm":
-            how = {"before": before, "eta": eta, "generator": generator}
-            x = dpm_step(x, x0_hat, t, t_next, abar, **how)
+            x = dpm_step(x, x0_hat, t, t_next, abar, before=before, eta=eta, generator=generator)
         else:
             x = ddim_step(x, x0_hat, t, t_next, abar, eta=eta, generator=generator)
         if pin is not None:

@@ -41,7 +41,7 @@ def girths() -> Tensor:
     for _, a, b, r in CAPSULES:
         for j in (a, b):
             if j < len(radius):
-                radius[j] = max(radius[j], r)
+                radius[j] = max(radius[j].item(), r)
     return radius
 
 

@@ -59,7 +59,7 @@ class Constraint:
 
     mask: Tensor
     value: Tensor
-    slack: Tensor | None = None
+    slack: Tensor = None  # type: ignore[assignment] # None becomes zeros
 
     def __post_init__(self):
         if self.slack is None:
@@ -155,8 +155,8 @@ class Conditioning:
 
     def for_segment(self, segment: Segment) -> "Conditioning | None":
         """The same for a segment of a long dance; None where nothing is asked."""
-        sources = [source.for_segment(segment) for source in self.sources]
-        sources = [source for source in sources if source is not None]
+        bound = (source.for_segment(segment) for source in self.sources)
+        sources = [source for source in bound if source is not None]
         return Conditioning(self.std, sources) if sources else None
 
     def apply(self, x0_hat: Tensor, abar: float) -> Tensor:

@@ -48,10 +48,13 @@ def foot_contact_projection(x: Tensor, fixed: Fixed) -> Tensor:
     Shapes: x (..., f, d) metres and 6-D rotations -> the same.
     """
     legs, rooted = fixed.frames(fixed.spec.joint_channels(LEGS)), None
-    if legs is not None:
-        level = legs | fixed.place
-        rooted = torch.stack([level, legs | fixed.height, level], -1)
+    height, place = fixed.height, fixed.place
+    if legs is not None and height is not None and place is not None:
+        rooted = torch.stack([legs | place, legs | height, legs | place], -1)
     return plant_feet(x, legs, fixed.spec, rooted=rooted)
+
+
+STEPS = (speed_limit, floor_contact, foot_contact_projection)
 
 
 def foot_contact_hook(
@@ -64,8 +67,7 @@ def foot_contact_hook(
     >>> torch.equal(hook.apply(x, abar=0.4), x), torch.equal(hook.apply(x, abar=0.9), x)
     (True, False)
     """
-    steps = (speed_limit, floor_contact, foot_contact_projection)
-    return Projection(normalizer, steps, Fixed(mask, spec))
+    return Projection(normalizer, STEPS, Fixed(mask, spec))
 
 
 def plant_feet(
@@ -198,8 +200,8 @@ def root_shift(u: Tensor, c: Tensor, rooted: Tensor | None = None) -> Tensor:
         solve_banded(nearness(near) + bend, (near * to)[..., None])[..., 0]
         for near, to in zip(stay.unbind(-1), goal.unbind(-1), strict=True)
     ]
-    v = torch.stack(v, -1).to(u)
-    return v if rooted is None else v.masked_fill(rooted, 0)
+    shift = torch.stack(v, -1).to(u)
+    return shift if rooted is None else shift.masked_fill(rooted, 0)
 
 
 def support(c: Tensor, joints: Tensor) -> Tensor:
