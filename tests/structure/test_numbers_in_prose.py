@@ -53,12 +53,12 @@ SAID = [
     (
         "docs/results_tcdiffpp.md",
         r"limit of ([\d.]+) m/s",
-        "dancediff.motion.travel_speed_limit.LIMIT",
+        "dancediff.extensions.speed_limit.TRAVEL_LIMIT",
     ),
     (
         "docs/results_tcdiffpp.md",
         r"keeps ankles (\d+) cm apart",
-        "dancediff.motion.foot_locking.APART",
+        "dancediff.extensions.foot_contact_projection.APART",
     ),
     ("docs/results_lodge.md", r"Defaults: (\d+) steps", f"{PACKAGED}.lodge.steps"),
     ("docs/results_lodge.md", r"guidance (\d+), autoguidance", f"{PACKAGED}.lodge.guidance"),
@@ -75,15 +75,23 @@ SAID = [
     (
         "docs/differences.md",
         r"Limits come first: turns of (\d+) degrees",
-        "dancediff.motion.joint_speed_limit.ROOT_LIMIT",
+        "dancediff.extensions.speed_limit.ROOT_LIMIT",
     ),
     (
         "docs/differences.md",
         r"\(root\) or (\d+) \(joints\)",
-        "dancediff.motion.joint_speed_limit.JOINT_LIMIT",
+        "dancediff.extensions.speed_limit.JOINT_LIMIT",
     ),
-    ("docs/differences.md", r"steps of ([\d.]+) m/s", "dancediff.motion.travel_speed_limit.LIMIT"),
-    ("docs/differences.md", r"ankles (\d+) cm apart", "dancediff.motion.foot_locking.APART"),
+    (
+        "docs/differences.md",
+        r"steps of ([\d.]+) m/s",
+        "dancediff.extensions.speed_limit.TRAVEL_LIMIT",
+    ),
+    (
+        "docs/differences.md",
+        r"ankles (\d+) cm apart",
+        "dancediff.extensions.foot_contact_projection.APART",
+    ),
     ("docs/differences.md", r"cut at (four) standard", "dancediff.extensions.frequency_clip.LIMIT"),
     (
         "docs/differences.md",
