@@ -28,7 +28,7 @@ def checks(book: dict) -> list[tuple[int, str, str]]:
     for k, cell in enumerate(book["cells"]):
         match = _CHECK.search("".join(cell["source"])) if cell["cell_type"] == "code" else None
         if match:
-            found.append((k, *match.groups()))
+            found.append((k, match[1], match[2]))
     return found
 
 
@@ -101,7 +101,8 @@ def table(rows: list[dict]) -> str:
     ✓ right  ✗ wrong  ○ not attempted  · not run
     """
     wide = max(len(row["file"]) for row in rows)
-    lines, tried = [], {}
+    lines: list[str] = []
+    tried: dict = {}
     for row in rows:
         if "failed" in row:
             lines.append(f"{row['file']:{wide}}  cannot be read: {row['failed']}")

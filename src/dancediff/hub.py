@@ -40,7 +40,7 @@ def save_model(
 
     Raises: ValueError when a weight is not finite, or too large for ``dtype``.
     """
-    config = {
+    config: dict = {
         "class": type(model).__name__,
         "dancediff": __version__,
         "config": asdict(model.config),

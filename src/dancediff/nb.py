@@ -118,13 +118,13 @@ def check(exercise: str, answer=None) -> None:
     _status[exercise] = verdict.mark
     _say(f"{verdict.mark} {exercise} {verdict.text}")
     task = EXERCISES.get(exercise)
-    if verdict.mark == WRONG and _has_numbers(task, answer) and not task.accepts:
+    if task and verdict.mark == WRONG and _has_numbers(task, answer) and not task.accepts:
         name = getattr(answer, "__name__", "your answer")
         _say(f'   nb.show("{exercise}", {name}) draws your numbers beside the expected ones')
 
 
 def _has_numbers(task, answer) -> bool:
-    return task is not None and callable(task.spec) and callable(answer)
+    return callable(task.spec) and callable(answer)
 
 
 def show(exercise: str, answer=None):
@@ -133,7 +133,7 @@ def show(exercise: str, answer=None):
     An answer that is judged by what it achieves has no such numbers: this says what the check says.
     """
     task, verdict = EXERCISES.get(exercise), judge(exercise, answer)
-    if verdict.mark == OPEN or not _has_numbers(task, answer):
+    if task is None or verdict.mark == OPEN or not _has_numbers(task, answer):
         _say(f"{verdict.mark} {exercise} has nothing to draw")
         return None
     if task.accepts:

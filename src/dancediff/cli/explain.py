@@ -5,7 +5,7 @@ from typing import Literal
 
 from dancediff.cli.commands import COMMANDS
 
-KINDS = {
+KINDS: dict[object, str] = {
     int: "a whole number",
     float: "a number",
     float | None: "a number",
@@ -33,7 +33,8 @@ def explain(args: list[str], words: str) -> str:
         option = bad[1]
         kind = KINDS.get(COMMANDS[command].__annotations__.get(option[2:]), "another value")
         return f"{option} {_value_of(option, args)!r}: give {kind}{see}"
-    parts, near = [], re.search(r"meant: (--[\w-]+)", " ".join(bare))
+    parts: list[str] = []
+    near = re.search(r"meant: (--[\w-]+)", " ".join(bare))
     for line in bare[1:]:  # the first line is the title of the box
         if not line or line.startswith(("For full helptext", "Perhaps you meant")):
             if parts:

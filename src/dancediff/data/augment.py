@@ -50,7 +50,8 @@ class Augmentation:
         if self.rotate:
             x = rotate_features(x, rng.uniform(-self.rotate, self.rotate), spec)
         if self.shift:
-            x = shift_features(x, *rng.uniform(-self.shift, self.shift, 2), spec)
+            dx, dz = rng.uniform(-self.shift, self.shift, 2)
+            x = shift_features(x, dx, dz, spec)
         return x
 
 

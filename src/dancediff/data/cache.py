@@ -56,7 +56,7 @@ def content_key(*parts) -> str:
     for part in parts:
         if isinstance(part, np.ndarray):
             head = f"{part.dtype}{part.shape}"
-            data = np.ascontiguousarray(part).data
+            data: memoryview | bytes = np.ascontiguousarray(part).data
         else:
             head = type(part).__name__
             data = part if isinstance(part, bytes) else repr(part).encode()

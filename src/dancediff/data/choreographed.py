@@ -153,7 +153,7 @@ class SyntheticSong:
     def danced_by(self, n: int, again: int = 0, share: float = 0.0) -> DanceTake:
         """Dance number ``again`` of n people; ``share`` of the songs is expected in "val"."""
         seed = 10 * self.seed + n + again * 10**9
-        options = {"genre": self.genre, "sections": self.sections, "seconds": self.seconds}
+        options: dict = {"genre": self.genre, "sections": self.sections, "seconds": self.seconds}
         dance, _ = choreograph(self.beats, dancers=n, seed=seed, **options)
         f = min(dance.num_frames, len(self.M))
         digest = sha256(f"choreographed {self.seed}".encode()).digest()

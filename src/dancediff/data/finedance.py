@@ -146,8 +146,8 @@ def read_motion(path: Path) -> Motion:
         raise ValueError(f"it cannot be read as an array ({type(err).__name__}: {err})") from err
     if not isinstance(x, np.ndarray) or x.ndim != 2 or x.shape[1] not in (315, 319):
         raise ValueError(f"it has shape {getattr(x, 'shape', None)}, not any x 315 (or 319)")
-    x = torch.from_numpy(plain_array(x[:, -315:], "motion", (None, 315))).float()
-    root, d6 = x[:, :3] * LEGS, x[:, 3 : 3 + 6 * BODY].unflatten(-1, (BODY, 6))
+    row = torch.from_numpy(plain_array(x[:, -315:], "motion", (None, 315))).float()
+    root, d6 = row[:, :3] * LEGS, row[:, 3 : 3 + 6 * BODY].unflatten(-1, (BODY, 6))
     if d6.unflatten(-1, (2, 3)).norm(dim=-1).min() < 1e-3:
         raise ValueError("it has rotations of length 0")
     return Motion(pad_hands(rot6d_to_matrix(d6))[None], root[None], FPS)

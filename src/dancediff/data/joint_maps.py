@@ -116,7 +116,7 @@ def bones(mapped: Iterable[str]) -> list[tuple[str, str]]:
 
 
 def _named(names: list[str], which: str) -> dict[str, str]:
-    bare = {}
+    bare: dict[str, str] = {}
     for name in names:
         bare.setdefault(_bare(name), name)
     if which != "generic":
@@ -133,8 +133,8 @@ def _named(names: list[str], which: str) -> dict[str, str]:
             ]
             tries += [word[1:] + k for word in options.split() if word[0] == "#"]
             left = (bare[t] for t in tries if t in bare and bare[t] not in found.values())
-            if name := next(left, None):
-                found[ours.replace("#", k)] = name
+            if first := next(left, None):
+                found[ours.replace("#", k)] = first
     return found
 
 

@@ -102,7 +102,7 @@ class PackedTakes:
     def _put(place: Place, data: PreparedData, x: np.ndarray, M: np.ndarray) -> None:
         take, entry = data.load(place.entry), place.entry
         motion = take.motion.features().flatten(0, 1)
-        songs = torch.cat([take.M, *([] if take.M_other is None else take.M_other)])
+        songs = torch.cat(take.songs)
         expected = (entry.dancers * entry.frames, entry.songs * entry.frames)
         if (len(motion), len(songs)) != expected:
             raise ValueError(NOT_AS_SAID.format(entry.name))

@@ -123,10 +123,10 @@ def _outliers(bvh: BVH, R: Tensor, joints: dict[str, str], suspect: list) -> Ten
     bad = torch.zeros(R.shape[:2], dtype=torch.bool)
     bad[:-1] |= fast
     bad[1:] |= fast
-    for name, limit in REACH.items():
+    for name, reach in REACH.items():
         if name in joints:
             j, bend = bvh.index(joints[name]), _angle(R[:, bvh.index(joints[name])]).rad2deg()
-            bad[:, j] |= bend > limit
+            bad[:, j] |= bend > reach
             for first, last in runs(bend > bend.quantile(0.95)):  # how it got there is wrong too
                 bad[first : last + 1, j] |= bad[first : last + 1, j].any()
     bad[:, [bvh.index(joints[name]) for name in THIGHS if name in joints]] = False

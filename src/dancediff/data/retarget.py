@@ -195,9 +195,8 @@ def measure(motion: Motion, points: dict[str, Tensor]) -> dict:
 def _source(bvh: BVH, names: dict[str, str]) -> _Source:
     """The mapped joints of a recording."""
     points, Q = bvh.world()
-    rest = bvh.rest()
     at = {ours: bvh.index(name) for ours, name in names.items()}
-    rest = {ours: rest[j] for ours, j in at.items()}
+    rest = {ours: bvh.rest()[j] for ours, j in at.items()}
     return _Source(
         points={ours: points[:, j] for ours, j in at.items()},
         turn={ours: Q[:, j] for ours, j in at.items()},

@@ -14,8 +14,10 @@ Read first: the documentation of Python's `pickletools`, which names the steps.
 import io
 import pickletools
 import re
+from collections.abc import Callable
 from math import prod
 from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
 
@@ -23,6 +25,7 @@ LIMIT = 2**28  # bytes of a file; an hour of one dancer is 35 MB
 MAX_STEPS = 500_000  # a step is one byte in the file, but what it makes may take a hundred
 MAX_DEPTH = 50  # of nested containers
 
+_CODES = {code.code: code for code in pickletools.opcodes}
 _KNOWN = {
     "numpy ndarray": "ndarray",
     "numpy dtype": "dtype",
@@ -55,7 +58,8 @@ class _Open:
     """An array or dtype whose state has not come yet; ``value`` is what it becomes."""
 
     def __init__(self, what: str, spec: str = ""):
-        self.what, self.spec, self.value = what, spec, None
+        self.what, self.spec = what, spec
+        self.value: Any = None
 
 
 def load_pickle(path, *, limit: int = LIMIT):
@@ -90,7 +94,7 @@ def loads(data: bytes):
     stream, machine = io.BytesIO(data), _Machine(budget=4 * len(data))
     try:
         for _ in range(MAX_STEPS):
-            step = pickletools.code2op.get(stream.read(1).decode("latin-1"))
+            step = _CODES.get(stream.read(1).decode("latin-1"))
             if step is None:
                 raise ValueError("it is cut off, or no pickle at all")
             if step.name == "STOP":
@@ -227,8 +231,11 @@ def _names(stream) -> str:
     return " ".join(stream.readline(200).decode().removesuffix("\n") for _ in range(2))
 
 
-_READERS = {"STRING": _string, "GLOBAL": _names}  # pickletools' own take ASCII only
-_STEPS = {
+_READERS: dict[str, Callable] = {
+    "STRING": _string,
+    "GLOBAL": _names,
+}  # pickletools' own take ASCII only
+_STEPS: dict[str, Callable] = {
     "PROTO": lambda m, _: None,
     "FRAME": lambda m, _: None,
     "NONE": lambda m, _: m.stack.append(None),
@@ -292,10 +299,10 @@ def _dtype(spec: str, version, order, subdtype, names, fields, *_) -> np.dtype:
     parts = any(part is not None for part in (subdtype, names, fields))
     if parts or not isinstance(order, str) or order not in ("<", ">", "=", "|"):
         raise ValueError(f"it holds an array of {spec!r} with parts or an unknown byte order")
-    return np.dtype(spec) if order == "|" else np.dtype(spec).newbyteorder(order)
+    return np.dtype(spec) if order == "|" else np.dtype(spec).newbyteorder(order)  # type: ignore[arg-type]
 
 
-def _array(content, dtype, shape, order: str) -> np.ndarray:
+def _array(content, dtype, shape, order: Literal["C", "F"]) -> np.ndarray:
     """An array from its bytes, of which there must be exactly as many as its shape says."""
     content = content.encode("latin-1") if isinstance(content, str) else content
     if not (isinstance(dtype, np.dtype) and isinstance(content, bytes | bytearray)):
@@ -319,7 +326,7 @@ def _bytes(content=b"", encoding="latin1") -> bytes:
     return content.encode("latin-1")
 
 
-_CALLS = {
+_CALLS: dict[str, Callable] = {
     "_reconstruct": _reconstruct,
     "dtype": _open_dtype,
     "scalar": lambda dtype, content: _array(content, dtype, (), "C")[()],

@@ -135,13 +135,13 @@ def soundtrack(motion: Motion, *, seed: int = 0, songs: int = 3) -> tuple[Tensor
     f = motion.num_frames
     grid = tempo_map(rest_curve(motion.joints()))
     seeds = np.random.default_rng(seed).integers(2**31, size=songs)
-    M = []
+    rows = []
     for one in seeds:
         song, truth = synth_on_beats(grid, int(one), seconds=f / FPS + 0.1)
-        M.append(song_features(song)[:f].clone())
+        rows.append(song_features(song)[:f].clone())
     frames = np.round(truth.beats * FPS).astype(int)
     beats, frames = truth.beats[frames < f], frames[frames < f]
-    M = torch.stack(M)
+    M = torch.stack(rows)
     M[:, :, BEATS] = 0
     M[:, frames, BEATS] = 1
     return M, beats

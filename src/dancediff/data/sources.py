@@ -58,7 +58,7 @@ def prepare_source(
 
     Raises: ValueError naming the argument; OSError when ``out`` cannot be written.
     """
-    options = {"workers": workers, "backend": backend, "progress": progress}
+    options: dict = {"workers": workers, "backend": backend, "progress": progress}
     jobs = source_jobs(name, src, seconds=seconds, seed=seed)
     if name != "cmu":
         return prepare(jobs, out, **options)

@@ -12,6 +12,7 @@ import json
 import tempfile
 import zipfile
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -90,7 +91,9 @@ def read_take(path) -> DanceTake:
                 raise ValueError(f"{name} holds other than finite numbers")
         if "M" in arrays and arrays["M"].shape[1:] != (NUM_FEATURES,):
             raise ValueError(f"M has shape {arrays['M'].shape}, not (f, {NUM_FEATURES})")
-        tensors = {k: torch.from_numpy(v).float() for k, v in arrays.items() if k != "beats"}
+        tensors: dict[str, Any] = {
+            k: torch.from_numpy(v).float() for k, v in arrays.items() if k != "beats"
+        }
         origin = {name: row[name] for name in _ORIGIN}
         return DanceTake(dance=Motion.load(path), beats=arrays.get("beats"), **tensors, **origin)
     except _UNREADABLE as err:

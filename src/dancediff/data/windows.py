@@ -107,7 +107,8 @@ def half_overlapping(take: DanceTake, cut: Cut) -> tuple[Tensor, Tensor]:
     f = cut.num_frames
     starts = range(0, take.num_frames - f + 1, max(1, f // 2))
     windows = [cut.finish(cut(take, start), take) for start in starts]
-    return tuple(torch.stack(part) for part in zip(*windows, strict=True))
+    motions, labels = (torch.stack(part) for part in zip(*windows, strict=True))
+    return motions, labels
 
 
 def order_changes(takes: Sequence[DanceTake], num_frames: int, every: int = 5) -> list[np.ndarray]:
@@ -191,7 +192,8 @@ class WindowSampler:
         rng = np.random.default_rng([self.seed, step])
         n = int(rng.choice(sorted(self.by_size)))
         windows = [self._draw(n, rng) for _ in range(max(1, self.dancers_per_batch // n))]
-        return tuple(torch.stack(part) for part in zip(*windows, strict=True))
+        motions, music, labels = (torch.stack(part) for part in zip(*windows, strict=True))
+        return motions, music, labels
 
     def _draw(self, n: int, rng: np.random.Generator) -> tuple[Tensor, Tensor, Tensor]:
         """A window of n dancers, at random."""
@@ -222,6 +224,6 @@ class WindowSampler:
         foreign = self.augment.any_song and take.real and self.synthetic
         if foreign and rng.random() < self.augment.any_song:
             other = self.synthetic[int(rng.integers(len(self.synthetic)))]
-            song, start = other.M, int(rng.integers(other.num_frames - f + 1))
+            song, start = other.songs[0], int(rng.integers(other.num_frames - f + 1))
         x, label = self.cut.finish(x, take)
         return x, song[start : start + f], label

@@ -188,7 +188,7 @@ def _check_seams(seams, num_frames: int) -> list[int]:
     try:
         frames = [operator.index(seam) for seam in ([] if seams is None else seams)]
     except TypeError:
-        frames = [math.inf]
+        frames = [0]  # is refused
     if not all(0 < frame < num_frames for frame in frames):
         raise ValueError(
             f"seams={list(seams)} must be frames of 1..{num_frames - 1}, the first of each segment"

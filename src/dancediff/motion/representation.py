@@ -189,6 +189,9 @@ class Normalizer(nn.Module):
         self.register_buffer("low", low.clone().float())
         self.register_buffer("high", high.clone().float())
 
+    low: Tensor
+    high: Tensor
+
     @classmethod
     def fit(cls, x: Tensor, *, min_span: float = 0.0) -> "Normalizer":
         """Take the extremes of x (..., d) over everything but the last axis.

@@ -9,6 +9,7 @@ Symbols (axes: f frames at 30 fps · m = 35 features)
 
 import warnings
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 import torch
@@ -28,7 +29,7 @@ BLOCKS = {"onset": ONSET, "mfcc": MFCC, "chroma": CHROMA, "peaks": PEAKS, "beats
 _MASKED = 1e6  # a spread so wide that no value is far from the mean
 _SHORTEST = 16 * HOP  # librosa's filters want half a second; shorter sound is padded with silence
 _WINDOW = 2048  # samples of a spectrum
-_RATE = {"sr": SAMPLE_RATE, "hop_length": HOP}
+_RATE: dict[str, Any] = {"sr": SAMPLE_RATE, "hop_length": HOP}
 _BINS = 36  # notes an octave
 _AT_ONCE = 9000  # frames: spectra of five minutes take a quarter of a gigabyte
 _REACH = 150  # frames around a part that its lowest chroma filters and their resampling can see
@@ -172,6 +173,9 @@ class MusicNormalizer(nn.Module):
     >>> norm.normalize(torch.full((1, 35), 1e6))[:, :33].max().item()
     4.0
     """
+
+    mean: Tensor
+    std: Tensor
 
     def __init__(self, mean: Tensor, std: Tensor):
         super().__init__()

@@ -94,8 +94,8 @@ class Music:
         shape = self.rate, self.audio.shape[1]
         # in blocks: libsndfile's vorbis encoder overflows its stack on one long write
         with atomic_write(path) as part, soundfile.SoundFile(part, "w", *shape) as file:
-            on_disk = isinstance(self.audio, SoundOnDisk)
-            for block in self.audio.blocks() if on_disk else [self.audio]:
+            audio = self.audio
+            for block in audio.blocks() if isinstance(audio, SoundOnDisk) else [audio]:
                 for start in range(0, len(block), self.rate):
                     file.write(block[start : start + self.rate])
         return path
@@ -108,8 +108,9 @@ class Music:
     @property
     def peak(self) -> float:
         """Largest absolute sample."""
-        on_disk = isinstance(self.audio, SoundOnDisk)
-        return self.audio.peak if on_disk else float(np.abs(self.audio).max())
+        if isinstance(self.audio, SoundOnDisk):
+            return self.audio.peak
+        return float(np.abs(self.audio).max())
 
     @property
     def is_silent(self) -> bool:

@@ -232,7 +232,7 @@ class _Band:
             for third in (0, 2, 4):
                 self._note(mix, "chord", root + third, 0, when(0), 4 * self.beat * 0.95)
         if part["use"]["bass"]:
-            for k in np.flatnonzero(part["bass"] | (np.arange(16) == 0)):
+            for k in np.flatnonzero(part["bass"] | (np.arange(16) == 0)).tolist():
                 self._note(mix, "bass", root, -2, when(k), step * 1.8)
         if part["use"]["lead"]:
             for k, degree in part["lead"]:

@@ -152,6 +152,7 @@ class Explorer:
         from dancediff.viz.stage import stage
 
         a, b = self.dance_a, self.dance
+        assert b is not None  # the button is shown with a dance only
         shown = stage(b, self.song) if a is None or a is b else stage(a, self.song, beside=b)
         self.stage.children = (shown,)
 

@@ -4,6 +4,7 @@ The functions know nothing of widgets, so that tests and static pages call them 
 `explore` puts sliders on any of them.
 """
 
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
@@ -171,7 +172,7 @@ def metric_panel(
     if damage not in DAMAGES:
         raise ValueError(f"damage={damage!r} is not one of {', '.join(DAMAGES)}")
     broken = getattr(corruption, damage)(dance, amount, np.random.default_rng(seed))
-    metrics = {
+    metrics: dict[str, Callable] = {
         "FSR, feet slide": fsr,
         "PFC, nobody stands": pfc,
         "BAS, beats met": partial(beat_alignment, beats=beats, direction="music"),

@@ -59,10 +59,11 @@ def plan_parts(score: Score, genre: Genre, beat, spb: float, reach: float, seeds
         rise = rise_of(beat, walk.jumps, spb)
         leave = time_steps(walk.steps, walk.jumps)
         facing = np.radians(track[:, _FACE])
-        feet = tuple(
+        left, right = (
             foot_path(beat, walk.steps[s], leave[s], facing, s, rise, genre.style.point)
             for s in "LR"
         )
+        feet = left, right
         floor, lean = floor_path(beat, feet, genre.groove, spb * FPS)
         me = Personal.draw(np.random.default_rng(seed))
         parts.append(Part(score.counts[i], walk, me, track, feet, floor, lean))

@@ -149,7 +149,9 @@ def _truth(motion, name, score: Score, sections: list[Section], dance, beat, bea
     def frame(at: float) -> int:
         return int(np.searchsorted(beat, at))
 
-    formations = [(0 if at == 0 else frame(at), *what) for at, *what in score.formations]
+    formations = [
+        (0 if at == 0 else frame(at), name, place) for at, name, place in score.formations
+    ]
     return DanceTruth(
         beats=frames[(frames >= 0) & (frames < f)],
         contacts=motion.contact,

@@ -105,7 +105,7 @@ def write_score(
     lead = -min(sections[0].start, 0)  # beats that are over before the dance begins
     score.counts = [row[lead:] for row in score.counts]
     score.centre = score.centre[:, lead:]
-    score.formations = [(max(at, 0), *what) for at, *what in score.formations]
+    score.formations = [(max(at, 0), name, place) for at, name, place in score.formations]
     return score
 
 

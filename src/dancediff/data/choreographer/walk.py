@@ -37,7 +37,7 @@ class Walk:
 
 def channels(score: Score, dancer: int) -> tuple[np.ndarray, np.ndarray]:
     """Torso channels of one dancer on every beat and between beats, (k, c) each."""
-    on, off = [], []
+    rows, others = [], []
     base = last = 0.0
     before = None
     for count in score.counts[dancer]:
@@ -48,10 +48,10 @@ def channels(score: Score, dancer: int) -> tuple[np.ndarray, np.ndarray]:
         row = a[count.within] * sign * count.size
         face = a[count.within, CHANNEL["face"]] * (-1 if count.flip else 1)
         last = row[CHANNEL["face"]] = base + face
-        on.append(row)
-        off.append(b[count.within] * sign * count.size)
+        rows.append(row)
+        others.append(b[count.within] * sign * count.size)
         before = count
-    on, off = np.array(on), np.array(off)
+    on, off = np.array(rows), np.array(others)
     travel = travel_facing(score.centre[dancer])
     on[:, CHANNEL["face"]] += travel
     on[:, CHANNEL["look"]] += 0.6 * travel  # who travels looks ahead
