@@ -49,6 +49,13 @@ _ALL = (
     Extension("metre_unit", "training", "A metre is the unit of the floor.", "metre_unit", ALL),
     Extension("level_weights", "training", "Noise levels count by how hard they are.",
               "level_weights", ALL, needs=LINEAR),
+    Extension("joint_velocity_loss", "training", "Velocities of joints count.",
+              "papers.tcdiffpp.losses", BY_SEGMENTS),
+    Extension("slide_loss", "training", "Feet that truly stand should not slide.",
+              "papers.tcdiffpp.losses", ALL),
+    Extension("masked_music", "training", "Timbre and harmony are hidden.", "training.config", ALL),
+    Extension("any_song", "training", "Real dances are also learned to other dances' songs.",
+              "training.config", SOLO),
     # ---- guidance ----
     Extension("autoguidance", "guidance", "Guesses are pushed away from the linear one.",
               "autoguidance", ALL, needs=LINEAR, lesson=6),
