@@ -92,7 +92,7 @@ def test_songs_and_dances_belong_together(config):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("[variants.full]\nmodel = { fp = false }\n", "'full' changes 'model'"),
+        ("[variants.full]\nmodel = { fp = false }\n", "'model' has no 'fp'"),
         ("[variants.full]\nlocal_stage = { feet = 1 }\n", "'local_stage' has no 'feet'"),
         ("[variants.full]\ntrain_local = { lr = -1.0 }\n", "'train_local': lr=-1.0"),
         ("[variants.full]\nsample = { softness = 1 }\n", "'sample': softness=1 is no option"),

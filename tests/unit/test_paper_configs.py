@@ -25,7 +25,7 @@ from dancediff.training.tables import read_toml
 CONFIGS = Path(__file__).parents[2] / "configs"
 SMALL = {"d_model": 16, "num_heads": 2, "num_layers": 1, "ff_dim": 32}
 QUICK = {"steps": 20, "save_every": 20, "evaluate_every": 10, "evaluate_batches": 1}
-PAPER = {"sampler": "ddim", "steps": 50, "eta": 1.0, "guidance": 2.0, "feet": "free"}
+PAPER = {"sampler": "ddim", "steps": 50, "eta": 1.0, "guidance": 2.0, "foot_contact": False}
 GENRES = ["hiphop", "salsa", "jazz"]
 
 
@@ -115,6 +115,6 @@ def dances_as_the_paper_says(model, folder: Path, **options) -> None:
     """The model folder loads, and its model dances with the preset "paper"."""
     hub.save_model(model, folder / "model", card="tiny")
     song, _ = synth_song(3, seconds=4.0)
-    dance = hub.load(folder / "model").generate(song, **PAPER, **options)
+    dance = hub.load(folder / "model").generate(song, preset="paper", **options)
     assert dance.joints().isfinite().all()
     assert {key: dance.meta[key] for key in PAPER} == PAPER

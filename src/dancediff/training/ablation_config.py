@@ -1,11 +1,11 @@
 r"""What an ablation compares: one TOML file with the tables of a training config and three more.
 
 ``held_out`` says which songs are danced to in the end (`HeldOut`), ``sample`` how (options of
-`dancediff.generation.request`, as far as a model has them; ``swap = []`` asks for none), and
-``variants.NAME`` which keys of ``model``, ``train``, ``weights`` and ``sample`` a variant changes.
-``seeds = [0, 1, 2]`` at the top trains and samples every variant that often.
-A variant that switches to another ``class`` of model keeps the sizes that both have. With ``class =
-"Lodge"`` the tables are those of `dancediff.training.lodge`, for all variants.
+`generate`), and ``variants.NAME`` which keys of the other tables a variant changes. ``seeds = [0,
+1, 2]`` at the top trains and samples every variant that often.
+
+A variant that switches to another ``class`` of model keeps the sizes and the options that both
+have. With ``class = "Lodge"`` the tables are those of `dancediff.training.lodge`.
 """
 
 import json
@@ -13,12 +13,7 @@ from dataclasses import asdict, dataclass, field, fields, replace
 from hashlib import sha256
 
 from dancediff.data.choreographed import SIZES
-from dancediff.generation.request import (
-    EDGERequest,
-    GroupDanceRequest,
-    LodgeRequest,
-    SamplingConfig,
-)
+from dancediff.generation.request import REQUESTS, SamplingConfig
 from dancediff.training.config import SHORTEST_SONG, GroupData, SoloData
 from dancediff.training.lodge import STAGES, check_lodge_tables, is_lodge, stage_config
 from dancediff.training.run import MODELS, check_tables
@@ -26,24 +21,16 @@ from dancediff.training.tables import check_table, read_toml
 
 SEED_STRIDE = 100_000  # more than there are held-out songs: no song meets the same noise twice
 TRUTH = "choreographer"  # the row of the dances that were made, not learned
-REQUEST_OF = {"TCDiffPP": GroupDanceRequest, "EDGE": EDGERequest, "Lodge": LodgeRequest}
-OF_HELD_OUT = {"dancers", "seconds", "genre"}
-_CHANGEABLE = (
-    "model",
-    "train",
-    "weights",
-    "extensions",
-    "sample",
-)  # all are measured on the same songs
-_CHANGEABLE_LODGE = (
-    *("global_stage", "local_stage", "discriminator", "train", "extensions", "sample"),
-    *(f"{table}_{stage}" for table in ("train", "weights") for stage in STAGES),
-)
+FAMILIES = {"TCDiffPP": "tcdiffpp", "EDGE": "edge", "Lodge": "lodge"}
+_FIXED = ("data", "held_out")  # all variants are measured on the same songs
 
 
 @dataclass(frozen=True)
 class HeldOut:
-    """The songs that are danced to; training never hears them."""
+    """The songs that are danced to; training never hears them.
+
+    Raises: ValueError naming the key, its value and what is allowed.
+    """
 
     songs: int = 10
     first_seed: int = 1_000_000
@@ -52,7 +39,6 @@ class HeldOut:
     reference: int = 40  # training songs whose dances are the reference set of FID and the like
 
     def __post_init__(self):
-        """Catch what would otherwise be noticed after the training."""
         for name in ("songs", "reference"):
             if not getattr(self, name) > 0:
                 raise ValueError(f"{name}={getattr(self, name)} must be above 0")
@@ -61,6 +47,11 @@ class HeldOut:
         if not self.seconds >= SHORTEST_SONG:
             raise ValueError(f"seconds={self.seconds} must be at least {SHORTEST_SONG:g}: 4 beats")
 
+    @property
+    def seeds(self) -> range:
+        """Of the songs."""
+        return range(self.first_seed, self.first_seed + self.songs)
+
 
 @dataclass(frozen=True)
 class Variant:
@@ -68,7 +59,7 @@ class Variant:
 
     name: str
     tables: dict = field(repr=False)
-    sample: SamplingConfig
+    sample: SamplingConfig  # song i is danced with seed + i
     held_out: HeldOut
     of: str = ""  # what several seeds are seeds of
 
@@ -98,26 +89,15 @@ def read_ablation(path) -> list[Variant]:
     Raises: ValueError naming the file, the variant, the table and the key that does not fit.
     """
     config, source = read_toml(path), repr(str(path))
-    variants = config.pop("variants", {})
-    seeds = config.pop("seeds", None)
+    variants, seeds = config.pop("variants", {}), config.pop("seeds", None)
     if seeds is not None and not (isinstance(seeds, list) and seeds and _different(seeds)):
         raise ValueError(f"{source}: seeds={seeds!r} must be different whole numbers, as [0, 1, 2]")
     if not isinstance(variants, dict) or not variants:
         raise ValueError(f"{source} has no [variants.NAME]; add one, it may be empty")
-    for name, changes in variants.items():
-        if not name.replace("-", "_").isidentifier() or name == TRUTH:
-            raise ValueError(f"{source}: variant {name!r} is no name; use a-z, 0-9, _ and -")
-        if not isinstance(changes, dict):
-            raise ValueError(f"{source}: variant {name!r} is no table; write [variants.{name}]")
-        changeable = _CHANGEABLE_LODGE if is_lodge(config) else _CHANGEABLE
-        for table in changes:
-            if table not in changeable:
-                allowed = ", ".join(changeable)
-                raise ValueError(f"{source}: variant {name!r} changes {table!r}, not {allowed}")
-    found = [
-        _variant(name, changes, config, f"{source}, variant {name!r}")
-        for name, changes in variants.items()
-    ]
+    for table, values in config.items():
+        if not isinstance(values, dict):
+            raise ValueError(f"{source}: {table!r} is no table; write [{table}]")
+    found = [_variant(name, changes, config, source) for name, changes in variants.items()]
     # seed by seed: all variants have one before any has two
     return found if seeds is None else [_seeded(v, seed) for seed in seeds for v in found]
 
@@ -135,78 +115,67 @@ def _seeded(variant: Variant, seed: int) -> Variant:
 
 
 def _variant(name: str, changes: dict, config: dict, source: str) -> Variant:
-    for table, values in [*config.items(), *changes.items()]:
+    """One variant of the config, checked."""
+    if not name.replace("-", "_").isidentifier() or name == TRUTH:
+        raise ValueError(f"{source}: variant {name!r} is no name; use a-z, 0-9, _ and -")
+    if not isinstance(changes, dict):
+        raise ValueError(f"{source}: variant {name!r} is no table; write [variants.{name}]")
+    for table, values in changes.items():
+        if table in _FIXED:
+            raise ValueError(f"{source}: variant {name!r} changes {table!r}, the same for all")
         if not isinstance(values, dict):
-            raise ValueError(f"{source}: {table!r} is no table; write [{table}]")
-    lodge = is_lodge(config)
+            raise ValueError(f"{source}, variant {name!r}: {table!r} is no table")
+    source = f"{source}, variant {name!r}"
+    kind = (config.get("model", {}) | changes.get("model", {})).get("class", "TCDiffPP")
     base = config
-    if not lodge:
-        base = config | {"model": _shared(config.get("model", {}), changes.get("model", {}))}
+    if (
+        isinstance(kind, str)
+        and kind in MODELS
+        and kind != config.get("model", {}).get("class", "TCDiffPP")
+    ):
+        sizes = {one.name for one in fields(MODELS[kind][1])}
+        options = REQUESTS[FAMILIES[kind]].names()
+        base = config | {
+            table: {key: value for key, value in config.get(table, {}).items() if key in known}
+            for table, known in (("model", sizes), ("sample", options))
+        }
     merged = {table: base.get(table, {}) | changes.get(table, {}) for table in base | changes}
-    held_out = _options(HeldOut, merged.pop("held_out", {}), f"{source}: 'held_out'")
-    options = merged.pop("sample", {})
-    tables = check_lodge_tables(merged, source) if lodge else check_tables(merged, source)
-    if lodge:
-        _check_stages(tables, held_out, source)
-    kind = "Lodge" if lodge else tables["model"].get("class", "TCDiffPP")
-    sample = _sample(options, kind, held_out, f"{source}: 'sample'")
-    corpus = (SoloData if lodge else GroupData)(**tables["data"])
-    usual = {key: getattr(corpus, key) for key in ("songs", "first_seed", "seconds")}
-    tables["data"] = usual | tables["data"]
-    _check_songs(held_out, tables["data"], source)
+    held_out = merged.pop("held_out", {})
+    held_out = HeldOut(**check_table(held_out, HeldOut, f"{source}: 'held_out'"))
+    sample = merged.pop("sample", {})
+    tables = _checked(merged, held_out, source)
+    for key in {"dancers", "seconds", "genre"} & sample.keys():
+        raise ValueError(f"{source}: 'sample': {key} is that of 'held_out'")
+    sample |= {"dancers": held_out.dancers, "seconds": held_out.seconds}
+    try:
+        sample = REQUESTS[FAMILIES[kind]].of(kind, sample)
+    except ValueError as err:
+        raise ValueError(f"{source}: 'sample': {err}") from err
     return Variant(name, tables, sample, held_out)
 
 
-def _shared(model: dict, change: dict) -> dict:
-    """The base's keys that the variant's class knows, if the variant is of another class."""
-    if change.get("class", model.get("class")) == model.get("class"):
-        return model
-    known = (
-        {f.name for f in fields(MODELS[change["class"]][1])} if change["class"] in MODELS else ()
-    )
-    return {key: value for key, value in model.items() if key in known}
-
-
-def _check_stages(tables: dict, held_out: HeldOut, source: str) -> None:
-    if held_out.dancers != 1:
-        raise ValueError(
-            f"{source}: held_out dancers={held_out.dancers} must be 1: Lodge is trained on solos"
-        )
-    for stage in STAGES:
-        try:
+def _checked(merged: dict, held_out: HeldOut, source: str) -> dict:
+    """The tables of a training whose songs are others than those held out."""
+    lodge = is_lodge(merged)
+    tables = check_lodge_tables(merged, source) if lodge else check_tables(merged, source)
+    if lodge:
+        if held_out.dancers != 1:
+            raise ValueError(
+                f"{source}: held_out dancers={held_out.dancers} must be 1: "
+                "Lodge is trained on solos"
+            )
+        for stage in STAGES:
             stage_config(tables, stage)
-        except (TypeError, ValueError) as err:
-            raise ValueError(f"{source}: 'train_{stage}': {err}") from err
-
-
-def _check_songs(held_out: HeldOut, data: dict, source: str) -> None:
-    after = data["first_seed"] + data["songs"]
-    if data["first_seed"] - held_out.songs < held_out.first_seed < after:
+    data = (SoloData if lodge else GroupData)(**tables["data"])
+    after = data.first_seed + data.songs
+    if data.first_seed - held_out.songs < held_out.first_seed < after:
         raise ValueError(
             f"{source}: held_out first_seed={held_out.first_seed} leads to songs of the training "
             f"set; choose {after} or more"
         )
-    if held_out.seconds > data["seconds"]:
+    if held_out.seconds > data.seconds:
         raise ValueError(
             f"{source}: held_out seconds={held_out.seconds:g} is longer than the training songs, "
-            f"whose dances are the reference; choose at most {data['seconds']:g}"
+            f"whose dances are the reference; choose at most {data.seconds:g}"
         )
-
-
-def _sample(values: dict, kind: str, held_out: HeldOut, source: str) -> SamplingConfig:
-    """How a model of this class dances; options that only others have are left out, but a swap."""
-    request = REQUEST_OF[kind]
-    for name in OF_HELD_OUT & values.keys():
-        raise ValueError(f"{source}: {name} is said in 'held_out'")
-    others = {name for one in REQUEST_OF.values() for name in one.names()} - set(request.names())
-    values = {k: v for k, v in values.items() if k not in others or k == "swap"}
-    if values.get("swap") == []:  # for a variant of which nothing can be asked
-        del values["swap"]
-    try:
-        return request.of(kind, values | {"dancers": held_out.dancers, "seconds": held_out.seconds})
-    except ValueError as err:
-        raise ValueError(f"{source}: {err}") from err
-
-
-def _options(kind, values: dict, source: str):
-    return kind(**check_table(values, kind, source))
+    return tables
