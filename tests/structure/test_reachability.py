@@ -53,9 +53,11 @@ def entered(tmp_path_factory) -> set[types.CodeType]:
             path = folder / f"{name}.toml"
             path.write_text(config + STEP)
             train_from_config(path, folder / name)
-        short = {"steps": 4, "seed": 0}
-        dd.load("tcdiffpp").generate(song, dancers=3, seconds=6, swap=[1, 0, 2], **short)
-        solo = dd.load("tcdiffpp").generate(song, dancers=1, seconds=6, sampler="ddim", **short)
+        for preset in ("packaged", "paper"):
+            short = {"preset": preset, "steps": 4, "seed": 0}
+            dd.load("tcdiffpp").generate(song, dancers=3, seconds=6, swap=[1, 0, 2], **short)
+            dd.load("lodge").generate(song, seconds=10, genre="jazz", **short)
+        solo = dd.load("tcdiffpp").generate(song, dancers=1, seconds=6, steps=1)
         solo.save(folder / "solo.bvh")
         retarget(read_bvh(folder / "solo.bvh"))
         dd.load("lodge").generate(song, seconds=10, genre="jazz", **short)
