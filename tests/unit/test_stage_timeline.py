@@ -9,6 +9,7 @@ import soundfile
 from dancediff.music.song import Music
 from dancediff.viz import stage_timeline
 from dancediff.viz.in_page import FOLDER
+from dancediff.viz.style import mp3
 
 p3 = pytest.importorskip("pythreejs")
 widgets = pytest.importorskip("ipywidgets")
@@ -31,7 +32,7 @@ def test_beats_are_where_the_slider_is_then():
 def test_sound_is_as_long_as_the_dance():
     song = Music(np.zeros((44100 * 2, 2), dtype=np.float32), 44100)
     for seconds in (1.0, 3.0):
-        audio, rate = soundfile.read(io.BytesIO(stage_timeline._mp3(song, seconds)))
+        audio, rate = soundfile.read(io.BytesIO(mp3(song, seconds)))
         assert abs(len(audio) / rate - seconds) < 0.1
 
 

@@ -11,6 +11,8 @@ Symbols (axes: N samples · M reference samples · d features)
 import torch
 from torch import Tensor
 
+from dancediff.metrics.inputs import check_compat
+
 TINY = 1e-8  # a feature whose deviation is below this does not vary
 PUBLISHED = 1e-10  # what the public codes add to every deviation
 COMPAT = ("lodge", "aist", "gcd")
@@ -80,9 +82,7 @@ def standardise(features: Tensor, reference: Tensor, *, compat: str | None = Non
     >>> standardise(torch.tensor([[4.0, 4.0], [2.0, 3.0]]), reference).tolist()
     [[1.0, 1.0], [0.0, 0.0]]
     """
-    if compat is not None and compat not in COMPAT:
-        exist = ", ".join(map(repr, COMPAT))
-        raise ValueError(f"compat={compat!r} is unknown for FID and Div; use None or {exist}")
+    check_compat(compat, COMPAT, "FID and Div")
     features, reference = _rows(features, "features"), _rows(reference, "reference")
     if features.shape[1] != reference.shape[1]:
         raise ValueError(

@@ -14,7 +14,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from dancediff.metrics.inputs import as_group, check_compat
+from dancediff.metrics.inputs import as_dancers, check_compat
 from dancediff.metrics.kinetic import lodge_positions
 from dancediff.motion.skeleton import SMPL24
 
@@ -168,10 +168,7 @@ def geometric_features(joints: Tensor, *, fps: float = 30.0, compat: str | None 
     2.0
     """
     check_compat(compat, COMPAT, "geometric features")
-    joints = torch.as_tensor(joints)
-    lead = joints.shape[:-3]
-    many = joints.flatten(0, -4) if joints.ndim > 4 else joints
-    p = as_group(many, fps, least=2)
+    p, lead = as_dancers(joints, fps, least=2)
     if compat == "lodge":
         p = lodge_positions(p)
     m = Frames(p, PUBLISHED_FPS if compat else fps, three_joint_moves=compat is not None)

@@ -38,6 +38,16 @@ def as_group(joints: Tensor, fps: float, *, least: int, dancers: int = 1) -> Ten
     return joints
 
 
+def as_dancers(joints: Tensor, fps: float, *, least: int) -> tuple[Tensor, torch.Size]:
+    """As `as_group` with any axes in front, and these axes, to put them back.
+
+    Shapes: joints (..., f, j, 3) -> (n, f, j, 3) float64, size of (...).
+    """
+    joints = torch.as_tensor(joints)
+    many = joints.flatten(0, -4) if joints.ndim > 4 else joints
+    return as_group(many, fps, least=least), joints.shape[:-3]
+
+
 def check_compat(compat: str | None, known: tuple[str, ...], metric: str) -> None:
     """Refuse a published variant that is not described for a metric.
 

@@ -12,7 +12,7 @@ import torch
 from torch import Tensor
 
 from dancediff.metrics.group import frame_energies
-from dancediff.metrics.inputs import as_group, check_compat
+from dancediff.metrics.inputs import as_dancers, check_compat
 
 WINDOW = 2
 MIN_FRAMES = 3  # an acceleration needs three
@@ -42,10 +42,7 @@ def kinetic_features(joints: Tensor, *, fps: float = 30.0, compat: str | None = 
     [0.0, 9.0, 0.0]
     """
     check_compat(compat, tuple(PUBLISHED_DT), "kinetic features")
-    joints = torch.as_tensor(joints)
-    lead = joints.shape[:-3]
-    many = joints.flatten(0, -4) if joints.ndim > 4 else joints
-    p = as_group(many, fps, least=MIN_FRAMES)
+    p, lead = as_dancers(joints, fps, least=MIN_FRAMES)
     if compat == "lodge":
         p = lodge_positions(p)
     dt = PUBLISHED_DT[compat] if compat else 1 / fps

@@ -98,6 +98,10 @@ class Motion:
         """Joint positions in metres, (n, f, j, 3), by forward kinematics."""
         return forward_kinematics(self.pose, self.root, self.skeleton)
 
+    def contacts(self) -> Tensor:
+        """Which feet are on the floor, (n, f, 4): ``contact``, or else found from the joints."""
+        return foot_contact(self.joints()) if self.contact is None else self.contact
+
     def frames(self, start: int, stop: int) -> "Motion":
         """The frames start..stop-1, as with a slice of a list.
 
@@ -121,13 +125,11 @@ class Motion:
     def features(self, name: str = "tcdiffpp") -> Tensor:
         """The vectors a network sees, not normalised: (n, f, 151), or (n, f, 139) for "lodge".
 
-        Contacts are computed from the joints where the motion carries none. "lodge" leaves out how
-        the two hands are turned; no joint's position depends on it.
+        "lodge" leaves out how the two hands are turned; no joint's position depends on it.
         Raises: ValueError for an unknown name.
         """
         spec = spec_named(name)
-        contact = foot_contact(self.joints()) if self.contact is None else self.contact
-        return pack(contact, self.root, self.pose[:, :, : spec.num_joints])
+        return pack(self.contacts(), self.root, self.pose[:, :, : spec.num_joints])
 
     @classmethod
     def from_features(

@@ -6,7 +6,6 @@ dance is packed into it: rotations as 16-bit quaternions (turned by at most 0.01
 """
 
 import base64
-import io
 import json
 import math
 from pathlib import Path
@@ -15,12 +14,11 @@ import numpy as np
 
 from dancediff.atomic import atomic_write
 from dancediff.axes import ON_FLOOR
-from dancediff.motion.contact import foot_contact
 from dancediff.motion.motion import Motion
 from dancediff.motion.skeleton import SMPL24
 from dancediff.viz.mannequin import EGGS, FACE, SKULL, TUBES, steady_quaternions
 from dancediff.viz.palette import BEAT, FLOOR, GRID, MUTED, WALL, dancer_color
-from dancediff.viz.style import data_url
+from dancediff.viz.style import data_url, mp3
 
 PAGE = Path(__file__).parents[1] / "assets" / "player"
 SHOWN = ("TIF", "BAS", "MMC", "PFC", "FSR", "joint speed")  # metrics that need no reference set
@@ -84,7 +82,7 @@ def _facts(motions: list[Motion], song) -> dict:
         "fps": motion.fps,
         "frames": motion.num_frames,
         "beats": [round(float(b), 3) for b in beats if b < motion.duration],
-        "song": None if song is None else _sound(song, motion.duration),
+        "song": None if song is None else data_url(mp3(song, motion.duration), "audio/mpeg"),
         "centre": ((low + high) / 2).round().tolist(),
         "side": 2 * math.ceil((high - low).max() / 2 + 2),
         "body": {
@@ -101,8 +99,7 @@ def _facts(motions: list[Motion], song) -> dict:
 
 
 def _pane(motion: Motion, title: str, numbers: list) -> dict:
-    contact = foot_contact(motion.joints()) if motion.contact is None else motion.contact
-    bits = (contact.numpy() > 0.5).astype(np.uint8) @ np.array([1, 2, 4, 8], np.uint8)
+    bits = (motion.contacts().numpy() > 0.5).astype(np.uint8) @ np.array([1, 2, 4, 8], np.uint8)
     return {
         "title": title,
         "metrics": numbers,
@@ -119,15 +116,6 @@ def _numbers(motion: Motion, song) -> list[list[str]]:
     rows = {row["name"]: row for row in evaluate_dances([motion], song=song).facts()["rows"]}
     values = [(name, rows[name]["value"]) for name in SHOWN if name in rows]
     return [[name, f"{value:.3g}"] for name, value in values if value is not None]
-
-
-def _sound(song, seconds: float) -> str:
-    import soundfile
-
-    part = song.slice(0, min(seconds, song.duration))
-    sound = io.BytesIO()
-    soundfile.write(sound, part.audio[:, :2], part.rate, format="MP3")
-    return data_url(sound.getvalue(), "audio/mpeg")
 
 
 def _text(array: np.ndarray) -> str:

@@ -11,7 +11,6 @@ import numpy as np
 
 from dancediff.atomic import atomic_write
 from dancediff.axes import ON_FLOOR
-from dancediff.motion.contact import foot_contact
 from dancediff.motion.motion import Motion
 from dancediff.viz.body import (
     body_points,
@@ -274,8 +273,9 @@ def plot_contact_strip(motion: Motion, *, ax=None, beats=(), title: str | None =
     Shapes: motion.contact (n, f, 4), else labelled from the joints -> Axes.
     """
     ax = new_axes(ax, (6.0, 2.4))
-    contact = motion.contact if motion.contact is not None else foot_contact(motion.joints())
-    feet = contact.numpy().reshape(motion.num_dancers, -1, 2, 2).max(2)  # (n, f, left/right)
+    feet = (
+        motion.contacts().numpy().reshape(motion.num_dancers, -1, 2, 2).max(2)
+    )  # (n, f, left/right)
     for k in range(motion.num_dancers):
         color = np.array(rgb(dancer_color(k)))
         for side in range(2):

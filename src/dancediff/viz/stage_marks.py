@@ -6,7 +6,6 @@ Symbols (axes: n dancers · f frames)
 
 import numpy as np
 
-from dancediff.motion.contact import foot_contact
 from dancediff.motion.motion import Motion
 from dancediff.motion.skeleton import FOOT_JOINTS
 from dancediff.viz.palette import INK, dancer_color
@@ -38,10 +37,8 @@ def make_dots(p3, motion: Motion, first: int = 0) -> list:
 
 def make_dot_tracks(p3, motion: Motion, first: int = 0) -> list:
     """Tracks that keep dots under their foot joints, and show them only while these stand."""
-    joints = motion.joints()
-    contact = foot_contact(joints) if motion.contact is None else motion.contact
-    stands = contact.numpy() > 0.5
-    feet = joints[:, :, FOOT_JOINTS].numpy().astype(np.float32)
+    stands = motion.contacts().numpy() > 0.5
+    feet = motion.joints()[:, :, FOOT_JOINTS].numpy().astype(np.float32)
     feet[..., 1] = _DOT_HEIGHT
     return [
         track

@@ -6,13 +6,10 @@ the slider and the clock; the song, where there is one, is what it reads time fr
 it for us, see `dancediff.viz.in_page`.
 """
 
-import io
-
-import numpy as np
-
 from dancediff.viz.in_page import in_page
 from dancediff.viz.palette import BEAT, MUTED
 from dancediff.viz.skin import rest_joints
+from dancediff.viz.style import mp3
 
 SPEEDS = ("0.25", "0.5", "1")
 EDGE = 6  # pixels from the side of the slider to the middle of its handle in frame 0
@@ -42,7 +39,7 @@ def make_controls(widgets, width: int, frames: int, fps: float, views: list[str]
     }
     if song is not None:
         parts["sound_on"] = widgets.Checkbox(True, description="sound", indent=False, layout=narrow)
-        parts["sound"] = widgets.Audio(value=_mp3(song, frames / fps), format="mp3", autoplay=False)
+        parts["sound"] = widgets.Audio(value=mp3(song, frames / fps), format="mp3", autoplay=False)
     return parts
 
 
@@ -83,15 +80,3 @@ def conduct(p3, models: dict, frames: int, fps: float, views: list[dict]):
         "rest": rest_joints().tolist(),  # a skin's bones are bound there
     }
     return in_page(p3, "conductor.js", facts)
-
-
-def _mp3(song, seconds: float) -> bytes:
-    """The song as long as the dance: cut, or with silence at its end; it is the dance's clock."""
-    import soundfile
-
-    part = song.slice(0, min(seconds, song.duration))
-    missing = max(round(seconds * part.rate) - len(part.audio), 0)
-    sound = io.BytesIO()
-    audio = np.pad(part.audio[:, :2], ((0, missing), (0, 0)))
-    soundfile.write(sound, audio, part.rate, format="MP3")
-    return sound.getvalue()

@@ -1,7 +1,9 @@
-"""The look that all figures share: small grey axes, and a finding as the title."""
+"""What all figures and pages share: small grey axes, a finding as the title, bytes for a page."""
 
 import base64
 import io
+
+import numpy as np
 
 from dancediff.viz.palette import GRID, INK, MUTED
 
@@ -47,3 +49,15 @@ def data_url(content: bytes, kind: str = "image/png") -> str:
     'data:image/png;base64,cG5n'
     """
     return f"data:{kind};base64,{base64.b64encode(content).decode()}"
+
+
+def mp3(song, seconds: float) -> bytes:
+    """The song as long as the dance: cut, or with silence at its end; it is the dance's clock."""
+    import soundfile
+
+    part = song.slice(0, min(seconds, song.duration))
+    missing = max(round(seconds * part.rate) - len(part.audio), 0)
+    sound = io.BytesIO()
+    audio = np.pad(part.audio[:, :2], ((0, missing), (0, 0)))
+    soundfile.write(sound, audio, part.rate, format="MP3")
+    return sound.getvalue()
