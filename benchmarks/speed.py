@@ -104,7 +104,7 @@ def naive():
         mock.patch.object(ssm, "ssd_scan", indexed_ssd),
         mock.patch.object(ssm, "selective_scan", indexed_scan),
         mock.patch("dancediff.generation.group_dance.guided", two_passes),
-        mock.patch("dancediff.nn.decoder._same_place", lambda a, b: False),
+        mock.patch("dancediff.nn.conditioning._same_place", lambda a, b: False),
     ):
         yield
 

@@ -1,13 +1,14 @@
 r"""Model folders: save, load, and the models and the song that come with the package.
 
-A model folder holds ``config.json`` (class and sizes), ``model.safetensors`` (weights and
-normalisers) and ``card.md``; a Lodge has ``global.safetensors`` and ``local.safetensors`` instead.
-No pickle is ever read. Files are written under a temporary name and renamed, so a stop in between
-leaves the old file or the new one.
+A model folder holds ``config.json`` (class, sizes and names of extensions), ``model.safetensors``
+(weights and normalisers) and ``card.md``; a Lodge has ``global.safetensors`` and
+``local.safetensors`` instead. No pickle is ever read. Files are written under a temporary name and
+renamed, so a stop in between leaves the old file or the new one.
 """
 
 import json
 from dataclasses import asdict, is_dataclass
+from functools import partial
 from pathlib import Path
 
 import torch
@@ -16,6 +17,7 @@ from safetensors.torch import load_file
 
 from dancediff import __version__
 from dancediff.atomic import atomic_write, save_tensors
+from dancediff.extensions.build import build, extensions_of
 from dancediff.generation.pipeline import Pipeline, pipeline_of
 from dancediff.music.song import Music
 from dancediff.papers.edge.model import EDGE, EDGEConfig
@@ -40,11 +42,12 @@ def save_model(
 
     Raises: ValueError when a weight is not finite, or too large for ``dtype``.
     """
-    config: dict = {
-        "class": type(model).__name__,
-        "dancediff": __version__,
-        "config": asdict(model.config),
-    }
+    kind = next(
+        name for name, (model_class, _) in _CLASSES.items() if isinstance(model, model_class)
+    )
+    config: dict = {"class": kind, "dancediff": __version__, "config": asdict(model.config)}
+    if kind != "Lodge":
+        config["extensions"] = list(extensions_of(model))
     tensors = {
         k: (v if "normalizer" in k else v.to(dtype)).detach().cpu().contiguous().clone()
         for k, v in model.state_dict().items()
@@ -54,7 +57,7 @@ def save_model(
             raise ValueError(f"model: {key} is not finite in {dtype}; train it again or save fp32")
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    for name, prefix in _FILES.get(config["class"], _ONE_FILE).items():
+    for name, prefix in _FILES.get(kind, _ONE_FILE).items():
         save_tensors(_under(tensors, prefix), folder / f"{name}.safetensors")
     for name, text in (("config.json", json.dumps(config, indent=2) + "\n"), ("card.md", card)):
         with atomic_write(folder / name) as part:
@@ -112,6 +115,12 @@ def _read(folder: Path) -> TCDiffPP | EDGE | Lodge:
     if stored["class"] not in _CLASSES:
         raise ValueError(f"class {stored['class']!r} is not one of {', '.join(_CLASSES)}")
     model_class, config_class = _CLASSES[stored["class"]]
+    make = model_class
+    if stored["class"] != "Lodge":
+        if "extensions" not in stored:
+            raise ValueError("config.json names no extensions: an older dancediff wrote it")
+        names = _checked("extensions", stored["extensions"], tuple)
+        make = partial(build, model_class, extensions=names)
     config = _config(stored["config"], config_class())
     tensors = {
         prefix + key: value
@@ -119,14 +128,14 @@ def _read(folder: Path) -> TCDiffPP | EDGE | Lodge:
         for key, value in load_file(folder / f"{name}.safetensors").items()
     }
     with torch.device("meta"):  # takes no memory, however much the config asks for
-        wanted = model_class(config).state_dict()
+        wanted = make(config).state_dict()
     for key in sorted(wanted.keys() | tensors.keys()):
         have, want = (tuple(d[key].shape) if key in d else None for d in (tensors, wanted))
         if have != want:
             raise ValueError(f"{key} has shape {have} in the weights, {want} by config.json")
         if not tensors[key].isfinite().all():
             raise ValueError(f"{key} holds values that are no finite numbers")
-    model = model_class(config)
+    model = make(config)
     model.load_state_dict({key: value.float() for key, value in tensors.items()})
     return model
 

@@ -14,6 +14,7 @@ import torch
 from dancediff.data.choreographed import choreographed_takes
 from dancediff.data.windows import rank_left_to_right
 from dancediff.diffusion.conditions import Conditions
+from dancediff.extensions.build import build
 from dancediff.motion.representation import unpack
 from dancediff.motion.skeleton import forward_kinematics
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
@@ -42,14 +43,14 @@ class FewClips:
         return self.repeated
 
 
-def learn(song_seeds, folder, **switches):
+def learn(song_seeds, folder, *extensions):
     takes = [choreographed_takes(seed, seconds=6.0, sizes=(2,))[0] for seed in song_seeds]
     others = [
         take for seed in (7, 8) for take in choreographed_takes(seed, seconds=6.0, sizes=(2, 3))
     ]
     torch.manual_seed(0)
-    config = TCDiffPPConfig(**SIZES, num_frames=FRAMES, head_dim=32, d_state=4, **switches)
-    model = TCDiffPP(config)
+    names = ("ssd", "aligned_attention", "fusion_residual", "footwork_residual", *extensions)
+    model = build(TCDiffPP, TCDiffPPConfig(**SIZES, num_frames=FRAMES), names)
     fit_statistics(
         model, takes + others, TrainingExtensions(metre_unit=True)
     )  # one dance alone would give its pose away
@@ -62,9 +63,9 @@ def learn(song_seeds, folder, **switches):
     return trained, data, losses
 
 
-@pytest.mark.parametrize(("precondition", "share"), [(True, 0.1), (False, 0.01)])
-def test_one_clip_is_learned_by_heart(tmp_path, precondition, share):
-    model, data, losses = learn([0], tmp_path, precondition=precondition)
+@pytest.mark.parametrize(("extensions", "share"), [(("preconditioning",), 0.1), ((), 0.01)])
+def test_one_clip_is_learned_by_heart(tmp_path, extensions, share):
+    model, data, losses = learn([0], tmp_path, *extensions)
     assert len(losses) == STEPS
     x_0 = model.normalizer.normalize(data.clips[0])
     still = (x_0 - data.mean_pose).square().mean().item()
@@ -99,7 +100,7 @@ def distance(a, b):
 
 def test_music_alone_tells_which_dance(tmp_path):
     """From pure noise, each song brings back its own clip; the songs exchanged, the other one."""
-    model, data, _ = learn([0, 1], tmp_path)
+    model, data, _ = learn([0, 1], tmp_path, "preconditioning")
     x_0, M, S = data.clips
     assert torch.equal(S[0], S[1]), "the swap mode would give the clip away"
     truth = joints(x_0)

@@ -91,7 +91,7 @@ def test_every_group_size(model, song, dancers):
 def test_no_part_of_the_fusion_projection_is_dead(model, song):
     """Units of its second layer that hear something: dances of all sizes, to music, five levels."""
     heard, model = [], model.model
-    hook = model.decoder.fp.middle.register_forward_hook(
+    hook = model.decoder.fusion_projection.middle.register_forward_hook(
         lambda _, __, out: heard.append((out > 0).flatten(0, -2).float().mean(0))
     )
     generator = torch.Generator().manual_seed(0)

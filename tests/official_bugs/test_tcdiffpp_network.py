@@ -7,10 +7,11 @@ import torch
 
 from dancediff.axes import from_tokens
 from dancediff.diffusion.conditions import Conditions
+from dancediff.extensions.build import build
 from dancediff.motion.order import swap_mode
-from dancediff.nn.decoder import frame_of_tokens
-from dancediff.papers.tcdiffpp.dancer_positioning import DancerPositioning
+from dancediff.papers.tcdiffpp.group_dance_decoder import DancerPositioning
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
+from dancediff.papers.tcdiffpp.sequence_decoder import token_frames
 
 
 def network_inputs(x):
@@ -21,7 +22,7 @@ def network_inputs(x):
 def make():
     torch.manual_seed(0)
     sizes = {"d_model": 16, "num_heads": 2, "num_layers": 2, "ff_dim": 32, "fusion_hidden": 48}
-    return TCDiffPP(TCDiffPPConfig(**sizes, head_dim=8)).eval()
+    return TCDiffPP(TCDiffPPConfig(**sizes)).eval()
 
 
 def inputs(b=2, n=3, f=12):
@@ -50,21 +51,19 @@ def test_order_uses_first_frame():
 def test_codes_follow_axes_not_layout():
     """Released: codes are laid out dancer by dancer on tokens that run frame by frame."""
     n, f = 3, 150
-    frames = from_tokens(frame_of_tokens(n, f)[None, :, None], n)[0, :, :, 0]
+    frames = from_tokens(token_frames(torch.zeros(1, n, f, 1))[None, :, None], n)[0, :, :, 0]
     assert torch.equal(frames, torch.arange(f).expand(n, f))  # all 450 right; released: 4
     codes = DancerPositioning(5, 8)(torch.zeros(1, n, f, 8))
     assert (codes == codes[:, :, :1]).all()  # a dancer is the same dancer throughout
 
 
-@pytest.mark.parametrize("ssm", ["ssd", "mamba"])
-def test_music_is_still_heard_beside_the_state_space_model(ssm):
+@pytest.mark.parametrize("extensions", [(), ("ssd",)])
+def test_music_still_comes_in_beside_the_state_space_model(extensions):
     """Released: the fast path of the state space model silently drops the music."""
     torch.manual_seed(0)
-    config = TCDiffPPConfig(
-        d_model=16, num_heads=2, num_layers=1, ff_dim=32, fusion_hidden=48, head_dim=8, ssm=ssm
-    )
-    model, (x_t, t, M, S) = TCDiffPP(config), inputs()
-    layer = model.decoder.decoder.layers[0]
+    sizes = {"d_model": 16, "num_heads": 2, "num_layers": 1, "ff_dim": 32, "fusion_hidden": 48}
+    model, (x_t, t, M, S) = build(TCDiffPP, TCDiffPPConfig(**sizes), extensions), inputs()
+    layer = model.decoder.sequence_decoder.layers[0]
     for film in layer.films:  # music reaches FiLM too; here only attention may carry it
         torch.nn.init.zeros_(film.knobs[1].weight)
     assert (
@@ -74,7 +73,7 @@ def test_music_is_still_heard_beside_the_state_space_model(ssm):
 
 def test_dancers_do_not_share_a_memory():
     """Released: one state runs through dancer 0, 1, 2, 0, 1, 2, ... as if they were one stream."""
-    layer = make().decoder.decoder.layers[0]
+    layer = make().decoder.sequence_decoder.layers[0]
     seen = []
     layer.ssm.register_forward_pre_hook(lambda block, args: seen.append(args[0].shape))
     layer(torch.randn(2, 3, 12, 16), torch.randn(2, 5, 16), torch.randn(2, 16), torch.arange(5))

@@ -15,15 +15,20 @@ from dancediff.data.windows import GroupCut, WindowSampler, rank_left_to_right
 from dancediff.diffusion.conditions import Conditions
 from dancediff.generation.group_dance import binder
 from dancediff.motion.order import swap_mode
-from dancediff.motion.representation import TCDIFFPP, MotionSpec
+from dancediff.motion.representation import TCDIFFPP
 from dancediff.motion.skeleton import LOWER_BODY, SMPL24
 from dancediff.music.features import music_features
 from dancediff.nn.decoder import DecoderLayer
 from dancediff.nn.ssm import MambaBlock
-from dancediff.papers.tcdiffpp.dancer_positioning import DancerPositioning
-from dancediff.papers.tcdiffpp.footwork_adaptor import ConcatSquashLinear, FootworkAdaptor
+from dancediff.papers.tcdiffpp.footwork_adaptor import (
+    ConcatSquashLinear,
+    FootworkAdaptor,
+    ground_velocity,
+)
+from dancediff.papers.tcdiffpp.group_dance_decoder import DancerPositioning
 from dancediff.papers.tcdiffpp.long_group_sampling import LongGroupSampler
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
+from dancediff.papers.tcdiffpp.sequence_decoder import GroupDanceLayer, token_frames
 from dancediff.training.config import TrainConfig
 from dancediff.training.objective import GroupObjective
 
@@ -37,7 +42,7 @@ def network_inputs(x):
 
 def make(**options):
     torch.manual_seed(0)
-    return TCDiffPP(TCDiffPPConfig(**SIZES | {"head_dim": 8} | options)).eval()
+    return TCDiffPP(TCDiffPPConfig(**SIZES | {} | options)).eval()
 
 
 def inputs(b=1, n=3, f=12, m=35):
@@ -68,7 +73,7 @@ def test_t01_music_is_35_numbers_at_30_fps_and_another_width_is_a_setting():
     assert music_features(torch.randn(15360).numpy()).shape[1] == 35
     x_t, t, M, S = inputs(m=438)
     assert make(music_dim=438)(x_t, t, Conditions(M, S))[1].shape == x_t.shape
-    with pytest.raises(ValueError, match="M has shape"):
+    with pytest.raises(ValueError, match="music has shape"):
         make()(x_t, t, Conditions(M, S))
 
 
@@ -108,23 +113,22 @@ def test_t05_swap_mode_says_something():
 def test_t06_swap_mode_is_heard_as_token_and_through_film(way):
     """Released: a token, and always the same one."""
     model, (x_t, t, M, S) = make(), inputs()
-    memory, cond = model.decoder.conditions(t, Conditions(M, S))
-    memory_2, cond_2 = model.decoder.conditions(t, Conditions(M, S.flip(1)))
+    memory, cond = model.decoder.memory(t, Conditions(M, S))
+    memory_2, cond_2 = model.decoder.memory(t, Conditions(M, S.flip(1)))
     assert torch.equal(memory[:, 1:], memory_2[:, 1:])  # the rest of the memory stays
     if way == "token":
         cond_2 = cond
     else:
         memory_2 = memory
-    h = model.decoder.tokens(x_t)
+    h = model.decoder.place(model.decoder.embed(x_t))
     y, y_2 = (
-        model.decoder.decoder(h, *told, music_start=1)
-        for told in ((memory, cond), (memory_2, cond_2))
+        model.decoder.sequence_decoder(h, *told) for told in ((memory, cond), (memory_2, cond_2))
     )
     assert (y - y_2).abs().max() > 1e-4
 
 
 def test_t07_nobody_swaps_unless_asked():
-    """Released: inference never passes an order. Ours: what the caller says is what is heard."""
+    """Released: inference never passes an order. Here: what the caller says is told."""
     model, heard = make(), []
     model.register_forward_pre_hook(lambda _, args: heard.append(args[2].swap[0].tolist()))
     for order in ((), [[2, 0, 1]]):
@@ -141,14 +145,15 @@ def test_t07_nobody_swaps_unless_asked():
 
 def test_t08_ranks_are_marked_before_the_fusion():
     """Released: after it, so that the fusion cannot know who stands where."""
-    model, (x_t, *_) = make(), inputs()
+    decoder, (x_t, *_) = make().decoder, inputs()
     called, marked = [], []
-    model.decoder.dpe.register_forward_hook(lambda *_: called.append("dpe"))
-    model.decoder.fp.register_forward_hook(lambda *_: called.append("fp"))
-    model.decoder.fp.register_forward_pre_hook(lambda _, args: marked.append(args[0].clone()))
-    model.decoder.tokens(x_t)
-    model.decoder.dpe.table.data += torch.randn_like(model.decoder.dpe.table)
-    model.decoder.tokens(x_t)
+    decoder.dancer_positioning.register_forward_hook(lambda *_: called.append("dpe"))
+    decoder.fusion_projection.register_forward_hook(lambda *_: called.append("fp"))
+    decoder.fusion_projection.register_forward_pre_hook(lambda _, args: marked.append(args[0] + 0))
+    for _ in range(2):
+        decoder.place(decoder.embed(x_t))
+        table = decoder.dancer_positioning.table
+        table.data += torch.randn_like(table)
     assert called == ["dpe", "fp"] * 2
     assert (marked[1] - marked[0]).abs().amax(dim=(0, 2, 3)).min() > 0.1  # every place
 
@@ -167,10 +172,23 @@ def test_t09_a_rank_belongs_to_a_dancer_whatever_the_layout_of_tokens():
     assert torch.equal(from_tokens(to_tokens(truth[None]), n)[0], truth)
 
 
-def layer(kind, ssm="mamba"):
+class Released(DecoderLayer):
+    """The released code's layer: the state space model stands in the place of cross-attention."""
+
+    def __init__(self, d_model, **sizes):
+        super().__init__(d_model, **sizes)
+        self.ssm = MambaBlock(d_model)
+
+    def forward(self, h, memory, cond, memory_frames):
+        attend, _, feed_forward = self.blocks(memory, token_frames(h), memory_frames)
+        return from_tokens(
+            self.run(to_tokens(h), cond, [attend, self.ssm, feed_forward]), h.shape[1]
+        )
+
+
+def layer(kind):
     torch.manual_seed(0)
-    block = None if ssm == "none" else MambaBlock(16, ssm=ssm, head_dim=8)
-    return DecoderLayer(16, num_heads=2, ff_dim=32, ssm=block, layer=kind)
+    return kind(16, num_heads=2, ff_dim=32)
 
 
 def run(layer, h=None, memory=None):
@@ -180,32 +198,25 @@ def run(layer, h=None, memory=None):
     return layer(h, memory, cond, torch.arange(5)), h_, memory_
 
 
-def test_t10_four_blocks_or_the_three_of_the_released_code():
-    ours, released = layer("paper"), layer("released")
-    assert ours.cross_attention is not None and len(ours.films) == len(ours.norms) == 4
-    assert released.cross_attention is None and len(released.films) == len(released.norms) == 3
-    edge = layer("released", ssm="none")  # what it does by default
-    assert edge.cross_attention is not None and len(edge.films) == 3
-    whole = make(layer="released", ssm="mamba")
-    assert all(part.cross_attention is None for part in whole.decoder.decoder.layers)
-    assert whole(*network_inputs(inputs()))[1].isfinite().all()
-    with pytest.raises(ValueError, match="layer='other'"):
-        layer("other")
+def test_t10_four_blocks_or_edges_three():
+    """Released: three."""
+    for without, blocks in (((), 4), (("ssm",), 3)):
+        for part in make(without=without).decoder.sequence_decoder.layers:
+            assert len(part.films) == len(part.norms) == blocks
 
 
-def test_t11_the_state_space_model_is_on_and_music_is_heard_beside_it():
-    """Released: off; and switched on it takes the place of listening to the music."""
-    assert TCDiffPPConfig().ssm == "ssd" and TCDiffPPConfig.paper().ssm == "mamba"
-    assert TCDiffPPConfig().layer == TCDiffPPConfig.paper().layer == "paper"
-    for kind, heard in (("paper", True), ("released", False)):
+def test_t11_the_state_space_model_is_on_and_music_comes_in_beside_it():
+    """Released: off; and switched on it takes the place of attention to the music."""
+    assert not TCDiffPPConfig().without and not TCDiffPPConfig.paper().without
+    for kind, told in ((GroupDanceLayer, True), (Released, False)):
         part = layer(kind)
         y, _, memory = run(part)
-        assert ((run(part, memory=-memory)[0] - y).abs().max() > 1e-4) == heard, kind
+        assert ((run(part, memory=-memory)[0] - y).abs().max() > 1e-4) == told, kind
 
 
-def test_t12_each_dancer_has_a_memory_of_her_own():
+def test_t12_each_dancer_has_a_state_of_its_own():
     """Released: one state runs through all dancers, 0, 1, 2, 0, 1, 2, ..."""
-    for kind, shared in (("paper", False), ("released", True)):
+    for kind, shared in ((GroupDanceLayer, False), (Released, True)):
         part = layer(kind)
         torch.nn.init.zeros_(part.self_attention.out.weight)  # only the state is left to tell
         y, h, _ = run(part)
@@ -217,7 +228,7 @@ def test_t12_each_dancer_has_a_memory_of_her_own():
 
 def test_t13_three_concat_squash_layers_of_any_width():
     for hidden in (128, 512):
-        adaptor = make(footwork_hidden=hidden).footwork
+        adaptor = make(footwork_hidden=hidden).footwork_adaptor
         assert [type(part) for part in adaptor.layers] == [ConcatSquashLinear] * 3
         widths = [part.linear.weight.shape for part in adaptor.layers]
         assert widths == [(hidden, 151), (hidden, hidden), (151, hidden)]
@@ -228,17 +239,16 @@ def test_t14_the_spine_is_no_leg():
     """Released: joint 3, the lowest of the spine, is adapted, too."""
     assert sorted(LOWER_BODY) == [1, 2, 4, 5, 7, 8, 10, 11] and SMPL24.names[3] == "belly"
     x = torch.randn(1, 2, 5, 151)
-    spec: MotionSpec = TCDIFFPP
+    adaptor = FootworkAdaptor(16)
     for joints, changed in ((LOWER_BODY, False), ((*LOWER_BODY, 3), True)):
-        torch.manual_seed(0)
-        adaptor = FootworkAdaptor(16, joints=joints)
-        belly = (adaptor(x) - x)[..., spec.joint_channels([3])]
+        adaptor.channels = torch.tensor(TCDIFFPP.joint_channels(joints))
+        belly = (adaptor(x, ground_velocity(x)) - x)[..., TCDIFFPP.joint_channels([3])]
         assert (belly.abs().max() > 0) == changed
 
 
 def test_t24_every_rank_has_a_vector():
     """The paper prints one number for each dancer, the same in all channels."""
-    table = make(d_model=64, num_heads=4).decoder.dpe.table
+    table = make(d_model=64, num_heads=4).decoder.dancer_positioning.table
     assert table.shape == (5, 64)
     assert torch.linalg.matrix_rank(table) == 5
     scalars = torch.randn(5, 1).expand(5, 64)
@@ -248,9 +258,9 @@ def test_t24_every_rank_has_a_vector():
 def test_t29_ranks_are_not_drawn_when_dancing():
     """Released: identities are drawn in every call, here too."""
     model, x = make(), inputs()
-    codes = model.decoder.dpe(torch.zeros(1, 3, 2, 16))
-    assert torch.equal(codes, model.decoder.dpe(torch.zeros(1, 3, 2, 16)))
+    codes = model.decoder.dancer_positioning(torch.zeros(1, 3, 2, 16))
+    assert torch.equal(codes, model.decoder.dancer_positioning(torch.zeros(1, 3, 2, 16)))
     assert torch.equal(model(*network_inputs(x))[1], model(*network_inputs(x))[1])
     draw = random.Random(0)
-    drawn = [model.decoder.dpe.table[draw.sample(range(5), 3)] for _ in range(2)]
+    drawn = [model.decoder.dancer_positioning.table[draw.sample(range(5), 3)] for _ in range(2)]
     assert not torch.equal(*drawn)

@@ -11,10 +11,11 @@ import pytest
 import torch
 
 from dancediff.diffusion.schedule import cosine_abar
+from dancediff.extensions import ssd
 from dancediff.generation.request import GroupDanceRequest, default_of
 from dancediff.generation.segments import Segments
 from dancediff.motion.representation import Normalizer
-from dancediff.nn import ssm
+from dancediff.nn import ssm as nn_ssm
 from dancediff.papers.tcdiffpp.long_group_sampling import LongGroupSampler
 from dancediff.papers.tcdiffpp.losses import LossWeights, l_contact, l_dist, l_vel
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
@@ -140,13 +141,15 @@ def test_t28_the_input_enters_by_eulers_step_and_the_state_is_float32(kind, monk
     """The paper's section 3.4 prints the zero-order hold, which no Mamba code computes for B."""
     u = delta = B = C = torch.ones(1, 1, 1, dtype=torch.float64)
     A, none = torch.tensor([-2.0], dtype=torch.float64), torch.zeros(1, dtype=torch.float64)
-    scan = ssm.selective_scan if kind == "mamba" else ssm.ssd_scan
+    scan = nn_ssm.selective_scan if kind == "mamba" else ssd.ssd_scan
     y = scan(u, delta, A[:, None] if kind == "mamba" else A, B, C, none)
     hold = (math.exp(-2.0) - 1) / -2.0
     assert y.item() == 1.0 and hold == pytest.approx(0.4323, abs=1e-4)
     seen = []
     spy = lambda *told: seen.append({x.dtype for x in told}) or scan(*told)  # noqa: E731
-    monkeypatch.setattr(ssm, "selective_scan" if kind == "mamba" else "ssd_scan", spy)
+    module = nn_ssm if kind == "mamba" else ssd
+    monkeypatch.setattr(module, scan.__name__, spy)
     with torch.autocast("cpu", torch.bfloat16):
-        ssm.MambaBlock(16, ssm=kind, head_dim=8)(torch.randn(1, 9, 16))
+        block = nn_ssm.MambaBlock if kind == "mamba" else ssd.SSDBlock
+        block(16)(torch.randn(1, 9, 16))
     assert seen == [{torch.float32}]

@@ -9,8 +9,8 @@ from dancediff.motion.representation import TCDIFFPP
 from dancediff.motion.skeleton import LOWER_BODY
 from dancediff.nn.ssm import selective_scan_ref
 from dancediff.papers.tcdiffpp import footwork_adaptor
-from dancediff.papers.tcdiffpp.dancer_positioning import DancerPositioning
 from dancediff.papers.tcdiffpp.footwork_adaptor import FootworkAdaptor, ground_velocity
+from dancediff.papers.tcdiffpp.group_dance_decoder import DancerPositioning
 
 A, B, C = torch.tensor([[-0.7, -3.0]]), torch.tensor([1.5, 0.4]), torch.tensor([0.8, -1.1])
 X = TCDIFFPP.root.start

@@ -46,17 +46,17 @@ def squash(into, out):
 def by_hand(C):
     return {
         "embed": linear(MOTION, D),
-        "dpe": C * D,
-        "fp": linear(C * D, HIDDEN) + linear(HIDDEN, HIDDEN) + linear(HIDDEN, C * D),
+        "dancer_positioning": C * D,
+        "fusion_projection": linear(C * D, HIDDEN) + linear(HIDDEN, HIDDEN) + linear(HIDDEN, C * D),
         "swap_mode": C * C * D + linear(D, D),
         "timestep": linear(D, 4 * D) + linear(4 * D, D) + linear(4 * D, 2 * D),
         "music": linear(MUSIC, D) + 2 * (ATTENTION + FEED_FORWARD + 2 * NORM),
         "pooled_music": NORM + 2 * linear(D, D),
         "null_music": FRAMES * D,
         "null_pooled": D,
-        "decoder": NORM + 8 * LAYER,
+        "sequence_decoder": NORM + 8 * LAYER,
         "out": linear(D, MOTION),
-        "footwork": squash(MOTION, 128) + squash(128, 128) + squash(128, MOTION),
+        "footwork_adaptor": squash(MOTION, 128) + squash(128, 128) + squash(128, MOTION),
     }
 
 
@@ -64,7 +64,7 @@ def by_hand(C):
 def test_every_component(C):
     model = build(C)
     for name, size in by_hand(C).items():
-        owner = model if name == "footwork" else model.decoder
+        owner = model if name == "footwork_adaptor" else model.decoder
         part = getattr(owner, name)
         assert (part.numel() if isinstance(part, torch.Tensor) else count(part)) == size, name
 
@@ -82,12 +82,14 @@ def test_known_sizes_of_single_parts():
     assert ATTENTION + FEED_FORWARD + 2 * NORM == 2_102_784  # a layer of the music encoder
     edge_layer = 2 * ATTENTION + FEED_FORWARD + 3 * (NORM + FILM)
     assert edge_layer == 4_730_368 and LAYER == edge_layer + MAMBA + NORM + FILM == 6_951_424
-    assert by_hand(2)["footwork"] == 57_482
-    assert [round(by_hand(C)["fp"] / 1e6, 2) for C in (2, 3, 4, 5)] == [3.15, 4.2, 5.25, 6.3]
+    assert by_hand(2)["footwork_adaptor"] == 57_482
+    assert [round(by_hand(C)["fusion_projection"] / 1e6, 2) for C in (2, 3, 4, 5)] == [
+        3.15,
+        4.2,
+        5.25,
+        6.3,
+    ]
 
 
-def test_what_the_switches_cost():
-    full = count(build(5))
-    assert full - count(build(5, ssm="none")) == 8 * (MAMBA + NORM + FILM)
-    assert count(build(5, bidirectional=True)) - full == 8 * MAMBA
-    assert full - count(build(5, layer="released")) == 8 * (ATTENTION + NORM + FILM)
+def test_what_the_state_space_model_costs():
+    assert count(build(5)) - count(build(5, without=("ssm",))) == 8 * (MAMBA + NORM + FILM)

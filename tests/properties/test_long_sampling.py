@@ -118,7 +118,7 @@ def test_a_dance_does_not_depend_on_what_comes_later(cut, seed):
 def tiny_model():
     torch.manual_seed(0)
     sizes = {"d_model": 8, "num_heads": 1, "num_layers": 1, "ff_dim": 8, "fusion_hidden": 8}
-    sizes |= {"footwork_hidden": 8, "head_dim": 8, "num_frames": 30}
+    sizes |= {"footwork_hidden": 8, "num_frames": 30}
     return pipeline_of(TCDiffPP(TCDiffPPConfig(**sizes)).eval())
 
 

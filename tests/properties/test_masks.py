@@ -1,13 +1,15 @@
-"""Networks with any switches: nobody sees who is absent, nor hears music that is dropped."""
+"""Networks with any components and extensions: masked music and other rows do not matter."""
 
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dancediff.diffusion.conditions import Conditions
+from dancediff.extensions.build import EXTENSIONS, build
+from dancediff.extensions.registry import REGISTRY
 from dancediff.papers.lodge.global_diffusion import GlobalConfig, GlobalDenoiser
 from dancediff.papers.lodge.local_diffusion import LocalConfig, LocalDenoiser
-from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
+from dancediff.papers.tcdiffpp.model import COMPONENTS, TCDiffPP, TCDiffPPConfig
 
 often = settings(deadline=None, derandomize=True, max_examples=30)
 seeds = st.integers(0, 2**32 - 1)
@@ -24,9 +26,6 @@ def normal(seed, *shape):
     return torch.randn(shape, generator=torch.Generator().manual_seed(seed))
 
 
-layers = st.sampled_from(["paper", "released"])  # the latter knows no absent dancers
-
-
 def close(a, b):
     """But for rounding: with random weights answers may be in the thousands."""
     atol = 1e-4 * (1 + b.abs().max().item())
@@ -35,15 +34,14 @@ def close(a, b):
 
 @st.composite
 def switches(draw):
-    """Any set of components that goes together."""
-    names = ("fa", "swap_mode", "fusion_residual", "footwork_residual", "foot_cues", "beat_waves")
-    chosen = {name: draw(st.booleans()) for name in (*names, "dpe", "fp", "bidirectional")}
-    chosen["precondition"] = draw(st.booleans())
-    for name in ("non_local", "formation_prior"):
-        chosen[name] = chosen["precondition"] and draw(st.booleans())
-    chosen["dpe"] |= chosen["formation_prior"]
-    chosen["ssm"] = draw(st.sampled_from(["ssd", "mamba", "none"]))
-    return chosen
+    """Any components left out, and any extensions that go together."""
+    without = {name for name in COMPONENTS if draw(st.booleans())}
+    names = {name for name in EXTENSIONS[TCDiffPP] if draw(st.booleans())}
+    if "preconditioning" not in names:
+        names -= {name for name in names if REGISTRY[name].needs}
+    if "formation_prior" in names:
+        without -= {"dancer_positioning"}
+    return sorted(without), sorted(names)
 
 
 def loud(model, seed):
@@ -55,12 +53,12 @@ def loud(model, seed):
     return model.eval()
 
 
-def group_model(seed, **chosen):
-    sizes = {"fusion_hidden": 16, "footwork_hidden": 8, "head_dim": 4, "d_state": 4}
+def group_model(seed, without, extensions):
+    sizes = {"fusion_hidden": 16, "footwork_hidden": 8, "num_frames": FRAMES, "max_dancers": MOST}
     with torch.random.fork_rng():
         torch.manual_seed(seed)
-        config = TCDiffPPConfig(**TINY, **sizes, num_frames=FRAMES, max_dancers=MOST, **chosen)
-        return loud(TCDiffPP(config), seed)
+        config = TCDiffPPConfig(**TINY, **sizes, without=without)
+        return loud(build(TCDiffPP, config, extensions), seed)
 
 
 def group(seed, n, f, b=2):
@@ -77,8 +75,10 @@ def group(seed, n, f, b=2):
 @given(switches(), seeds, st.integers(2, MOST), st.integers(1, FRAMES), st.data())
 @torch.no_grad()
 def test_without_dpe_and_fp_dancers_are_interchangeable(chosen, seed, n, f, data):
-    chosen |= {"dpe": False, "fp": False, "formation_prior": False}
-    model, (x_t, t, M, S) = group_model(seed, **chosen), group(seed, n, f)
+    without, extensions = chosen
+    without = {*without, "dancer_positioning", "fusion_projection"}
+    extensions = [name for name in extensions if name != "formation_prior"]
+    model, (x_t, t, M, S) = group_model(seed, without, extensions), group(seed, n, f)
     order = data.draw(st.permutations(range(n)))
     for a, b in zip(
         model(x_t, t, Conditions(M, S)), model(x_t[:, order], t, Conditions(M, S)), strict=True
@@ -87,10 +87,10 @@ def test_without_dpe_and_fp_dancers_are_interchangeable(chosen, seed, n, f, data
 
 
 @often
-@given(switches(), layers, seeds, st.integers(1, MOST), st.integers(1, FRAMES))
+@given(switches(), seeds, st.integers(1, MOST), st.integers(1, FRAMES))
 @torch.no_grad()
-def test_dropped_music_is_not_heard(chosen, layer, seed, n, f):
-    model, (x_t, t, M, S) = group_model(seed, layer=layer, **chosen), group(seed, n, f)
+def test_dropped_music_is_not_heard(chosen, seed, n, f):
+    model, (x_t, t, M, S) = group_model(seed, *chosen), group(seed, n, f)
     keep = torch.tensor([True, False])
     other = M + 3 * normal(seed + 3, *M.shape)
     for a, b in zip(
@@ -103,10 +103,10 @@ def test_dropped_music_is_not_heard(chosen, layer, seed, n, f):
 
 
 @often
-@given(switches(), layers, seeds, st.integers(1, MOST), st.integers(1, FRAMES))
+@given(switches(), seeds, st.integers(1, MOST), st.integers(1, FRAMES))
 @torch.no_grad()
-def test_groups_of_a_batch_do_not_meet(chosen, layer, seed, n, f):
-    model, given_ = group_model(seed, layer=layer, **chosen), group(seed, n, f, b=3)
+def test_groups_of_a_batch_do_not_meet(chosen, seed, n, f):
+    model, given_ = group_model(seed, *chosen), group(seed, n, f, b=3)
     alone = model(*network_inputs(part[1:2] for part in given_))
     for a, b in zip(model(*network_inputs(given_)), alone, strict=True):
         close(a[1:2], b)

@@ -13,6 +13,7 @@ from dancediff import hub
 from dancediff.data.choreographer.formations import slots
 from dancediff.diffusion.conditions import Conditions
 from dancediff.extensions.beat_phase import beat_waves
+from dancediff.extensions.build import EXTENSIONS, build
 from dancediff.extensions.collision_avoidance import CollisionAvoidance
 from dancediff.extensions.floor_contact import stand_on_floor
 from dancediff.extensions.foot_contact_projection import foot_contact_hook, plant_feet
@@ -288,9 +289,9 @@ def tiny(kind):
         return pipeline_of(EDGE(EDGEConfig(**TINY, num_frames=30)).eval())
     if kind == "Lodge":
         return hub.load("lodge")
-    switches = dict.fromkeys(("foot_cues", "beat_waves", "non_local", "formation_prior"), True)
-    sizes = {"fusion_hidden": 8, "footwork_hidden": 8, "head_dim": 8, "num_frames": 30}
-    return pipeline_of(TCDiffPP(TCDiffPPConfig(**TINY, **sizes, **switches)).eval())
+    sizes = {"fusion_hidden": 8, "footwork_hidden": 8, "num_frames": 30}
+    config = TCDiffPPConfig(**TINY, **sizes)
+    return pipeline_of(build(TCDiffPP, config, EXTENSIONS[TCDiffPP]).eval())
 
 
 @pytest.mark.parametrize("kind", ["TCDiffPP", "EDGE", "Lodge"])

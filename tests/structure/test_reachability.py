@@ -25,8 +25,7 @@ NOT_CALLED = {"dancediff.motion.representation.TCDIFFPP"}  # a value, no functio
 NOT_REACHED: set[str] = set()
 SMALL = "d_model = 32\nnum_heads = 2\nnum_layers = 1\nff_dim = 32\n"
 TRAINED = {
-    "tcdiffpp": f"[data]\nsongs = 1\nseconds = 8.0\n[model]\n{SMALL}"
-    'fusion_hidden = 32\nssm = "mamba"\n',
+    "tcdiffpp": f"[data]\nsongs = 1\nseconds = 8.0\n[model]\n{SMALL}fusion_hidden = 32\n",
     "edge": f'[data]\nsongs = 1\nseconds = 8.0\n[model]\nclass = "EDGE"\n{SMALL}',
     "lodge": f'[data]\nsongs = 1\nseconds = 38.0\nwindows_per_batch = 2\n[model]\nclass = "Lodge"\n'
     f"[global_stage]\n{SMALL}[local_stage]\n{SMALL}"

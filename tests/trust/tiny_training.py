@@ -12,7 +12,6 @@ num_layers = 1
 ff_dim = 8
 fusion_hidden = 8
 footwork_hidden = 8
-head_dim = 8
 [train]
 steps = STEPS
 save_every = SAVE_EVERY

@@ -9,6 +9,7 @@ import torch
 
 from dancediff import cli
 from dancediff.data.windows import WindowSampler
+from dancediff.extensions.build import build as make
 from dancediff.motion.motion import Motion
 from dancediff.papers.edge.model import EDGE
 from dancediff.papers.tcdiffpp.losses import LossWeights, tcdiffpp_losses
@@ -33,7 +34,7 @@ num_layers = 1
 ff_dim = 32
 fusion_hidden = 32
 num_frames = 30
-ssm = "none"
+without = ["ssm"]
 [train]
 steps = 4
 save_every = 2
@@ -90,16 +91,17 @@ def build(variant):
     tables = json.loads(json.dumps(variant.tables["model"]))
     model_class, config_class = MODELS[tables.pop("class", "TCDiffPP")]
     torch.manual_seed(0)
-    return model_class(config_class(**tables))
+    extensions = tables.pop("extensions")
+    return make(model_class, config_class(**tables), extensions)
 
 
 @pytest.mark.parametrize(
     ("name", "removed"),
     [
-        ("no-FP", r"decoder\.fp\."),
-        ("no-FA", r"footwork\."),
-        ("no-SD", r"decoder\.decoder\.layers\.\d\.(ssm|norms\.3|films\.3)\."),
-        ("no-DPE", r"decoder\.dpe\."),
+        ("no-FP", r"decoder\.fusion_projection\."),
+        ("no-FA", r"footwork_adaptor\."),
+        ("no-SD", r"decoder\.sequence_decoder\.layers\.\d\.(ssm|norms\.3|films\.3)\."),
+        ("no-DPE", r"decoder\.dancer_positioning\."),
         ("no-SM", r"decoder\.swap_mode\."),
     ],
 )
@@ -193,7 +195,7 @@ def test_held_out_songs_may_come_before_those_of_training(config):
 FOUR = """
 [variants.full]
 [variants.no-FP]
-model = { fp = false }
+model = { without = ["ssm", "fusion_projection"] }
 [variants.no-LGDS]
 sample = { long_sampling = "naive" }
 [variants.EDGE]
@@ -225,7 +227,7 @@ def test_rows_dances_and_what_is_done_stays_done(config, tmp_path, monkeypatch):
     assert run_ablation(config(FOUR), out, evaluate=judge) == rows and judge.asked == 5
     monkeypatch.undo()
 
-    other = FOUR.replace("fp = false", "fp = false, dpe = false")
+    other = FOUR.replace('"ssm", ', '"ssm", "dancer_positioning", ')
     before = dances(out, "full")
     again = run_ablation(config(other), out, evaluate=judge)
     assert judge.asked == 6 and again[2]["scores"] != rows[2]["scores"]
@@ -316,7 +318,9 @@ def test_bad_devices_are_named_before_anything_is_done(config, tmp_path):
 
 @pytest.mark.slow
 def test_side_by_side_is_the_same(config, tmp_path):
-    path = config("[variants.full]\n[variants.no-FP]\nmodel = { fp = false }\n")
+    path = config(
+        '[variants.full]\n[variants.no-FP]\nmodel = { without = ["ssm", "fusion_projection"] }\n'
+    )
     one = run_ablation(path, tmp_path / "one", evaluate=Judge())
     two = run_ablation(path, tmp_path / "two", evaluate=Judge(), devices=("cpu", "cpu"))
     assert [row["variant"] for row in one] == [row["variant"] for row in two]

@@ -3,10 +3,10 @@ import math
 import pytest
 import torch
 
-from dancediff.nn.attention import Attention, rope_angles, rotate
+from dancediff.nn.attention import Attention, rope_angles, rope_frequencies, rotate
 
 
-def softmax_attention(attend, x, memory, x_frames, memory_frames, mask=None):
+def softmax_attention(attend, x, memory, x_frames, memory_frames):
     """Vaswani et al. eq. 1, one head after the other."""
     c = attend.channels
     Q = attend.query(x)
@@ -14,11 +14,9 @@ def softmax_attention(attend, x, memory, x_frames, memory_frames, mask=None):
     heads = []
     for h in range(attend.num_heads):
         part = slice(h * c, (h + 1) * c)
-        q = rotate(Q[..., part], rope_angles(x_frames, c))
-        k = rotate(K[..., part], rope_angles(memory_frames, c))
+        q = rotate(Q[..., part], rope_angles(x_frames, attend.frequencies))
+        k = rotate(K[..., part], rope_angles(memory_frames, attend.frequencies))
         logits = q @ k.mT / math.sqrt(c)
-        if mask is not None:
-            logits = logits.masked_fill(~mask[:, None], -torch.inf)
         heads.append(logits.softmax(-1) @ V[..., part])
     return attend.out(torch.cat(heads, dim=-1))
 
@@ -35,24 +33,13 @@ def test_is_softmax_attention(case):
     torch.testing.assert_close(attend(*inputs), softmax_attention(attend, *inputs))
 
 
-def test_masked_keys_are_not_seen(case):
-    attend, x, memory, x_frames, frames = case
-    mask = torch.tensor([[True] * 6 + [False], [True, False] * 3 + [True]])
-    y = attend(x, memory, x_frames, frames, key_mask=mask)
-    expected = softmax_attention(attend, x, memory, x_frames, frames, mask)
-    torch.testing.assert_close(y, expected)
-    changed = torch.where(mask[..., None], memory, torch.randn_like(memory))
-    torch.testing.assert_close(attend(x, changed, x_frames, frames, key_mask=mask), y)
-
-
 def test_bfloat16_training_path_is_the_same_function(case):
     attend, x, memory, x_frames, frames = case
-    mask = torch.tensor([[True] * 6 + [False]] * 2)
-    plain = attend(x, memory, x_frames, frames, key_mask=mask)
+    plain = attend(x, memory, x_frames, frames)
     with torch.autocast("cpu", torch.bfloat16):
-        training = attend(x, memory, x_frames, frames, key_mask=mask)
+        training = attend(x, memory, x_frames, frames)
         with torch.no_grad():
-            inference = attend(x, memory, x_frames, frames, key_mask=mask)
+            inference = attend(x, memory, x_frames, frames)
     assert training.dtype == torch.bfloat16
     torch.testing.assert_close(training.float(), plain, atol=0.03, rtol=0.03)
     torch.testing.assert_close(training, inference, atol=0.03, rtol=0.03)
@@ -67,27 +54,13 @@ def test_depends_only_on_frame_differences(case):
 
 def test_rotation_is_per_pair_and_keeps_length():
     x = torch.randn(1, 1, 9, 8)
-    y = rotate(x, rope_angles(torch.arange(9), 8))
+    y = rotate(x, rope_angles(torch.arange(9), rope_frequencies(8)))
     torch.testing.assert_close(y.norm(dim=-1), x.norm(dim=-1))
     one = torch.zeros(1, 1, 1, 8)
     one[..., 1] = 1.0  # pair 1 = channels 1 and 5, frequency 10000^(-2/8) = 0.1
-    turned = rotate(one, rope_angles(torch.tensor([5]), 8))[0, 0, 0]
+    turned = rotate(one, rope_angles(torch.tensor([5]), rope_frequencies(8)))[0, 0, 0]
     assert turned[1].item() == pytest.approx(math.cos(0.5))
     assert turned[5].item() == pytest.approx(math.sin(0.5))
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_aligned_heads_start_at_their_own_frame(seed):
-    torch.manual_seed(seed)
-    attend = Attention(128, num_heads=4, aligned=True)
-    x, memory = torch.randn(2, 150, 128), torch.randn(2, 150, 128)
-    frames = torch.arange(150)
-    weights = attend.weights(x, memory, frames, frames)
-    own = (weights.argmax(-1) - frames).abs() <= 3  # a tenth of a second
-    assert own[:, :2].float().mean() > 0.95
-    near = (frames[:, None] - frames).abs() <= 10
-    assert (weights[:, :2] * near).sum(-1).mean() > 0.6
-    assert own[:, 2:].float().mean() < 0.2  # the other heads are free
 
 
 def test_without_alignment_nothing_peaks():

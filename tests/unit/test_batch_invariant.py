@@ -1,11 +1,12 @@
-"""Rows that do not depend on their neighbours: `dancediff.nn.batch_invariant`."""
+"""Rows that do not depend on their neighbours."""
 
 import pytest
 import torch
 from torch.nn.functional import linear, softplus
 
 from dancediff.diffusion.conditions import Conditions
-from dancediff.nn.batch_invariant import BatchInvariantLinear, batch_invariant_softplus
+from dancediff.extensions.ssd import batch_invariant_softplus
+from dancediff.nn.conditioning import BatchInvariantLinear
 from dancediff.papers.lodge.local_diffusion import LocalConfig, LocalDenoiser
 
 

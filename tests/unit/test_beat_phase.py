@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 import torch
 
-from dancediff.extensions.beat_phase import beat_phase, beat_waves
+from dancediff.diffusion.conditions import Conditions
+from dancediff.extensions.beat_phase import BeatPhase, beat_phase, beat_waves
+from dancediff.extensions.parts import Pass
 from dancediff.music.features import MusicNormalizer
-from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
-
-SIZES = {"d_model": 16, "num_layers": 1, "num_heads": 2, "ff_dim": 32, "fusion_hidden": 32}
 
 
 def music(beats, frames=40):
@@ -51,28 +50,31 @@ def test_standardised_music_keeps_its_beats():
 
 
 @pytest.fixture(scope="module")
-def model():
+def part():
     torch.manual_seed(0)
-    return TCDiffPP(TCDiffPPConfig(**SIZES, beat_waves=True)).decoder.eval()
+    return BeatPhase(16)
 
 
-def test_tokens_hear_the_beat_only_where_music_is_kept(model):
+def added(part, h, M, mask=None):
+    conditions = Conditions(M, music_mask=mask)
+    return part.tokens(h, Pass(h, torch.ones(len(h)), conditions, normalizer=None)) - h
+
+
+def test_tokens_are_told_the_beat_only_where_there_is_music(part):
     h = torch.zeros(2, 3, 40, 16)
     M = music([4, 20, 36]).repeat(2, 1, 1)
-    heard = model.hear_beats(h, M, torch.tensor([True, False]))
-    assert heard[0].abs().amax(-1).min() > 0 and not heard[1].any()
-    assert torch.equal(heard[0, 0], heard[0, 1])
+    told = added(part, h, M, torch.tensor([True, False]))
+    assert told[0].abs().amax(-1).min() > 0 and not told[1].any()
+    assert torch.equal(told[0, 0], told[0, 1])
 
 
-def test_loud_music_between_the_beats_is_not_in_it(model):
+def test_loud_music_between_the_beats_is_not_in_it(part):
     h, M = torch.zeros(1, 1, 40, 16), music([4, 20, 36])
     louder = M.clone()
     louder[..., :34] = torch.randn(1, 40, 34)
-    assert torch.equal(model.hear_beats(h, M), model.hear_beats(h, louder))
+    assert torch.equal(added(part, h, M), added(part, h, louder))
 
 
-def test_off_it_adds_nothing():
-    decoder = TCDiffPP(TCDiffPPConfig(**SIZES)).decoder
-    h = torch.randn(1, 1, 40, 16)
-    assert decoder.embed_beat is None and decoder.hear_beats(h, music([4])) is h
-    assert not TCDiffPPConfig.paper().beat_waves
+def test_single_dancers_are_told_the_same(part):
+    M, h = music([4, 20, 36]), torch.zeros(1, 40, 16)
+    assert torch.equal(added(part, h, M), added(part, h[:, None], M)[:, 0])

@@ -115,7 +115,7 @@ def test_arguments():
     song, model = dd.packaged_song(), dd.load("tcdiffpp")
     with pytest.raises(ValueError, match="collision_avoidance='wide' must be True or False"):
         model.generate(song, collision_avoidance="wide")
-    plain = TCDiffPP(TCDiffPPConfig(d_model=16, num_layers=1, ff_dim=32, precondition=False))
+    plain = TCDiffPP(TCDiffPPConfig(d_model=16, num_layers=1, ff_dim=32))
     with pytest.raises(ValueError, match="collision_avoidance=True needs"):
         pipeline_of(plain).generate(song, collision_avoidance=True)
 
@@ -130,7 +130,7 @@ def test_naive_sampling_keeps_nobody_apart_and_says_so():
 
 def test_room_is_kept_where_the_model_can():
     song, model = dd.packaged_song(), dd.load("tcdiffpp")
-    plain = TCDiffPP(TCDiffPPConfig(d_model=16, num_layers=1, ff_dim=32, precondition=False))
+    plain = TCDiffPP(TCDiffPPConfig(d_model=16, num_layers=1, ff_dim=32))
     ask = {"seconds": 5, "steps": 1}
     models = (model, pipeline_of(plain))
     made = [m.generate(song, **ask).meta["collision_avoidance"] for m in models]

@@ -30,9 +30,7 @@ def test_every_kind_of_control_has_an_example():
 
 def test_without_the_spectrum_of_the_data_there_is_no_constraint():
     torch.manual_seed(0)
-    config = TCDiffPPConfig(
-        d_model=16, num_heads=2, num_layers=1, ff_dim=32, fusion_hidden=48, precondition=False
-    )
+    config = TCDiffPPConfig(d_model=16, num_heads=2, num_layers=1, ff_dim=32, fusion_hidden=48)
     with pytest.raises(ValueError, match="start=, end= and constraints= need"):
         pipeline_of(TCDiffPP(config)).generate(
             dd.packaged_song(), dancers=2, seconds=2, steps=1, start=[(-1, 0), (1, 0)]

@@ -1,6 +1,6 @@
 import torch
 
-from dancediff.papers.tcdiffpp.dancer_positioning import DancerPositioning
+from dancediff.papers.tcdiffpp.group_dance_decoder import DancerPositioning
 
 
 def test_same_rank_same_code_in_every_frame_and_group_size():

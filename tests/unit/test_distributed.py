@@ -31,7 +31,7 @@ def run_one(out, accumulate=1):
     torch.manual_seed(0)
     torch.set_num_threads(1)
     takes = [DanceTake(str(n), torch.rand(n, 40, 151), M=torch.rand(40, 35)) for n in (1, 2, 3)]
-    sizes = {"d_model": 16, "num_layers": 1, "ff_dim": 32, "fusion_hidden": 32, "head_dim": 16}
+    sizes = {"d_model": 16, "num_layers": 1, "ff_dim": 32, "fusion_hidden": 32}
     model = TCDiffPP(TCDiffPPConfig(**sizes, num_frames=20))
     data = WindowSampler(takes, GroupCut(20), dancers_per_batch=4)
     with join_world() as world:

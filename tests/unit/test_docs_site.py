@@ -72,14 +72,15 @@ def test_a_docstring_becomes_markdown():
 
 def test_links_of_documents_fit_the_site():
     text = (
-        "[a](../src/dancediff/nn/film.py) [b](../notebooks/solutions) [c](../LICENSE)\n"
-        "`dancediff.nn.film.FiLM` `dancediff.nowhere`\n```\n[a](../src/dancediff/hub.py)\n```\n"
+        "[a](../src/dancediff/nn/conditioning.py) [b](../notebooks/solutions) [c](../LICENSE)\n"
+        "`dancediff.nn.conditioning.FiLM` `dancediff.nowhere`\n"
+        "```\n[a](../src/dancediff/hub.py)\n```\n"
     )
-    names = {"dancediff.nn.film.FiLM"}
+    names = {"dancediff.nn.conditioning.FiLM"}
     written, linked = for_site(text, ROOT / "docs" / "x.md", names, known={"docs/data.md"})
     assert written == (
-        "[a](../api/dancediff.nn.film.md) b [c](../LICENSE)\n"
-        "{py:obj}`dancediff.nn.film.FiLM` `dancediff.nowhere`\n"
+        "[a](../api/dancediff.nn.conditioning.md) b [c](../LICENSE)\n"
+        "{py:obj}`dancediff.nn.conditioning.FiLM` `dancediff.nowhere`\n"
         "```\n[a](../src/dancediff/hub.py)\n```\n"
     )
     assert linked == [ROOT / "LICENSE"]

@@ -10,6 +10,7 @@ from dancediff.cli import main
 from dancediff.data.choreographed import choreographed_takes
 from dancediff.data.take import DanceTake
 from dancediff.diffusion.conditions import Conditions
+from dancediff.extensions.build import build
 from dancediff.generation.pipeline import pipeline_of
 from dancediff.papers.edge.model import EDGE, SPACING, EDGEConfig, start_slots
 from dancediff.papers.tcdiffpp.losses import LossWeights, tcdiffpp_losses
@@ -37,7 +38,7 @@ class Tune:
 @pytest.fixture(scope="module")
 def model():
     torch.manual_seed(0)
-    return EDGE(EDGEConfig(**TINY))
+    return build(EDGE, EDGEConfig(**TINY), ["preconditioning"])
 
 
 @pytest.fixture(scope="module")
@@ -68,14 +69,14 @@ def test_the_papers_sizes_have_the_published_number_of_weights():
 
 def test_small_sizes_are_those_of_the_small_tcdiffpp():
     small, group = EDGEConfig(), TCDiffPPConfig()
-    for key in ("d_model", "num_heads", "num_layers", "ff_dim", "num_frames", "precondition"):
+    for key in ("d_model", "num_heads", "num_layers", "ff_dim", "num_frames"):
         assert getattr(small, key) == getattr(group, key), key
 
 
 def test_dancers_do_not_see_each_other(model):
     x_t, t, M, S = inputs()
     x_t.requires_grad_()
-    model(x_t, t, Conditions(M, S))[1][0, 0].sum().backward()
+    model(x_t, t, Conditions(M, S))[0, 0].sum().backward()
     reached = x_t.grad.abs().sum((2, 3)) > 0
     assert reached.tolist() == [[True, False, False], [False, False, False]]
 
@@ -83,25 +84,25 @@ def test_dancers_do_not_see_each_other(model):
 def test_a_group_is_its_dancers_one_by_one(model):
     x_t, t, M, S = inputs()
     keep = torch.tensor([True, False])
-    whole = model(x_t, t, Conditions(M, S, music_mask=keep))[1]
+    whole = model(x_t, t, Conditions(M, S, music_mask=keep))
     for k in range(3):
-        alone = model(x_t[:, k : k + 1], t, Conditions(M, S[:, :1], music_mask=keep))[1]
+        alone = model(x_t[:, k : k + 1], t, Conditions(M, S[:, :1], music_mask=keep))
         torch.testing.assert_close(whole[:, k : k + 1], alone, atol=1e-5, rtol=1e-5)
 
 
 def test_order_of_dancers_means_nothing(model):
     x_t, t, M, S = inputs()
-    mirrored = model(x_t.flip(1), t, Conditions(M, S.flip(1)))[1].flip(1)
-    torch.testing.assert_close(mirrored, model(x_t, t, Conditions(M, S))[1], atol=1e-5, rtol=1e-5)
+    mirrored = model(x_t.flip(1), t, Conditions(M, S.flip(1))).flip(1)
+    torch.testing.assert_close(mirrored, model(x_t, t, Conditions(M, S)), atol=1e-5, rtol=1e-5)
 
 
 def test_music_and_step_matter_and_dropped_music_does_not(model):
     x_t, t, M, S = inputs()
-    base = model(x_t, t, Conditions(M, S))[1]
-    assert (model(x_t, t, Conditions(-M, S))[1] - base).abs().max() > 1e-3
-    assert (model(x_t, 999 - t, Conditions(M, S))[1] - base).abs().max() > 1e-3
+    base = model(x_t, t, Conditions(M, S))
+    assert (model(x_t, t, Conditions(-M, S)) - base).abs().max() > 1e-3
+    assert (model(x_t, 999 - t, Conditions(M, S)) - base).abs().max() > 1e-3
     keep = torch.tensor([True, False])
-    dropped = [model(x_t, t, Conditions(music, S, music_mask=keep))[1] for music in (M, -M)]
+    dropped = [model(x_t, t, Conditions(music, S, music_mask=keep)) for music in (M, -M)]
     assert torch.equal(dropped[0][1], dropped[1][1])
     assert (dropped[0][0] - dropped[1][0]).abs().max() > 1e-3
 
@@ -109,7 +110,7 @@ def test_music_and_step_matter_and_dropped_music_does_not(model):
 def test_four_losses_and_no_distance(model, takes):
     fit_statistics(model, [solo for take in takes for solo in take.solos(centred=True)])
     x_0 = torch.rand(2, 1, 20, 151)
-    x_hat = model(x_0, torch.tensor([500, 900]), Conditions(torch.randn(2, 20, 35)))[1]
+    x_hat = model(x_0, torch.tensor([500, 900]), Conditions(torch.randn(2, 20, 35)))
     terms = tcdiffpp_losses(x_hat, x_hat, x_0, model.normalizer)
     assert terms["dist"] == 0
     w = LossWeights()
@@ -277,7 +278,7 @@ def test_config_mistakes_are_named(tmp_path):
         with pytest.raises(ValueError, match=words):
             read_config(path)
     path.write_text('[train]\n[model]\nclass = "EDGE"\nfp = false\n')
-    with pytest.raises(ValueError, match="'model' has no 'fp'"):
+    with pytest.raises(ValueError, match="'model': fp=False is now 'fusion_projection' in without"):
         read_config(path)
 
 

@@ -1,7 +1,7 @@
 import torch
 import torch.nn.functional as F
 
-from dancediff.nn.film import FiLM
+from dancediff.nn.conditioning import FiLM
 
 
 def test_scales_and_shifts_each_channel():

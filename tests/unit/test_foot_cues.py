@@ -4,13 +4,14 @@ import torch
 from dancediff.axes import FPS
 from dancediff.data.choreographer import choreograph
 from dancediff.diffusion.conditions import Conditions
+from dancediff.extensions.build import build
 from dancediff.extensions.foot_cues import NUM_CUES, NUM_MOVING, SLOW, foot_cues
 from dancediff.motion.representation import TCDIFFPP, Normalizer
 from dancediff.motion.skeleton import FOOT_JOINTS
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 
 NORM = Normalizer(-2 * torch.ones(151), 3 * torch.ones(151))
-SIZES = {"d_model": 16, "num_layers": 1, "ff_dim": 32, "fusion_hidden": 48, "head_dim": 8}
+SIZES = {"d_model": 16, "num_layers": 1, "ff_dim": 32, "fusion_hidden": 48}
 
 
 def test_cues_are_forward_kinematics():
@@ -38,20 +39,21 @@ def test_no_gradient_goes_through():
     assert not foot_cues(torch.randn(1, 1, 4, 151, requires_grad=True), NORM).requires_grad
 
 
-def test_network_and_adaptor_listen_to_them():
-    """Without the switch neither has weights for them; with it both change what comes out."""
+def test_network_and_adaptor_read_them():
+    """Both change what comes out."""
     torch.manual_seed(0)
-    plain = TCDiffPP(TCDiffPPConfig(**SIZES, foot_cues=False))
-    assert not any("feet" in name for name in plain.state_dict())
-    model = TCDiffPP(TCDiffPPConfig(**SIZES, foot_cues=True))
+    model = build(TCDiffPP, TCDiffPPConfig(**SIZES), ["preconditioning", "foot_cues"])
     x_t, t = torch.randn(1, 2, 8, 151), torch.tensor([300])
-    M, S = torch.randn(1, 8, 35), torch.arange(2)[None]
-    x_raw, _ = model(x_t, t, Conditions(M, S))
+    conditions = Conditions(torch.randn(1, 8, 35), torch.arange(2)[None])
+    x_raw, _ = model(x_t, t, conditions)
     with torch.no_grad():
-        model.decoder.embed_feet.weight.mul_(3)
-    assert not torch.allclose(model(x_t, t, Conditions(M, S))[0], x_raw)
-    cues = foot_cues(x_raw, model.normalizer)[..., -NUM_MOVING:]
+        model.parts["foot_cues"].embed_cues.weight.mul_(3)
+    assert not torch.allclose(model(x_t, t, conditions)[0], x_raw)
     with torch.no_grad():
-        for layer in model.footwork.layers:
+        for layer in model.footwork_adaptor.layers:
             layer.gate.weight.normal_()
-    assert not torch.allclose(model.footwork(x_raw, cues), model.footwork(x_raw, 0 * cues))
+    v = torch.zeros(1, 2, 8, 2 + NUM_MOVING)
+    cues = v.clone()
+    cues[..., 2:] = foot_cues(x_raw, model.normalizer)[..., -NUM_MOVING:]
+    adaptor = model.footwork_adaptor
+    assert not torch.allclose(adaptor(x_raw, cues), adaptor(x_raw, v))

@@ -4,6 +4,7 @@ import pytest
 import torch
 
 from dancediff.diffusion.conditions import Conditions
+from dancediff.extensions.build import build
 from dancediff.extensions.formation_prior import FormationPrior
 from dancediff.extensions.preconditioning import Preconditioning, dct_matrix
 from dancediff.motion.representation import TCDIFFPP
@@ -112,11 +113,11 @@ def test_a_short_window_is_the_beginning_of_a_way_that_is_as_long(prior):
     assert torch.equal(short, whole[:, ::2])
 
 
-def decoder_guess(prior, swap_mode: bool, S):
+def decoder_guess(prior, S, without):
     torch.manual_seed(0)
-    switches = {"swap_mode": swap_mode, "fa": False, "max_dancers": 4}
-    model = TCDiffPP(TCDiffPPConfig(**SMALL, **switches, formation_prior=True))
-    model.decoder.formation = prior
+    config = TCDiffPPConfig(**SMALL, max_dancers=4, without=without)
+    model = build(TCDiffPP, config, ["formation_prior", "preconditioning"])
+    model.parts["formation_prior"].load_state_dict(prior.state_dict())
     torch.nn.init.zeros_(model.decoder.out.weight)
     torch.nn.init.zeros_(model.decoder.out.bias)
     x_t = torch.randn(1, 3, FRAMES, 151, generator=torch.Generator().manual_seed(3))
@@ -127,11 +128,13 @@ def decoder_guess(prior, swap_mode: bool, S):
 
 def test_a_model_that_knows_nothing_swaps_as_asked(prior):
     S = torch.tensor([[2, 0, 1]])
-    assert decoder_guess(prior, True, S).argsort().tolist() == [2, 0, 1]
-    assert decoder_guess(prior, False, S).argsort().tolist() == [0, 1, 2]  # never told
+    assert decoder_guess(prior, S, ()).argsort().tolist() == [2, 0, 1]
+    assert decoder_guess(prior, S, ("swap_mode",)).argsort().tolist() == [0, 1, 2]  # never told
 
 
 def test_it_is_a_linear_guess_by_rank():
-    for missing in ("dpe", "precondition"):
-        with pytest.raises(ValueError, match="formation_prior=True"):
-            TCDiffPP(TCDiffPPConfig(**SMALL, formation_prior=True, **{missing: False}))
+    config = TCDiffPPConfig(**SMALL, without=("dancer_positioning",))
+    with pytest.raises(ValueError, match="'formation_prior' is a linear guess by rank"):
+        build(TCDiffPP, config, ["formation_prior", "preconditioning"])
+    with pytest.raises(ValueError, match="'formation_prior' needs 'preconditioning'"):
+        build(TCDiffPP, TCDiffPPConfig(**SMALL), ["formation_prior"])

@@ -1,7 +1,7 @@
 import pytest
 import torch
 
-from dancediff.papers.tcdiffpp.fusion_projection import FusionProjection
+from dancediff.papers.tcdiffpp.group_dance_decoder import FusionProjection
 
 
 def test_is_three_linear_layers_on_the_row_of_dancers():

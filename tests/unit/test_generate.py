@@ -8,12 +8,13 @@ import torch
 import dancediff as dd
 from dancediff.diffusion.conditions import Conditions
 from dancediff.extensions.autoguidance import LASTING_SHARE, ROOT_SHARE
-from dancediff.extensions.preconditioning import dct_matrix
+from dancediff.extensions.build import build
+from dancediff.extensions.preconditioning import dct_matrix, preconditioning_of
 from dancediff.generation.group_dance import binder, largest_guess
 from dancediff.generation.pipeline import pipeline_of
 from dancediff.generation.request import GroupDanceRequest, default_of
 from dancediff.generation.segments import Segments
-from dancediff.nn.decoder import MusicEncoder
+from dancediff.nn.conditioning import MusicEncoder
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 
 
@@ -37,10 +38,8 @@ class Tune:
 @pytest.fixture(scope="module")
 def model():
     torch.manual_seed(0)
-    config = TCDiffPPConfig(
-        d_model=16, num_heads=2, num_layers=1, ff_dim=32, fusion_hidden=48, head_dim=8
-    )
-    return pipeline_of(TCDiffPP(config))
+    config = TCDiffPPConfig(d_model=16, num_heads=2, num_layers=1, ff_dim=32, fusion_hidden=48)
+    return pipeline_of(build(TCDiffPP, config, ["preconditioning"]))
 
 
 def dance(model, song=None, **options):
@@ -87,7 +86,7 @@ def test_music_is_encoded_once_a_segment_and_that_changes_nothing(model, guidanc
     options = {"seconds": 10, "steps": 4, "guidance": guidance}
     once = dance(model, **options)
     assert len(seen) == 3  # segments
-    monkeypatch.setattr("dancediff.nn.decoder._same_place", lambda a, b: False)
+    monkeypatch.setattr("dancediff.nn.conditioning._same_place", lambda a, b: False)
     each_time = dance(model, **options)
     assert len(seen) == 3 + 3 * 4
     assert once.root.equal(each_time.root) and once.pose.equal(each_time.pose)
@@ -122,7 +121,7 @@ def test_options_reach_the_sampler(model):
 def test_ddpm_takes_all_steps():
     torch.manual_seed(0)
     tiny = TCDiffPPConfig(
-        d_model=16, num_layers=1, ff_dim=32, fusion_hidden=16, num_steps=8, ssm="none"
+        d_model=16, num_layers=1, ff_dim=32, fusion_hidden=16, num_steps=8, without=("ssm",)
     )
     calls = []
     motion = pipeline_of(TCDiffPP(tiny)).generate(
@@ -301,9 +300,7 @@ def test_a_long_dance_says_where_its_seams_are():
 
 def test_autoguidance_is_on_where_there_is_a_linear_guess():
     model, song = dd.load("tcdiffpp"), dd.packaged_song()
-    plain = pipeline_of(
-        TCDiffPP(TCDiffPPConfig(d_model=16, num_layers=1, ff_dim=32, precondition=False))
-    )
+    plain = pipeline_of(TCDiffPP(TCDiffPPConfig(d_model=16, num_layers=1, ff_dim=32)))
     ask = {"dancers": 2, "seconds": 2, "steps": 3}
     assert model.generate(song, **ask).meta["autoguidance"] == default_of(
         "tcdiffpp", "autoguidance"
@@ -317,7 +314,7 @@ def test_autoguidance_is_on_where_there_is_a_linear_guess():
 
 def test_without_preconditioning_dancers_may_stand_far_out():
     """The unit on the floor is a metre, so guesses there are not cut at 1."""
-    plain = TCDiffPP(TCDiffPPConfig(d_model=16, num_layers=1, ff_dim=32, precondition=False))
+    plain = TCDiffPP(TCDiffPPConfig(d_model=16, num_layers=1, ff_dim=32))
     guess = largest_guess(plain, GroupDanceRequest(frequency_clip=False))(
         torch.full((1, 2, 5, 151), 3.0)
     )
@@ -330,7 +327,7 @@ def test_no_guess_runs_away():
     model, song = dd.load("tcdiffpp"), dd.packaged_song()
     free = dict.fromkeys(("foot_contact", "collision_avoidance", "order_constraint"), False)
     ask = {"dancers": 2, "seconds": 5, "steps": 8} | free
-    precondition = model.model.decoder.precondition
+    precondition = preconditioning_of(model.model)
     C = dct_matrix(150)
     largest = {}
     for kind, w in (("usual", 1.0), ("pushed", 10.0)):

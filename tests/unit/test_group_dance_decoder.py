@@ -14,7 +14,7 @@ def network_inputs(x):
 def make(**options):
     torch.manual_seed(0)
     sizes = {"d_model": 16, "num_heads": 2, "num_layers": 2, "ff_dim": 32, "fusion_hidden": 48}
-    return GroupDanceDecoder(TCDiffPPConfig(**sizes | {"head_dim": 8, "num_frames": 20} | options))
+    return GroupDanceDecoder(TCDiffPPConfig(**sizes | {"num_frames": 20} | options))
 
 
 def inputs(b=2, n=3, f=20):
@@ -36,7 +36,7 @@ def test_swap_mode_changes_output():
 
 
 def test_without_swap_mode_it_does_not():
-    decoder, (x_t, t, M, S) = make(swap_mode=False), inputs()
+    decoder, (x_t, t, M, S) = make(without=("swap_mode",)), inputs()
     assert torch.equal(decoder(x_t, t, Conditions(M, S.flip(1))), decoder(x_t, t, Conditions(M, S)))
 
 
@@ -75,7 +75,7 @@ def test_every_dancer_sees_every_dancer_and_frame():
 
 def test_memory_is_swap_music_step():
     decoder, (_, t, M, S) = make(), inputs()
-    memory, cond = decoder.conditions(t, Conditions(M, S))
+    memory, cond = decoder.memory(t, Conditions(M, S))
     assert memory.shape == (2, 1 + 20 + 2, 16) and cond.shape == (2, 16)
     torch.testing.assert_close(memory[:, 0], decoder.swap_mode(S))
     torch.testing.assert_close(memory[:, 1:21], decoder.music(M))
@@ -92,8 +92,8 @@ def test_memory_is_swap_music_step():
         ("x_t", {"x_t": torch.zeros(2, 3, 21, 151)}),
         ("x_t", {"x_t": torch.zeros(2, 3, 20, 139)}),
         ("t", {"t": torch.zeros(3, dtype=torch.long)}),
-        ("M", {"M": torch.zeros(2, 19, 35)}),
-        ("S", {"S": torch.zeros(2, 2, dtype=torch.long)}),
+        ("music", {"M": torch.zeros(2, 19, 35)}),
+        ("swap", {"S": torch.zeros(2, 2, dtype=torch.long)}),
     ],
 )
 def test_wrong_shapes_are_named(name, bad):

@@ -6,6 +6,7 @@ from safetensors import safe_open
 from safetensors.torch import load_file, save_file
 
 from dancediff import hub
+from dancediff.extensions.build import build
 from dancediff.motion.representation import Normalizer
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 
@@ -36,6 +37,24 @@ def test_round_trip(model, tmp_path):
     assert kinds == {torch.float16}
 
 
+def test_a_folder_of_before_extensions_were_named_is_told(model, tmp_path):
+    hub.save_model(model, tmp_path)
+    stored = json.loads((tmp_path / "config.json").read_text())
+    del stored["extensions"]
+    (tmp_path / "config.json").write_text(json.dumps(stored))
+    with pytest.raises(ValueError, match="names no extensions: an older dancediff wrote it"):
+        hub.load(tmp_path)
+
+
+def test_extensions_are_kept(tmp_path):
+    config = TCDiffPPConfig(d_model=16, num_layers=1, num_heads=2, ff_dim=32, fusion_hidden=32)
+    net = build(TCDiffPP, config, ["ssd", "preconditioning"])
+    hub.save_model(net, tmp_path, dtype=torch.float32)
+    again = hub.load(tmp_path)
+    assert again.extensions == ("ssd", "preconditioning")
+    assert all(torch.equal(again.state_dict()[k], v) for k, v in net.state_dict().items())
+
+
 def test_unknown_name_lists_what_there_is():
     with pytest.raises(ValueError, match=r"'nobody'.*packaged \("):
         hub.load("nobody")
@@ -45,11 +64,15 @@ def test_unknown_name_lists_what_there_is():
     ("change", "message"),
     [
         ({"class": "Evil"}, "'Evil' is not one of TCDiffPP"),
+        ({"extensions": ["wings"]}, "extensions: 'wings' is not one of those of TCDiffPP: precond"),
+        ({"extensions": ["foot_cues"]}, "'foot_cues' needs 'preconditioning'"),
+        ({"extensions": "ssd"}, "extensions='ssd' should be a list of names"),
+        ({"config": {"without": ["lstm"]}}, "without: 'lstm' is not one of"),
         ({"config": []}, "config is a list"),
         ({"config": {"d_model": 10**9}}, "d_model=1000000000"),
         ({"config": {"d_model": "16"}}, "should be int"),
         ({"config": {"colour": 1}}, "colour"),
-        ({"config": {"d_model": 32}}, r"has shape \(32,\) in the weights, \(64,\)"),
+        ({"config": {"d_model": 32}}, r"has shape \(5, 16\) in the weights, \(5, 32\)"),
         ({"config": {"num_layers": 2}}, "has shape None in the weights"),
         ({"config": {"num_layers": 10**4}}, r"not in 1\.\.64"),
         # would take 100 GB, if it were made before it is compared with the file

@@ -90,10 +90,14 @@ def test_imports_point_one_way(own):
 @pytest.mark.parametrize(
     ("own", "text", "wrong"),
     [
-        ("nn.film", "from dancediff.motion.motion import Motion\nimport dancediff.axes", 0),
+        ("nn.conditioning", "from dancediff.motion.motion import Motion\nimport dancediff.axes", 0),
         ("motion.ik", "from dancediff.papers.tcdiffpp.model import TCDiffPP", 1),
         ("motion.ik", "from dancediff import hub", 1),
-        ("motion.ik", "try:\n    import dancediff.nn.film\nexcept ImportError:\n    pass", 1),
+        (
+            "motion.ik",
+            "try:\n    import dancediff.nn.conditioning\nexcept ImportError:\n    pass",
+            1,
+        ),
         ("motion.ik", "def save():\n    from dancediff.viz.plots import save_filmstrip", 1),
         ("training.loop", "from dancediff.viz.plots import plot_energy", 0),
         ("papers.lodge.style", "from dancediff.papers.lodge import losses", 0),

@@ -7,6 +7,7 @@ import pytest
 import torch
 
 import dancediff as dd
+from dancediff.extensions.build import build
 from dancediff.generation.pipeline import pipeline_of
 from dancediff.papers.lodge.cue_guidance import guided_steps
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
@@ -22,7 +23,7 @@ def song():
 def model():
     torch.manual_seed(0)
     small = TCDiffPPConfig(d_model=32, num_layers=1, num_heads=2, ff_dim=32, max_dancers=3)
-    return pipeline_of(TCDiffPP(small).eval())
+    return pipeline_of(build(TCDiffPP, small, ["preconditioning"]).eval())
 
 
 @pytest.fixture(scope="module")

@@ -148,7 +148,7 @@ class Knows(torch.nn.Module):
     def __init__(self, dance):
         super().__init__()
         self.dance, self.calls = dance, []
-        self.config = TCDiffPPConfig(precondition=False)
+        self.config = TCDiffPPConfig()
         self.normalizer = Normalizer(-3 * torch.ones(151), 3 * torch.ones(151))
         self.register_buffer("abar", ABAR)
 
@@ -203,7 +203,7 @@ def test_a_swap_is_asked_of_its_segment_only():
 def test_tcdiffpp_without_its_long_sampling():
     torch.manual_seed(0)
     sizes = {"d_model": 16, "num_heads": 2, "num_layers": 1, "ff_dim": 32, "fusion_hidden": 32}
-    model = pipeline_of(TCDiffPP(TCDiffPPConfig(**sizes, ssm="none")))
+    model = pipeline_of(TCDiffPP(TCDiffPPConfig(**sizes, without=("ssm",))))
     song = Tune(10.0)
     song.features = lambda: torch.randn(301, 35, generator=torch.Generator().manual_seed(0))
     options = {"dancers": 3, "steps": 2, "seconds": 8}

@@ -2,6 +2,7 @@ import pytest
 import torch
 
 from dancediff.diffusion.conditions import Conditions
+from dancediff.extensions.build import build
 from dancediff.extensions.non_local_filter import HEADS, NonLocalFilter, body_parts, left_over
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 
@@ -72,25 +73,25 @@ def test_what_is_left_over_fades_with_the_signal():
     assert torch.equal(rest[0], x_t[0]) and not rest[1].any()
 
 
-def test_switch_adds_nothing_before_training_and_learns():
+def test_adds_nothing_before_training_and_learns():
     torch.manual_seed(0)
-    model = TCDiffPP(TCDiffPPConfig(**SIZES, non_local=True))
+    names = ["preconditioning", "non_local_filter"]
+    model = build(TCDiffPP, TCDiffPPConfig(**SIZES), names)
     x = torch.randn(2, 3, 20, 151), torch.tensor([10, 400])
     conditions = Conditions(torch.randn(2, 20, 35), torch.arange(3).expand(2, 3))
     with torch.no_grad():
         x_raw, _ = model(*x, conditions)
-        part, model.decoder.non_local = model.decoder.non_local, None
+        part = model.parts.pop("non_local_filter")
         assert torch.equal(model(*x, conditions)[0], x_raw)
-        model.decoder.non_local = part
+        model.parts["non_local_filter"] = part
     torch.nn.init.normal_(part.mix.weight)
     model(*x, conditions)[1].square().mean().backward()
     assert all(p.grad is not None and p.grad.abs().max() > 0 for p in part.parameters())
-    assert not TCDiffPPConfig.paper().non_local and TCDiffPP().decoder.non_local is None
 
 
 def test_needs_the_linear_guess():
-    with pytest.raises(ValueError, match="non_local=True averages the linear guess"):
-        TCDiffPP(TCDiffPPConfig(**SIZES, non_local=True, precondition=False))
+    with pytest.raises(ValueError, match="'non_local_filter' needs 'preconditioning'"):
+        build(TCDiffPP, TCDiffPPConfig(**SIZES), ["non_local_filter"])
 
 
 def test_learns_to_smooth_rests_and_to_leave_jumps():

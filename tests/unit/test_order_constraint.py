@@ -90,7 +90,7 @@ def test_arguments():
     song, model = dd.packaged_song(), dd.load("tcdiffpp")
     with pytest.raises(ValueError, match="order_constraint='sorted' must be True or False"):
         model.generate(song, order_constraint="sorted")
-    plain = TCDiffPP(TCDiffPPConfig(d_model=16, num_layers=1, ff_dim=32, precondition=False))
+    plain = TCDiffPP(TCDiffPPConfig(d_model=16, num_layers=1, ff_dim=32))
     with pytest.raises(ValueError, match="order_constraint=True needs"):
         pipeline_of(plain).generate(song, order_constraint=True)
     with pytest.raises(ValueError, match="order_constraint=True is not possible"):

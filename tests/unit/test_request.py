@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from dancediff.extensions.control import WalkAlong
+from dancediff.extensions.preconditioning import Preconditioning
 from dancediff.generation.presets import PACKAGED, PAPER, PRESETS
 from dancediff.generation.request import (
     NEEDS_PRECONDITIONING,
@@ -35,9 +36,11 @@ class Tune:
 
 
 def model(*, precondition=True, **sizes):
-    usual = {"num_frames": 150, "num_steps": 1000, "max_dancers": 5, "precondition": precondition}
+    usual = {"num_frames": 150, "num_steps": 1000, "max_dancers": 5}
     usual["genres"] = ("hiphop", "house", "salsa")
-    return SimpleNamespace(config=SimpleNamespace(**usual | sizes))
+    parts = [Preconditioning(8, 1)] if precondition else []
+    config = SimpleNamespace(**usual | sizes)
+    return SimpleNamespace(config=config, modules=lambda: parts)
 
 
 # ---- what stands where ----

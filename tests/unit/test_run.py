@@ -7,6 +7,8 @@ import torch
 
 from dancediff.data.choreographed import choreographed_takes
 from dancediff.data.windows import GroupCut, WindowSampler
+from dancediff.extensions.build import build
+from dancediff.hub import load
 from dancediff.music.features import CHROMA
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 from dancediff.training.config import TrainConfig, TrainingExtensions
@@ -35,7 +37,7 @@ def logged(folder):
 
 def fresh(takes):
     torch.manual_seed(3)
-    model = TCDiffPP(TCDiffPPConfig(**TINY, head_dim=32, d_state=4))
+    model = TCDiffPP(TCDiffPPConfig(**TINY))
     fit_statistics(model, takes)
     return model, WindowSampler(takes, GroupCut(30), dancers_per_batch=4)
 
@@ -81,7 +83,7 @@ def test_losses_are_logged_by_name(takes, tmp_path):
 
 def test_without_chroma_another_harmony_changes_nothing(takes):
     torch.manual_seed(3)
-    model = TCDiffPP(TCDiffPPConfig(**TINY, head_dim=32, d_state=4))
+    model = TCDiffPP(TCDiffPPConfig(**TINY))
     M = takes[0].M[:30]
     other = M.clone()
     other[:, CHROMA] = other[:, CHROMA].flip(1)
@@ -150,6 +152,8 @@ def test_packaged_config_is_valid():
     from pathlib import Path
 
     config = read_config(Path(__file__).parents[2] / "configs" / "tcdiffpp_small.toml")
+    names = config["model"].pop("extensions")
+    assert tuple(names) == load("tcdiffpp").extensions  # the packaged model is made with it
     assert TCDiffPPConfig(**config["model"]).max_dancers == 5 and config["train"]["steps"] > 0
 
 
@@ -158,23 +162,21 @@ def test_training_can_set_out_from_a_model(takes, tmp_path):
     path = tmp_path / "c.toml"
     sizes = "\n".join(f"{key} = {value}" for key, value in TINY.items())
     path.write_text(
-        f"[model]\n{sizes}\nhead_dim = 32\nd_state = 4\nbidirectional = true\n"
+        f'[model]\n{sizes}\nextensions = ["beat_phase", "preconditioning"]\n'
         "[train]\nsteps = 1\nlr = 1e-12\nema = 0.0\nweight_decay = 0.0\n"
         "[data]\ndancers_per_batch = 4\n"
     )
     start, _ = fresh(takes)
     start.normalizer.low += 0.25
-    left_new = take_over(TCDiffPP(read_sizes(path)), start)
+    extended = build(TCDiffPP, read_sizes(path), ["beat_phase", "preconditioning"])
+    left_new = take_over(extended, start)
     trained = train_from_config(path, tmp_path / "out", takes=takes, start=start).state_dict()
-    assert left_new and all("backward" in name or "reverse" in name for name in left_new), left_new
-    mean = "decoder.precondition.mean"  # fitted again, in the units of the start
-    moved = start.normalizer.normalize(
-        fresh(takes)[0].normalizer.unnormalize(start.state_dict()[mean])
-    )
-    torch.testing.assert_close(trained[mean], moved, atol=1e-5, rtol=1e-6)
+    assert left_new and all(name.startswith("parts.") for name in left_new), left_new
+    fit_statistics(extended, takes, start=start)  # fitted in the units of the start
+    mean = "parts.preconditioning.preconditioning.mean"
+    torch.testing.assert_close(trained[mean], extended.state_dict()[mean], atol=1e-5, rtol=0)
     for name, value in start.state_dict().items():
-        if not name.startswith("decoder.precondition"):
-            torch.testing.assert_close(trained[name], value, atol=1e-6, rtol=0, msg=name)
+        torch.testing.assert_close(trained[name], value, atol=1e-6, rtol=0, msg=name)
 
 
 def test_a_start_that_has_nothing_in_common_is_refused(takes):
@@ -184,4 +186,6 @@ def test_a_start_that_has_nothing_in_common_is_refused(takes):
 
 
 def read_sizes(path):
-    return TCDiffPPConfig(**read_config(path)["model"])
+    sizes = read_config(path)["model"]
+    del sizes["extensions"]
+    return TCDiffPPConfig(**sizes)

@@ -1,7 +1,12 @@
+from functools import partial
+
 import pytest
 import torch
 
-from dancediff.nn.ssm import MambaBlock, segsum, selective_scan, selective_scan_ref, ssd_scan
+from dancediff.extensions.ssd import SSDBlock, segsum, ssd_scan
+from dancediff.nn.ssm import MambaBlock, selective_scan, selective_scan_ref
+
+BLOCKS = pytest.mark.parametrize("make", [MambaBlock, partial(SSDBlock, head_dim=8)])
 
 
 def scan_inputs(b, f, d, s, dtype=torch.float64):
@@ -99,29 +104,27 @@ def test_segsum_is_the_sum_between():
             torch.testing.assert_close(out[:, i, j], want)
 
 
-@pytest.mark.parametrize("ssm", ["mamba", "ssd"])
-def test_block_is_causal_unless_bidirectional(ssm):
+@BLOCKS
+def test_block_is_causal(make):
     x = torch.randn(2, 12, 16)
     changed = x.clone()
     changed[:, 7] += 1
-    block = MambaBlock(16, ssm=ssm, head_dim=8)
+    block = make(16)
     torch.testing.assert_close(block(changed)[:, :7], block(x)[:, :7])
     assert (block(changed)[:, 7:] - block(x)[:, 7:]).abs().amin(dim=(0, 2)).min() > 0
-    both = MambaBlock(16, ssm=ssm, head_dim=8, bidirectional=True)
-    assert (both(changed)[:, :7] - both(x)[:, :7]).abs().max() > 1e-6
 
 
-@pytest.mark.parametrize("ssm", ["mamba", "ssd"])
-def test_block_remembers_beyond_its_filter(ssm):
+@BLOCKS
+def test_block_remembers_beyond_its_filter(make):
     """The convolution sees 4 frames; what frame 0 does to frame 11 went through the state."""
     x = torch.randn(1, 12, 16, requires_grad=True)
-    MambaBlock(16, ssm=ssm, head_dim=8)(x)[:, 11].sum().backward()
+    make(16)(x)[:, 11].sum().backward()
     assert x.grad[:, 0].abs().max() > 0
 
 
 def test_block_equations_of_mamba():
     """The block against the equations of its docstring, step by step."""
-    block = MambaBlock(16, d_state=3, ssm="mamba")
+    block = MambaBlock(16, d_state=3)
     x = torch.randn(2, 9, 16)
     u, z = block.in_proj(x).chunk(2, -1)
     padded = torch.cat([torch.zeros(2, 3, 32), u], dim=1)
@@ -135,20 +138,20 @@ def test_block_equations_of_mamba():
     torch.testing.assert_close(block(x), expected)
 
 
-@pytest.mark.parametrize("ssm", ["mamba", "ssd"])
-def test_block_starts_with_delta_in_range(ssm):
-    block = MambaBlock(64, ssm=ssm, head_dim=8)
-    bias = block.dt_proj.bias if ssm == "mamba" else block.dt_bias
+@BLOCKS
+def test_block_starts_with_delta_in_range(make):
+    block = make(64)
+    bias = block.dt_bias if isinstance(block, SSDBlock) else block.dt_proj.bias
     delta = torch.nn.functional.softplus(bias)
     assert delta.min() > 0.99e-3 and delta.max() < 0.101
 
 
-@pytest.mark.parametrize("ssm", ["mamba", "ssd"])
-def test_scan_stays_in_float32_under_autocast(ssm):
-    block, x = MambaBlock(32, ssm=ssm, head_dim=16), torch.randn(2, 60, 32)
+@BLOCKS
+def test_scan_stays_in_float32_under_autocast(make):
+    block, x = make(32), torch.randn(2, 60, 32)
     seen = []
-    scan = block._scan
-    block._scan = lambda *inputs: seen.append(scan(*inputs)) or seen[-1]
+    scan = block.scan
+    block.scan = lambda *inputs: seen.append(scan(*inputs)) or seen[-1]
     with torch.autocast("cpu", torch.bfloat16):
         y = block(x)
     assert seen[0].dtype == torch.float32
@@ -157,12 +160,10 @@ def test_scan_stays_in_float32_under_autocast(ssm):
 
 def test_mamba_has_the_papers_parameter_count():
     """1,694,720 for d_model 512 (arithmetic of Mamba section 3.4)."""
-    block = MambaBlock(512, ssm="mamba")
+    block = MambaBlock(512)
     assert sum(p.numel() for p in block.parameters()) == 1_694_720
 
 
 def test_wrong_options_are_named():
-    with pytest.raises(ValueError, match="ssm='lstm'"):
-        MambaBlock(16, ssm="lstm")
     with pytest.raises(ValueError, match="head_dim=24"):
-        MambaBlock(16, ssm="ssd", head_dim=24)
+        SSDBlock(16, head_dim=24)

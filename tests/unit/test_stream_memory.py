@@ -38,7 +38,7 @@ def held() -> int:
 def model():
     torch.manual_seed(0)
     sizes = {"d_model": 16, "num_heads": 2, "num_layers": 1, "ff_dim": 32, "fusion_hidden": 16}
-    return pipeline_of(TCDiffPP(TCDiffPPConfig(**sizes, head_dim=8, music_dim=MUSIC)))
+    return pipeline_of(TCDiffPP(TCDiffPPConfig(**sizes, music_dim=MUSIC)))
 
 
 def held_late(model, minutes, *, keep=None, **options) -> int:

@@ -2,7 +2,7 @@ from itertools import permutations
 
 import torch
 
-from dancediff.papers.tcdiffpp.swap_mode import SwapModeEmbedding
+from dancediff.papers.tcdiffpp.group_dance_decoder import SwapModeEmbedding
 
 
 def test_every_order_has_its_own_embedding():

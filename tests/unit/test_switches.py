@@ -1,30 +1,25 @@
-"""Each switch of TCDiff++ takes its own part away, and changes what it should."""
+"""Table 4 of TCDiff++: what ``without`` names is gone, and nothing else changes."""
 
 import pytest
 import torch
 
 from dancediff.diffusion.conditions import Conditions
 from dancediff.papers.tcdiffpp.losses import LossWeights, tcdiffpp_losses
-from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
+from dancediff.papers.tcdiffpp.model import COMPONENTS, TCDiffPP, TCDiffPPConfig
 
 SIZES = {"d_model": 16, "num_heads": 2, "num_layers": 2, "ff_dim": 32, "fusion_hidden": 48}
 D, PLACES = 16, 5
 
 
-def network_inputs(x):
-    x_t, t, M, S = x
-    return x_t, t, Conditions(M, S)
-
-
-def make(**options):
+def make(*without):
     torch.manual_seed(0)
-    return TCDiffPP(TCDiffPPConfig(**SIZES | {"head_dim": 8} | options)).eval()
+    return TCDiffPP(TCDiffPPConfig(**SIZES, without=without)).eval()
 
 
 def inputs(n=3, f=12):
     g = torch.Generator().manual_seed(1)
     x_t, M = torch.randn(1, n, f, 151, generator=g), torch.randn(1, f, 35, generator=g)
-    return x_t, torch.tensor([300]), M, torch.arange(n)[None]
+    return x_t, torch.tensor([300]), Conditions(M, torch.arange(n)[None])
 
 
 def count(model):
@@ -40,63 +35,64 @@ SWAP = PLACES * PLACES * D + D * D + D
 
 
 @pytest.mark.parametrize(
-    ("switch", "part", "size"),
+    ("part", "size"),
     [
-        ({"dpe": False}, "dpe", PLACES * D),
-        ({"fp": False}, "fp", FUSION),
-        ({"fa": False}, "footwork", 57_482),
-        ({"swap_mode": False}, "swap_mode", SWAP),
+        ("dancer_positioning", PLACES * D),
+        ("fusion_projection", FUSION),
+        ("footwork_adaptor", 57_482),
+        ("swap_mode", SWAP),
     ],
 )
-def test_a_part_is_gone_and_the_dance_is_another(switch, part, size):
-    full, without, x = make(), make(**switch), inputs()
+def test_a_part_is_gone_and_the_dance_is_another(part, size):
+    full, without, x = make(), make(part), inputs()
     without.load_state_dict(full.state_dict(), strict=False)
-    full.footwork.layers[2].linear.bias.data += 0.3  # it starts as nothing; give it something
     assert named(full, part) == size == count(full) - count(without)
     assert named(without, part) == 0
-    assert (full(*network_inputs(x))[1] - without(*network_inputs(x))[1]).abs().max() > 1e-3
+    assert (full.denoise(*x) - without.denoise(*x)).abs().max() > 1e-3
 
 
-@pytest.mark.parametrize("ssm", ["mamba", "ssd"])
-def test_without_a_state_space_model_its_block_is_gone(ssm):
-    full, without = make(ssm=ssm), make(ssm="none")
-    block = count(full.decoder.decoder.layers[0].ssm)
+def test_without_a_state_space_model_its_block_is_gone():
+    full, without = make(), make("ssm")
+    block = count(full.decoder.sequence_decoder.layers[0].ssm)
     around = 2 * D + (D * 2 * D + 2 * D)  # its LayerNorm and FiLM
     assert named(without, "ssm") == 0 < named(full, "ssm")
     assert count(full) - count(without) == 2 * (block + around)
-    both = make(ssm=ssm, bidirectional=True)
-    assert count(both) - count(full) == 2 * block
 
 
 def only_the_state_crosses_frames(model):
     """Close every other way from one frame to another. FP and feed-forward have none."""
-    for layer in model.decoder.decoder.layers:
+    for layer in model.decoder.sequence_decoder.layers:
         torch.nn.init.zeros_(layer.self_attention.out.weight)
     return model
 
 
-@pytest.mark.parametrize("ssm", ["mamba", "ssd", "none"])
-@pytest.mark.parametrize("bidirectional", [False, True])
-def test_who_sees_the_future(ssm, bidirectional):
-    options = {"ssm": ssm, "bidirectional": bidirectional, "precondition": False, "fa": False}
-    model, (x_t, t, M, S) = only_the_state_crosses_frames(make(**options)), inputs()
+@pytest.mark.parametrize("without", [(), ("ssm",)])
+def test_the_state_remembers_the_past_and_knows_no_future(without):
+    model, (x_t, *rest) = (
+        only_the_state_crosses_frames(make("footwork_adaptor", *without)),
+        inputs(),
+    )
     other = x_t.clone()
     other[:, :, 7] += torch.randn(151)
-    change = (
-        (model(other, t, Conditions(M, S))[1] - model(x_t, t, Conditions(M, S))[1])
-        .abs()
-        .amax(dim=(0, 1, 3))
-    )
-    assert change[7] > 1e-2
-    assert (change[8:].min() > 1e-6) == (ssm != "none")  # the past is remembered
-    assert (change[:7].max() > 1e-6) == (ssm != "none" and bidirectional)
+    change = (model.denoise(other, *rest) - model.denoise(x_t, *rest)).abs().amax(dim=(0, 1, 3))
+    assert change[7] > 1e-2 and change[:7].max() < 1e-6
+    assert (change[8:].min() > 1e-6) == (not without)
 
 
-def test_unknown_kinds_are_named():
-    with pytest.raises(ValueError, match="ssm='lstm'"):
-        make(ssm="lstm")
-    with pytest.raises(ValueError, match="layer='edge'"):
-        make(layer="edge")
+def test_swap_mode_is_not_told_to_a_model_without_it():
+    model, (x_t, t, conditions) = make("swap_mode"), inputs()
+    other = Conditions(conditions.music, conditions.swap.flip(1))
+    assert torch.equal(model.denoise(x_t, t, other), model.denoise(x_t, t, conditions))
+
+
+def test_everything_can_be_left_out_at_once():
+    x_raw, x_hat = make(*COMPONENTS)(*inputs())
+    assert torch.equal(x_raw, x_hat) and x_raw.isfinite().all()
+
+
+def test_unknown_components_are_named():
+    with pytest.raises(ValueError, match="without: 'lstm' is not one of dancer_positioning"):
+        make("lstm")
 
 
 @pytest.mark.parametrize("axis", ["pairs", "adjacent", "time"])

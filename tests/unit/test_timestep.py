@@ -2,7 +2,7 @@ import math
 
 import torch
 
-from dancediff.nn.timestep import TimestepEncoder, sinusoid
+from dancediff.nn.conditioning import TimestepEncoder, sinusoid
 
 
 def test_frequencies_run_from_1_to_1_over_10000():

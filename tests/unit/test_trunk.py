@@ -1,7 +1,6 @@
 import pytest
 import torch
 
-from dancediff.nn.decoder import DecoderLayer
 from dancediff.papers.lodge.trunk import SoloLayer, Trunk, check_shapes
 
 
@@ -9,19 +8,6 @@ def make(**options):
     torch.manual_seed(0)
     sizes = {"motion_dim": 139, "music_dim": 35, "music_frames": 24}
     return Trunk(16, 2, 2, 32, **sizes | options).eval()
-
-
-def test_layer_is_the_decoder_layer_of_one_dancer():
-    torch.manual_seed(0)
-    solo = SoloLayer(16, num_heads=2, ff_dim=32)
-    group = DecoderLayer(16, num_heads=2, ff_dim=32)
-    group.load_state_dict(solo.state_dict())
-    h, memory, cond = torch.randn(2, 9, 16), torch.randn(2, 5, 16), torch.randn(2, 16)
-    frames, memory_frames = torch.arange(9), torch.arange(5)
-    torch.testing.assert_close(
-        solo(h, memory, cond, frames, memory_frames),
-        group(h[:, None], memory, cond, memory_frames)[:, 0],
-    )
 
 
 def test_layer_knows_how_far_apart_tokens_are():

@@ -4,7 +4,7 @@ Symbols (axes: b batch · n dancers · f frames · m music features)
     music       M, standardised music features           (b, f, m)
     swap        S, swap mode of TCDiff++                 (b, n)
     style       style token of Lodge                     (b, d_model)
-    music_mask  False: the null music of classifier-free guidance; None: all True   (b,)
+    music_mask  False: the null music of classifier-free guidance   (b,)
 """
 
 from dataclasses import dataclass, replace
@@ -27,6 +27,12 @@ class Conditions:
     swap: Tensor | None = None
     style: Tensor | None = None
     music_mask: Tensor | None = None
+
+    def __post_init__(self):
+        """Without a mask all rows have music."""
+        if self.music_mask is None:
+            everybody = torch.ones(len(self.music), dtype=torch.bool, device=self.music.device)
+            object.__setattr__(self, "music_mask", everybody)
 
     def __len__(self) -> int:
         """Rows of the batch."""

@@ -8,8 +8,9 @@ Symbols (axes: b batch · f frames at 30 fps)
 """
 
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
+from dancediff.extensions.parts import Part, Pass
 from dancediff.music.features import BEATS
 
 NUM_WAVES = 4
@@ -59,3 +60,24 @@ def beat_waves(M: Tensor) -> Tensor:
     angle = 2 * torch.pi * beat_phase(M)
     waves = torch.stack([angle.sin(), angle.cos(), (2 * angle).sin(), (2 * angle).cos()], -1)
     return waves * (M[..., BEATS] > 0.5).any(1, keepdim=True)
+
+
+class BeatPhase(Part):
+    r"""Add to every token how far its frame is between two beats.
+
+    $$h_{nf} \leftarrow h_{nf} + W\,\text{waves}(\varphi_f)$$
+
+    A beat is one number in one of 150 music tokens; that a dance rests on beats has to be found out
+    from that through attention alone, which takes thousands of steps.
+    """
+
+    def __init__(self, d_model: int):
+        super().__init__()
+        self.embed_waves = nn.Linear(NUM_WAVES, d_model, bias=False)
+
+    def tokens(self, h: Tensor, run: Pass) -> Tensor:
+        """The same for all dancers; nothing where the music is masked."""
+        conditions = run.conditions
+        waves = self.embed_waves(beat_waves(conditions.music)).float()
+        waves = waves * conditions.music_mask[:, None, None]
+        return h + waves.reshape(len(h), *[1] * (h.ndim - 3), *waves.shape[1:])

@@ -8,9 +8,10 @@ Symbols (axes: b batch · n dancers · f frames · d motion features · 4 ankles
 """
 
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from dancediff.axes import FPS
+from dancediff.extensions.parts import Part, Pass
 from dancediff.motion.representation import Normalizer, unpack
 from dancediff.motion.skeleton import feet_of, forward_kinematics
 
@@ -29,7 +30,7 @@ def foot_cues(x: Tensor, normalizer: Normalizer) -> Tensor:
     Whether a foot stands is a matter of millimetres between nine rotations and the root; a small
     network does not find that function by itself, but can use its result.
 
-    Source: ours; Lodge's foot refine block reads such numbers after the network. No gradient goes
+    Lodge's foot refine block reads such numbers after the network. No gradient goes
     through them.
 
     Shapes: x (b, n, f, 151) normalised -> (b, n, f, 40).
@@ -46,3 +47,22 @@ def foot_cues(x: Tensor, normalizer: Normalizer) -> Tensor:
     v[:, :, :-1] = FPS * feet.diff(dim=2)
     v = v.flatten(-2)
     return torch.cat([seen, HEIGHTS * feet[..., 1], v, (SLOW * v).tanh()], dim=-1)
+
+
+class FootCues(Part):
+    """The network, and the Footwork Adaptor, read the foot cues; needs preconditioning.
+
+    The adaptor must be built for ``NUM_MOVING`` more conditions.
+    """
+
+    def __init__(self, d_model: int):
+        super().__init__()
+        self.embed_cues = nn.Linear(NUM_CUES, d_model)
+
+    def embed(self, h: Tensor, run: Pass) -> Tensor:
+        """Embed those of the linear guess beside the motion."""
+        return h + self.embed_cues(foot_cues(run.guess, run.normalizer))
+
+    def velocity(self, v: Tensor, x_raw: Tensor, run: Pass) -> Tensor:
+        """Heights and velocities of the feet beside the velocity of the root."""
+        return torch.cat([v, foot_cues(x_raw, run.normalizer)[..., -NUM_MOVING:]], dim=-1)

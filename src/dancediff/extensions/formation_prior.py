@@ -14,14 +14,15 @@ Symbols (axes: b batch · n dancers, ranked from left to right · f frames · k 
 from collections.abc import Iterable
 
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
+from dancediff.extensions.parts import Part, Pass
 from dancediff.extensions.preconditioning import SMALLEST, GroupModes, dct_matrix
 from dancediff.lookup import table
 from dancediff.motion.representation import TCDIFFPP
 
 
-class FormationPrior(nn.Module):
+class FormationPrior(Part):
     r"""A Gaussian over the paths of a group, given its size and S.
 
     $$\mu_r(f) = p_r + w(f)\,\big(p_{S^{-1}(r)} - p_r\big), \qquad
@@ -31,7 +32,7 @@ class FormationPrior(nn.Module):
     takes a common step of all as one movement, not as n that happen to agree. Without it the noise
     of a single dancer says where she stands, and the network has to know better at every level.
 
-    Source: ours.  `fit` treats left and right alike, since a mirrored dance is a dance.
+    `fit` treats left and right alike, since a mirrored dance is a dance.
 
     Shapes: see the module's symbols; paths are normalised.
 
@@ -42,9 +43,13 @@ class FormationPrior(nn.Module):
     [[-1.0, 1.0], [1.0, -1.0]]
     """
 
-    def __init__(self, max_dancers: int, num_frames: int):
-        """Until it is fitted everybody stands in the middle and all vary alike."""
+    def __init__(self, max_dancers: int, num_frames: int, *, use_swap: bool = True):
+        """Until it is fitted everybody stands in the middle and all vary alike.
+
+        ``use_swap``: False for a network that is not told S.
+        """
         super().__init__()
+        self.use_swap = use_swap
         N, f = max_dancers, num_frames
         self.register_buffer("place", torch.zeros(N, N, 2))
         self.register_buffer("progress", torch.linspace(0, 1, f))
@@ -110,6 +115,12 @@ class FormationPrior(nn.Module):
         known = len(self.progress)
         f = known if f is None else f
         return (torch.arange(f, device=self.progress.device) * known) // f
+
+    def prepare(self, run: Pass) -> None:
+        """Tell preconditioning how this group varies."""
+        S = run.conditions.swap
+        S = S if self.use_swap else torch.arange(S.shape[1], device=S.device).expand_as(S)
+        run.group = self(S, run.x_t.shape[2])
 
 
 def _mirrored(paths: Tensor) -> Tensor:

@@ -13,7 +13,7 @@ Source: EDM section 5 (there $1 / c_\text{out}^2$, which is p = 1).
 import torch
 from torch import Tensor, nn
 
-from dancediff.extensions.preconditioning import Preconditioning
+from dancediff.extensions.preconditioning import preconditioning_of
 
 
 def level_weights(error: Tensor, power: float) -> Tensor:
@@ -32,7 +32,7 @@ def weights_of(model: nn.Module, power: float) -> Tensor | None:
     """
     if not power:
         return None
-    known = next((p for p in model.modules() if isinstance(p, Preconditioning)), None)
+    known = preconditioning_of(model)
     if known is None:
         raise ValueError(f"level_weights={power} needs a model with preconditioning; use 0")
     return level_weights(known.error(model.abar.float()), power)

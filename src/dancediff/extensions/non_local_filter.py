@@ -15,7 +15,8 @@ import torch
 from einops import rearrange
 from torch import Tensor, nn
 
-from dancediff.nn.attention import rope_angles, rotate
+from dancediff.extensions.parts import Part, Pass
+from dancediff.nn.attention import rope_angles, rope_frequencies, rotate
 
 HEADS, WIDTH = 6, 16
 REACH = (1.5, 2.5, 4.0, 6.0, 10.0, 16.0)  # frames, where training starts
@@ -39,11 +40,11 @@ def left_over(x_t: Tensor, guess: Tensor, abar: Tensor) -> Tensor:
 
     Shapes: x_t and guess (b, n, f, d), abar (b,) -> (b, n, f, d).
     """
-    abar = abar[:, None, None, None]
+    abar = abar.reshape(-1, *[1] * (x_t.ndim - 1))
     return abar * (x_t - abar.sqrt() * guess)
 
 
-class NonLocalFilter(nn.Module):
+class NonLocalFilter(Part):
     r"""Average the linear guess, and what it leaves, over frames that the network chooses.
 
     $$\Delta_{fc} = \sum_h u_{hfp(c)} \Big(\sum_g A_{hfg}\,\hat x_{gc} - \hat x_{fc}\Big)
@@ -52,10 +53,10 @@ class NonLocalFilter(nn.Module):
       - \frac{|f - g|}{\rho_h}\Big)$$
 
     A linear filter smooths a rest and a jump alike. Here a dancer who rests is averaged with the
-    frames of her rest, and one who moves is left sharp. All features pass at full resolution: the
+    frames of that rest, and one who moves is left sharp. All features pass at full resolution: the
     network, whose tokens are narrower than a pose, only says which frames and how much.
 
-    Source: ours, after non-local means, with attention for its weights.
+    Source: after non-local means, with attention for its weights.
 
     Shapes: see the module's symbols; returns (b, n, f, d), zeros before training.
 
@@ -75,6 +76,7 @@ class NonLocalFilter(nn.Module):
         self.mix = nn.Linear(d_model, 2 * HEADS * (2 + joints))
         for weights in self.mix.parameters():
             nn.init.zeros_(weights)
+        self.register_buffer("frequencies", rope_frequencies(WIDTH), persistent=False)
         self.log_reach = nn.Parameter(torch.tensor(REACH).log())
 
     def weights(self, tokens: Tensor) -> Tensor:
@@ -86,18 +88,21 @@ class NonLocalFilter(nn.Module):
         tokens = self.norm(tokens)
         A = self._weights(tokens)
         mix = self.mix(tokens).float()
-        u, v = rearrange(mix, "b n f (two h p) -> two b n h f p", two=2, h=HEADS)[..., self.parts]
+        u, v = rearrange(mix, "... f (two h p) -> two ... h f p", two=2, h=HEADS)[..., self.parts]
         with torch.autocast(guess.device.type, enabled=False):  # millimetres need float32
-            averaged = A @ torch.cat([guess, rest], dim=-1)[:, :, None]
+            averaged = A @ torch.cat([guess, rest], dim=-1).unsqueeze(-3)
             smooth, kept = averaged.chunk(2, dim=-1)
-            return (u * (smooth - guess[:, :, None]) + v * kept).sum(dim=2)
+            return (u * (smooth - guess.unsqueeze(-3)) + v * kept).sum(dim=-3)
+
+    def read(self, x: Tensor, h: Tensor, run: Pass) -> Tensor:
+        """As a part of a decoder: x with the correction."""
+        return x + self(h, run.guess, left_over(run.x_t, run.guess, run.abar))
 
     def _weights(self, tokens: Tensor) -> Tensor:
-        Q, K = rearrange(
-            self.query_key(tokens), "b n f (two h w) -> two b n h f w", two=2, h=HEADS
-        ).float()
-        frames = torch.arange(tokens.shape[2], device=tokens.device)
-        angles = rope_angles(frames, WIDTH)
+        both = self.query_key(tokens)
+        Q, K = rearrange(both, "... f (two h w) -> two ... h f w", two=2, h=HEADS).float()
+        frames = torch.arange(tokens.shape[-2], device=tokens.device)
+        angles = rope_angles(frames, self.frequencies)
         away = (frames[:, None] - frames).abs() / self.log_reach.exp()[:, None, None]
         with torch.autocast(tokens.device.type, enabled=False):
             logits = rotate(Q, angles) @ rotate(K, angles).mT / WIDTH**0.5

@@ -3,7 +3,7 @@ r"""Preconditioning: start from the best linear guess and let the network add wh
 Read first: notebooks 06 and 07 · Karras et al. 2022 (EDM) section 5 and eq. 7.
 
 Symbols (axes: b batch · n dancers · f frames · k frequencies, as many as frames · d features)
-    x_t      noisy motion, normalised                     (b, n, f, d)
+    x_t      noisy motion, normalised; n only of groups   (b, n, f, d)
     F        what the network puts out                    (b, n, f, d)
     abar     signal power left                            (b,)
     mean     of each feature over the training set        (d,)
@@ -25,6 +25,7 @@ from itertools import repeat
 import torch
 from torch import Tensor, nn
 
+from dancediff.extensions.parts import Part, Pass
 from dancediff.lookup import table
 
 LARGEST = 0.5  # of `scale`: the slow parts of F stay in the units of the motion
@@ -120,7 +121,7 @@ class Preconditioning(nn.Module):
     $$\hat x_0 = \mu + C^\top\big(c_\text{skip}\, C (x_t - \sqrt{\bar\alpha}\,\mu)
       + \min(c_\text{out}, \tfrac12)\, C F\big)$$
 
-    Source: ours, after EDM.  Differs: EDM has one spread for all data, the papers let the network
+    Source: after EDM.  Differs: EDM has one spread for all data, the papers let the network
     output x_0 itself. With one spread the network must cancel the noise of every feature in every
     frame, which is more numbers than a narrow network can carry; the dances tremble.
 
@@ -157,10 +158,10 @@ class Preconditioning(nn.Module):
 
     def linear_guess(self, x_t: Tensor, abar: Tensor, group: GroupModes | None = None) -> Tensor:
         """What can be said without a network (b, n, f, d); with a group, how it varies together."""
-        skip, _ = self._coefficients(abar, x_t.shape[2], group)
-        C = table(dct_matrix, x_t.shape[2], like=x_t)
+        skip, _ = self._coefficients(_each_row(abar, x_t), x_t.shape[-2], group)
+        C = table(dct_matrix, x_t.shape[-2], like=x_t)
         mean = self.mean if group is None else group.placed(self.mean)
-        noisy = x_t - abar.sqrt()[:, None, None, None] * mean
+        noisy = x_t - _each_row(abar, x_t).sqrt() * mean
         with torch.autocast(x_t.device.type, enabled=False):  # millimetres need float32
             return mean + C.T @ _scaled(skip, C @ noisy, group)
 
@@ -174,15 +175,15 @@ class Preconditioning(nn.Module):
 
         Shapes: x_t and guess (b, n, f, d), abar (b,) -> (b, n, f, d).
         """
-        abar = abar[:, None, None, None]
+        abar = _each_row(abar, x_t)
         return (x_t - abar.sqrt() * guess) / (1 - abar).sqrt()
 
     def forward(
         self, F: Tensor, guess: Tensor, abar: Tensor, group: GroupModes | None = None
     ) -> Tensor:
         """Add the network's part F to the linear guess."""
-        _, scale = self._coefficients(abar, F.shape[2], group)
-        C = table(dct_matrix, F.shape[2], like=F)
+        _, scale = self._coefficients(_each_row(abar, F), F.shape[-2], group)
+        C = table(dct_matrix, F.shape[-2], like=F)
         with torch.autocast(F.device.type, enabled=False):
             return guess + C.T @ _scaled(scale.clamp_max(LARGEST), C @ F, group)
 
@@ -191,7 +192,7 @@ class Preconditioning(nn.Module):
 
         Shapes: abar (b,) -> (b,).
         """
-        return self._coefficients(abar, len(self.spread))[1].square().mean((1, 2, 3))
+        return self._coefficients(abar[:, None, None], len(self.spread))[1].square().mean((1, 2))
 
     def _coefficients(
         self, abar: Tensor, f: int, group: GroupModes | None = None
@@ -201,10 +202,51 @@ class Preconditioning(nn.Module):
         spread = self.spread[rows]
         if group is not None:
             spread = group.spreads(spread)
-        return linear_coefficients(abar[:, None, None, None], spread)
+        return linear_coefficients(abar, spread)
 
 
 def _scaled(by: Tensor, coefficients: Tensor, group: GroupModes | None) -> Tensor:
     if group is None:
         return by * coefficients
     return group.turn_back(by * group.turn(coefficients))
+
+
+def _each_row(abar: Tensor, x: Tensor) -> Tensor:
+    """abar (b,) with as many axes as x."""
+    return abar.reshape(-1, *[1] * (x.ndim - 1))
+
+
+class LinearStart(Part):
+    """Preconditioning as a part: the network reads the linear guess and adds to it.
+
+    What the Footwork Adaptor changes passes through it as well, so that it is as smooth as dance is
+    and no more than the noise can hide.
+    """
+
+    def __init__(self, d_model: int, motion_dim: int, num_frames: int):
+        super().__init__()
+        self.preconditioning = Preconditioning(num_frames, motion_dim)
+        self.embed_guess = nn.Linear(motion_dim, d_model, bias=False)
+        self.embed_noise = nn.Linear(motion_dim, d_model, bias=False)
+
+    def prepare(self, run: Pass) -> None:
+        """Make the linear guess."""
+        run.guess = self.preconditioning.linear_guess(run.x_t, run.abar, run.group)
+
+    def embed(self, h: Tensor, run: Pass) -> Tensor:
+        """The guess, and the noise that it leaves, beside the noisy motion."""
+        noise = self.preconditioning.noise(run.x_t, run.guess, run.abar)
+        return h + self.embed_guess(run.guess) + self.embed_noise(noise)
+
+    def read(self, x: Tensor, h: Tensor, run: Pass) -> Tensor:
+        """What the decoder put out, added to the guess."""
+        return self.preconditioning(x, run.guess, run.abar, run.group)
+
+    def adapt(self, x_hat: Tensor, x_raw: Tensor, run: Pass) -> Tensor:
+        """The adaptor's change, added to x_raw."""
+        return self.preconditioning(x_hat - x_raw, x_raw, run.abar, run.group)
+
+
+def preconditioning_of(model: nn.Module) -> Preconditioning | None:
+    """That of a model or of a part of it; None where there is none."""
+    return next((part for part in model.modules() if isinstance(part, Preconditioning)), None)

@@ -8,7 +8,8 @@ benchmarks/extensions.py.
 from dataclasses import dataclass
 
 KINDS = ("network", "training", "hook", "guidance", "sampling")
-SHARED = ("constraint", "projection", "registry")  # modules that several extensions use
+# modules that several extensions use
+SHARED = ("build", "constraint", "networks", "parts", "projection", "registry")
 
 
 @dataclass(frozen=True)
@@ -45,6 +46,14 @@ _ALL = (
               "beat_phase", ALL, lesson=2),
     Extension("non_local_filter", "network", "Frames that look alike are averaged.",
               "non_local_filter", ALL, needs=LINEAR, lesson=5),
+    Extension("aligned_attention", "network", "Half of the heads start at their own frame.",
+              "aligned_attention", ("tcdiffpp", "edge")),
+    Extension("ssd", "network", "State space models with one decay a head: matrix products.",
+              "ssd", GROUP, lesson=8),
+    Extension("footwork_residual", "network", "The Footwork Adaptor corrects legs.",
+              "residuals", GROUP, lesson=9),
+    Extension("fusion_residual", "network", "The mixed dancers are added to their own tokens.",
+              "residuals", GROUP, presets=()),
     # ---- training ----
     Extension("metre_unit", "training", "A metre is the unit of the floor.", "metre_unit", ALL),
     Extension("level_weights", "training", "Noise levels count by how hard they are.",

@@ -27,6 +27,7 @@ from dancediff.extensions.foot_contact_projection import foot_contact_hook
 from dancediff.extensions.frequency_clip import FrequencyClip
 from dancediff.extensions.initial_frames import InitialFrames
 from dancediff.extensions.order_constraint import OrderConstraint
+from dancediff.extensions.preconditioning import preconditioning_of
 from dancediff.generation.request import GroupDanceRequest, SegmentedRequest
 from dancediff.generation.segments import Segments
 from dancediff.motion.motion import Motion
@@ -85,8 +86,9 @@ def hooks_of(model, request: GroupDanceRequest, known: Constraint | None) -> lis
         sources.append(OrderConstraint(normalizer))
     if request.collision_avoidance:
         sources.append(CollisionAvoidance(normalizer))
-    if sources and model.spread is not None:
-        hooks.append(Conditioning(model.spread.cpu(), sources))
+    known = preconditioning_of(model)
+    if sources and known is not None:
+        hooks.append(Conditioning(known.spread.cpu(), sources))
     return hooks + [foot_contact_hook(normalizer)] * request.foot_contact
 
 
@@ -161,7 +163,8 @@ def largest_guess(model, request: SegmentedRequest) -> Callable[[Tensor], Tensor
     """Where guesses are cut: at the training range, as published, or frequency by frequency."""
     if not request.frequency_clip:
         return cut_to_range
-    return FrequencyClip(model.decoder.precondition.mean, model.decoder.precondition.spread)
+    known = preconditioning_of(model)
+    return FrequencyClip(known.mean, known.spread)
 
 
 def _settings(model, request: SegmentedRequest) -> dict:

@@ -29,7 +29,7 @@ from dancediff.generation.segments import Segments
 from dancediff.generation.solo_dance import solo_pieces, solo_seams
 from dancediff.motion.motion import Motion
 from dancediff.motion.representation import TCDIFFPP
-from dancediff.nn.decoder import music_heard_once
+from dancediff.nn.conditioning import cached_music
 from dancediff.nn.precision import chosen_dtype
 from dancediff.papers.edge.model import EDGE, moved, start_slots
 from dancediff.papers.lodge.model import Lodge
@@ -117,7 +117,7 @@ class Pipeline:
         dtype = chosen_dtype(request.dtype, device)
         model.to(device).eval()
         try:
-            with music_heard_once(model), _Progress(progress) as report:
+            with cached_music(model), _Progress(progress) as report:
                 yield {"dtype": dtype, "report": report}
         finally:
             model.train(was_training)

@@ -25,6 +25,7 @@ from dancediff.diffusion.pinning import HOLDING, MODES
 from dancediff.diffusion.samplers import SAMPLERS
 from dancediff.extensions import control
 from dancediff.extensions.constraint import Constraint
+from dancediff.extensions.preconditioning import preconditioning_of
 from dancediff.generation.presets import PRESETS
 from dancediff.genre import genre_for, genre_number
 from dancediff.motion.order import check_order
@@ -376,7 +377,7 @@ REQUESTS = {one.family: one for one in (GroupDanceRequest, LodgeRequest, EDGEReq
 
 def has_preconditioning(model) -> bool:
     """Does the model know the statistics of its training data?"""
-    return model.config.precondition
+    return preconditioning_of(model) is not None
 
 
 def default_of(family: str, name: str, preset: str = "packaged"):

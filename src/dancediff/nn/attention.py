@@ -15,10 +15,7 @@ import torch.nn.functional as F
 from einops import rearrange
 from torch import Tensor, nn
 
-from dancediff.lookup import table
-
 ROPE_BASE = 10_000.0  # EDGE and the RoPE paper
-ALIGNMENT = 8.0  # logit by which a token prefers its own frame at the start; ours
 
 
 def rope_frequencies(channels: int) -> Tensor:
@@ -30,15 +27,14 @@ def rope_frequencies(channels: int) -> Tensor:
     return ROPE_BASE ** (-torch.arange(0, channels, 2) / channels)
 
 
-def rope_angles(frames: Tensor, channels: int) -> Tensor:
-    """Angle of every channel pair at every frame: (l,) -> (l, c / 2) radians.
+def rope_angles(frames: Tensor, frequencies: Tensor) -> Tensor:
+    """Angle of every channel pair at every frame: (l,), (c / 2,) -> (l, c / 2) radians.
 
-    >>> rope_angles(torch.tensor([0, 3]), 4)
+    >>> rope_angles(torch.tensor([0, 3]), rope_frequencies(4))
     tensor([[0.0000, 0.0000],
             [3.0000, 0.0300]])
     """
-    frames = frames[:, None].float()
-    return frames * table(rope_frequencies, channels, like=frames)
+    return frames[:, None].float() * frequencies
 
 
 def rotate(x: Tensor, angles: Tensor) -> Tensor:
@@ -53,7 +49,7 @@ def rotate(x: Tensor, angles: Tensor) -> Tensor:
     Shapes: x (b, h, l, c), angles (l, c / 2) -> (b, h, l, c).
 
     >>> x = torch.randn(1, 1, 1, 8)
-    >>> at = lambda f: rotate(x, rope_angles(torch.tensor([f]), 8))
+    >>> at = lambda f: rotate(x, rope_angles(torch.tensor([f]), rope_frequencies(8)))
     >>> torch.allclose((at(3) * at(5)).sum(), (at(10) * at(12)).sum(), atol=1e-5)
     True
     """
@@ -77,46 +73,16 @@ class Attention(nn.Module):
     torch.Size([3, 10, 16])
     """
 
-    def __init__(self, d_model: int, num_heads: int, *, aligned: bool = False):
-        """Four learned maps: to queries, to keys, to values, and out.
-
-        ``aligned=True`` starts with half of the heads looking at their own frame (`align`).
-        """
+    def __init__(self, d_model: int, num_heads: int):
+        """Learned: query, key with value, and out, each with a bias."""
         super().__init__()
         if d_model % (2 * num_heads):
             raise ValueError(f"d_model={d_model} must be a multiple of 2 * num_heads={num_heads}")
-        self.num_heads = num_heads
+        self.num_heads, self.channels = num_heads, d_model // num_heads
         self.query = nn.Linear(d_model, d_model)
         self.key_value = nn.Linear(d_model, 2 * d_model)
         self.out = nn.Linear(d_model, d_model)
-        if aligned:
-            self.align()
-
-    @property
-    def channels(self) -> int:
-        """Width of one head."""
-        return self.query.out_features // self.num_heads
-
-    @torch.no_grad()
-    def align(self) -> None:
-        r"""Start half of the heads at "listen to your own frame".
-
-        Query and key biases get one shared vector v, so that before any content is learned the
-        logit of frame f for frame g is $(R_f v)^\top(R_g v)/\sqrt c = \sum_i w\cos((f-g)\theta_i)$:
-        largest at g = f. Without it the network has to discover from noise alone that 150 music
-        tokens belong to 150 frames, which costs a small model most of its training. Slow pairs
-        hardly turn within a window and would only add a constant: they get no bias. The other
-        heads stay free to look at the whole song, the swap and the time tokens.
-        """
-        theta = rope_frequencies(self.channels)
-        fast = (theta > 0.03).float()  # at least a quarter turn within 52 frames
-        radius = (ALIGNMENT * math.sqrt(self.channels) / fast.sum()).sqrt() * fast
-        num_aligned = max(1, self.num_heads // 2)
-        phase = 2 * math.pi * torch.rand(num_aligned, theta.numel())
-        bias = torch.zeros(self.num_heads, self.channels)
-        bias[:num_aligned] = torch.cat([radius * phase.cos(), radius * phase.sin()], dim=-1)
-        self.query.bias.copy_(bias.flatten())
-        self.key_value.bias[: bias.numel()] = bias.flatten()
+        self.register_buffer("frequencies", rope_frequencies(self.channels), persistent=False)
 
     def project(self, x: Tensor, memory: Tensor, x_frames: Tensor, memory_frames: Tensor):
         """Turned queries (b, h, l, c), turned keys and plain values (b, h, k, c)."""
@@ -124,8 +90,8 @@ class Attention(nn.Module):
         K, V = rearrange(
             self.key_value(memory), "b k (two h c) -> two b h k c", two=2, h=self.num_heads
         )
-        Q = rotate(Q, rope_angles(x_frames, self.channels))
-        K = rotate(K, rope_angles(memory_frames, self.channels))
+        Q = rotate(Q, rope_angles(x_frames, self.frequencies))
+        K = rotate(K, rope_angles(memory_frames, self.frequencies))
         return Q, K, V
 
     def weights(self, x: Tensor, memory: Tensor, x_frames: Tensor, memory_frames: Tensor):
@@ -149,3 +115,19 @@ def _attend(Q: Tensor, K: Tensor, V: Tensor) -> Tensor:
         return F.scaled_dot_product_attention(Q, K, V)
     logits = (Q / math.sqrt(Q.shape[-1])) @ K.mT
     return logits.softmax(-1) @ V
+
+
+class FeedForward(nn.Sequential):
+    """The two-layer network applied to every token on its own.
+
+    >>> FeedForward(8, 32)(torch.randn(2, 5, 8)).shape
+    torch.Size([2, 5, 8])
+    """
+
+    def __init__(self, d_model: int, ff_dim: int, dropout: float = 0.0):
+        super().__init__(
+            nn.Linear(d_model, ff_dim),
+            nn.GELU(),
+            nn.Dropout(dropout),
+            nn.Linear(ff_dim, d_model),
+        )

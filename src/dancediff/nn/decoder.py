@@ -1,200 +1,130 @@
-r"""One layer of a dance decoder: look at each other, remember, listen, think.
+r"""EDGE's transformer decoder; TCDiff++ and Lodge build theirs from the same layer.
 
-Read first: notebook 05 · TCDiff++ section 4.2 · EDGE section 3.
+Read first: notebook 05 · EDGE section 3 · TCDiff++ section 4.2.
 
-Symbols (axes: b batch · n dancers · f frames · k memory tokens · d channels)
-    h         what the network knows about each dancer and frame   (b, n, f, d)
-    memory    music and other conditions to listen to              (b, k, d)
-    cond      step, music and swap mode in one vector              (b, d)
+Symbols (axes: b batch · l motion tokens · k memory tokens · d channels)
+    h        what the network knows about each motion token   (b, l, d)
+    memory   music and other conditions to attend to          (b, k, d)
+    cond     step and music in one vector, for FiLM           (b, d)
+    frames   the frame that each token belongs to             (l,), (k,)
 """
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable
 
 import torch
-from einops import rearrange, repeat
 from torch import Tensor, nn
 
-from dancediff.axes import from_tokens, to_tokens
-from dancediff.nn.attention import Attention
-from dancediff.nn.film import FiLM
-
-
-class FeedForward(nn.Sequential):
-    """The two-layer network applied to every token on its own.
-
-    >>> FeedForward(8, 32)(torch.randn(2, 5, 8)).shape
-    torch.Size([2, 5, 8])
-    """
-
-    def __init__(self, d_model: int, ff_dim: int, dropout: float = 0.0):
-        super().__init__(
-            nn.Linear(d_model, ff_dim),
-            nn.GELU(),
-            nn.Dropout(dropout),
-            nn.Linear(ff_dim, d_model),
-        )
-
-
-def frame_of_tokens(n: int, f: int, device=None) -> Tensor:
-    """The frame that each token of (b, (f n), d) belongs to: shared by all dancers.
-
-    >>> frame_of_tokens(2, 3).tolist()
-    [0, 0, 1, 1, 2, 2]
-    """
-    frames = repeat(torch.arange(f, device=device), "f -> 1 n f 1", n=n)
-    return to_tokens(frames)[0, :, 0]
-
-
-LAYERS = ("paper", "released")
+from dancediff.nn.attention import Attention, FeedForward
+from dancediff.nn.conditioning import FiLM, MusicConditioning
 
 
 class DecoderLayer(nn.Module):
-    r"""Self-attention, state space model, cross-attention, feed-forward; each one optional to FiLM.
+    r"""Self-attention, cross-attention, feed-forward, each with a LayerNorm and FiLM of its own.
 
-    $$h \leftarrow h + \text{FiLM}_i(\text{block}_i(\text{LN}_i(h)), c), \qquad i = 1 \dots 4$$
+    $$h \leftarrow h + \text{FiLM}_i(\text{block}_i(\text{LN}_i(h)), c), \qquad i = 1 \dots 3$$
 
-    Source: TCDiff++ section 4.2 (SA - SSM - CA - FF), pre-norm and FiLM on the branch as in EDGE.
-    With ``ssm=None`` it is EDGE's layer with three blocks, which the released TCDiff++ code trains.
-    Differs: that code can also put the state space model in the place of cross-attention, where it
-    runs through the frames of all dancers, interleaved, as one stream, and memory is not heard.
-    ``layer="released"`` is that, to compare.
+    Source: EDGE section 3.  Differs: tokens need not follow one another in time; ``frames`` says
+    where each one is.
 
-    Shapes: h (b, n, f, d) -> (b, n, f, d).
-    Raises: ValueError for an unknown ``layer``.
+    Shapes: see the module's symbols; returns (b, l, d).
 
     >>> layer = DecoderLayer(16, num_heads=2, ff_dim=32)
-    >>> h, memory, frames = torch.randn(2, 3, 5, 16), torch.randn(2, 7, 16), torch.arange(7)
-    >>> layer(h, memory, torch.randn(2, 16), frames).shape
-    torch.Size([2, 3, 5, 16])
+    >>> h, memory, cond = torch.randn(2, 5, 16), torch.randn(2, 7, 16), torch.randn(2, 16)
+    >>> layer(h, memory, cond, torch.arange(5), torch.arange(7)).shape
+    torch.Size([2, 5, 16])
     """
 
-    def __init__(
-        self,
-        d_model: int,
-        *,
-        num_heads: int,
-        ff_dim: int,
-        ssm: nn.Module | None = None,
-        layer: str = "paper",
-        dropout: float = 0.0,
-    ):
-        """Blocks with one LayerNorm and one FiLM each; ``ssm`` maps (b, f, d) -> (b, f, d)."""
+    num_blocks = 3
+
+    def __init__(self, d_model: int, *, num_heads: int, ff_dim: int, dropout: float = 0.0):
         super().__init__()
-        if layer not in LAYERS:
-            raise ValueError(f"layer={layer!r} is not one of {', '.join(map(repr, LAYERS))}")
-        self.one_stream = layer == "released" and ssm is not None
         self.self_attention = Attention(d_model, num_heads)
-        self.ssm = ssm
-        self.cross_attention = (
-            None if self.one_stream else Attention(d_model, num_heads, aligned=True)
-        )
+        self.cross_attention = Attention(d_model, num_heads)
         self.feed_forward = FeedForward(d_model, ff_dim, dropout)
-        num_blocks = 3 if ssm is None or self.one_stream else 4
-        self.norms = nn.ModuleList(nn.LayerNorm(d_model) for _ in range(num_blocks))
-        self.films = nn.ModuleList(FiLM(d_model) for _ in range(num_blocks))
+        self.norms = nn.ModuleList(nn.LayerNorm(d_model) for _ in range(self.num_blocks))
+        self.films = nn.ModuleList(FiLM(d_model) for _ in range(self.num_blocks))
         self.dropout = nn.Dropout(dropout)
 
-    def forward(self, h: Tensor, memory: Tensor, cond: Tensor, memory_frames: Tensor) -> Tensor:
-        """Run the blocks in turn. ``memory_frames`` (k,): the frame of each memory token."""
-        b, n, f, _ = h.shape
-        frames = frame_of_tokens(n, f, h.device)
+    def forward(
+        self, h: Tensor, memory: Tensor, cond: Tensor, frames: Tensor, memory_frames: Tensor
+    ) -> Tensor:
+        """Run the three blocks in turn."""
+        return self.run(h, cond, self.blocks(memory, frames, memory_frames))
 
-        def self_attention(tokens):
-            return self.self_attention(tokens, tokens, frames, frames)
+    def blocks(self, memory: Tensor, frames: Tensor, memory_frames: Tensor) -> list[Callable]:
+        """The blocks as functions of h."""
+        return [
+            lambda h: self.self_attention(h, h, frames, frames),
+            lambda h: self.cross_attention(h, memory, frames, memory_frames),
+            self.feed_forward,
+        ]
 
-        def own_time_axis(tokens):  # nobody's memory mixes with a neighbour's
-            streams = rearrange(from_tokens(tokens, n), "b n f d -> (b n) f d")
-            return to_tokens(rearrange(self.ssm(streams), "(b n) f d -> b n f d", b=b))
-
-        def cross_attention(tokens):
-            return self.cross_attention(tokens, memory, frames, memory_frames)
-
-        blocks = [self_attention, own_time_axis, cross_attention, self.feed_forward]
-        if self.ssm is None:
-            blocks.remove(own_time_axis)
-        if self.one_stream:
-            blocks = [self_attention, self.ssm, self.feed_forward]
-        tokens = to_tokens(h)
+    def run(self, h: Tensor, cond: Tensor, blocks: Iterable[Callable]) -> Tensor:
+        """See the equation."""
         for block, norm, film in zip(blocks, self.norms, self.films, strict=True):
-            tokens = tokens + film(self.dropout(block(norm(tokens))), cond)
-        return from_tokens(tokens, n)
-
-
-class MusicEncoder(nn.Module):
-    """Let every frame of the music know what comes before and after it.
-
-    Source: EDGE (a linear map, then two pre-norm transformer encoder layers); TCDiff++ keeps it.
-
-    Shapes: M (b, f, m) -> (b, f, d_model).
-
-    >>> MusicEncoder(35, 16, num_heads=2, ff_dim=32)(torch.randn(2, 9, 35)).shape
-    torch.Size([2, 9, 16])
-    """
-
-    def __init__(
-        self,
-        music_dim: int,
-        d_model: int,
-        *,
-        num_heads: int,
-        ff_dim: int,
-        num_layers: int = 2,
-        dropout: float = 0.0,
-    ):
-        """One map into the model's width and ``num_layers`` x (attention, feed-forward)."""
-        super().__init__()
-        self.linear = nn.Linear(music_dim, d_model)
-        self.attentions = nn.ModuleList(Attention(d_model, num_heads) for _ in range(num_layers))
-        self.feed_forwards = nn.ModuleList(
-            FeedForward(d_model, ff_dim, dropout) for _ in range(num_layers)
-        )
-        self.norms = nn.ModuleList(nn.LayerNorm(d_model) for _ in range(2 * num_layers))
-        self.dropout = nn.Dropout(dropout)
-        self._heard: list[tuple[Tensor, Tensor]] | None = None  # nothing is remembered
-
-    def forward(self, M: Tensor) -> Tensor:
-        """Standardised music features in, one token per frame out."""
-        if self._heard is None:
-            return self._encode(M)
-        if not self._heard or not _same_place(M, self._heard[0][0]):
-            self._heard = [(M, self._encode(M))]
-        return self._heard[0][1]
-
-    def _encode(self, M: Tensor) -> Tensor:
-        frames = torch.arange(M.shape[1], device=M.device)
-        h = self.linear(M).float()  # the residual stream stays in float32 under autocast
-        for i, (attend, think) in enumerate(zip(self.attentions, self.feed_forwards, strict=True)):
-            x = self.norms[2 * i](h)
-            h = h + self.dropout(attend(x, x, frames, frames))
-            h = h + self.dropout(think(self.norms[2 * i + 1](h)))
+            h = h + film(self.dropout(block(norm(h))), cond)
         return h
 
 
-def _same_place(a: Tensor, b: Tensor) -> bool:
-    """Are these the same numbers in memory? b is held, so nothing else can lie in its place."""
-    return (a.data_ptr(), a.shape, a.stride()) == (b.data_ptr(), b.shape, b.stride())
+class DanceDecoder(MusicConditioning):
+    r"""Noisy motion and a song in, the clean motion of one dancer out.
 
+    Source: EDGE section 3; Lodge's two stages build on it.  Differs: rotary positions are turned
+    after the projection, head by head, as everywhere here.
 
-@contextmanager
-def music_heard_once(model: nn.Module) -> Iterator[None]:
-    """While this lasts, every `MusicEncoder` of a model encodes the same music only once.
+    Shapes: x_t (b, f, d), see the module's symbols.
 
-    A sampler asks for the same segment at every step. Weights must not change meanwhile.
-
-    >>> encoder = MusicEncoder(35, 16, num_heads=2, ff_dim=32)
-    >>> M = torch.randn(2, 9, 35)
-    >>> with music_heard_once(encoder):
-    ...     encoder(M) is encoder(M)
-    True
-    >>> encoder(M) is encoder(M)
-    False
+    >>> from dancediff.diffusion.conditions import Conditions
+    >>> sizes = {"num_heads": 2, "num_layers": 1, "ff_dim": 32, "music_frames": 12, "pool": 3}
+    >>> decoder = DanceDecoder(16, motion_dim=139, music_dim=35, **sizes)
+    >>> conditions = Conditions(torch.randn(2, 12, 35))
+    >>> music, steps, cond = decoder.condition(torch.tensor([10, 900]), conditions)
+    >>> h = decoder.embed(torch.randn(2, 8, 139))
+    >>> decoder.read(decoder(h, [music, steps], cond, torch.arange(8))).shape
+    torch.Size([2, 8, 139])
     """
-    encoders = [part for part in model.modules() if isinstance(part, MusicEncoder)]
-    for encoder in encoders:
-        encoder._heard = []
-    try:
-        yield
-    finally:
-        for encoder in encoders:
-            encoder._heard = None
+
+    def __init__(
+        self,
+        d_model: int,
+        num_heads: int,
+        num_layers: int,
+        ff_dim: int,
+        *,
+        motion_dim: int,
+        music_dim: int,
+        music_frames: int,
+        pool: int = 1,
+        dropout: float = 0.0,
+    ):
+        """Learned: the conditions' encoders, maps into and out of the model, the layers."""
+        blocks = {"num_heads": num_heads, "ff_dim": ff_dim, "dropout": dropout}
+        super().__init__(
+            d_model, music_dim=music_dim, music_frames=music_frames, pool=pool, **blocks
+        )
+        self.embed = nn.Linear(motion_dim, d_model)
+        self.norm_memory = nn.LayerNorm(d_model)
+        self.layers = nn.ModuleList(DecoderLayer(d_model, **blocks) for _ in range(num_layers))
+        self.out = nn.Linear(d_model, motion_dim)
+        middle = pool * torch.arange(music_frames // pool) + (pool - 1) / 2
+        self.register_buffer("token_frames", middle, persistent=False)
+
+    def forward(self, h: Tensor, memory: list[Tensor], cond: Tensor, frames: Tensor) -> Tensor:
+        """All layers, from embedded motion to what is known of it, both (b, f, d_model).
+
+        ``memory``: the music tokens first, then any that belong to no frame.
+        """
+        h = h.float()  # the residual stream stays in float32 under autocast
+        # Only music belongs to a frame. Frame 0 means "not turned" to the other tokens.
+        num_music = memory[0].shape[1]
+        memory = self.norm_memory(torch.cat(memory, dim=1))
+        memory_frames = self.token_frames.new_zeros(memory.shape[1])
+        memory_frames[:num_music] = self.token_frames[:num_music]
+        for layer in self.layers:
+            h = layer(h, memory, cond, frames, memory_frames)
+        return h
+
+    def read(self, h: Tensor) -> Tensor:
+        """From tokens (b, f, d_model) to motion (b, f, d)."""
+        with torch.autocast(h.device.type, enabled=False):  # millimetres need float32
+            return self.out(h.float())

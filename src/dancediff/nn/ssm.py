@@ -1,14 +1,13 @@
 r"""State space models: a memory that is updated once per frame.
 
-Read first: notebook 08 · TCDiff++ section 3.4 · Gu & Dao 2023 (Mamba) algorithm 2 · Dao & Gu 2024
-(SSD, "Mamba-2") section 6.
+Read first: notebook 08 · TCDiff++ section 3.4 · Gu & Dao 2023 (Mamba) algorithm 2.
 
-Symbols (axes: b batch · f frames · d channels · s ssm state · h heads · p channels of one head)
+Symbols (axes: b batch · f frames · d channels · s ssm state)
     u       what goes in                                (b, f, d)
-    delta   $\Delta$, how long a frame lasts, > 0       (b, f, d)   one per head in SSD: (b, f, h)
-    A       decay rates, < 0                            (d, s)      one per head in SSD: (h,)
+    delta   $\Delta$, how long a frame lasts, > 0       (b, f, d)
+    A       decay rates, < 0                            (d, s)
     B, C    how a frame is written, and read            (b, f, s)
-    D_skip  D, the direct path                          (d,)        (h,) in SSD
+    D_skip  D, the direct path                          (d,)
     state   h in the paper                              (b, d, s)
 """
 
@@ -16,10 +15,7 @@ import math
 
 import torch
 import torch.nn.functional as F
-from einops import rearrange
 from torch import Tensor, nn
-
-from dancediff.nn.batch_invariant import batch_invariant_softplus
 
 
 def selective_scan_ref(
@@ -133,80 +129,6 @@ def selective_scan(
     return _Scan.apply(v, delta, A.mT.contiguous(), B, C).transpose(0, 1) + D_skip * u
 
 
-def segsum(a: Tensor) -> Tensor:
-    r"""Sum of a over every stretch: out[i, j] = $a_{j+1} + \dots + a_i$, $-\infty$ for j > i.
-
-    Source: SSD listing 1.
-
-    Shapes: a (..., f) -> (..., f, f).
-
-    >>> segsum(torch.tensor([1.0, 2.0, 3.0]))
-    tensor([[0., -inf, -inf],
-            [2., 0., -inf],
-            [5., 3., 0.]])
-    """
-    total = a.cumsum(-1)
-    future = torch.ones(a.shape[-1], a.shape[-1], dtype=torch.bool, device=a.device).triu(1)
-    return (total[..., :, None] - total[..., None, :]).masked_fill(future, -torch.inf)
-
-
-def ssd_scan(
-    u: Tensor,
-    delta: Tensor,
-    A: Tensor,
-    B: Tensor,
-    C: Tensor,
-    D_skip: Tensor,
-    *,
-    chunk: int = 50,
-) -> Tensor:
-    r"""The scan with one decay per head, as matrix products (state space duality).
-
-    With a scalar $a_f = \Delta_f A$ per head the recurrence unrolls into masked attention,
-
-    $$y_i = \sum_{j \le i} (C_i^\top B_j)\, e^{a_{j+1} + \dots + a_i}\, \Delta_j u_j + D\,u_i,$$
-
-    which is computed directly inside chunks of frames; between chunks only the state is passed on.
-
-    Source: SSD section 6.  Differs: B and C are shared by all heads (the paper's n_groups = 1).
-
-    Shapes: u (b, f, (h p)), delta (b, f, h), A, D_skip (h,), B, C (b, f, s) -> (b, f, (h p)).
-
-    >>> u, B = torch.randn(2, 9, 4), torch.randn(2, 9, 3)
-    >>> delta, A, ones = torch.rand(2, 9, 2), -torch.rand(2), torch.ones(2)
-    >>> wide = lambda x: x.repeat_interleave(2, -1)                # two channels a head
-    >>> slow = selective_scan_ref(u, wide(delta), wide(A)[:, None].expand(4, 3), B, B, wide(ones))
-    >>> torch.allclose(ssd_scan(u, delta, A, B, B, ones, chunk=4), slow, atol=1e-5)
-    True
-    """
-    f = u.shape[1]
-    num_chunks = -(-f // chunk)
-    length = -(-f // num_chunks)  # equal chunks, so that little or nothing is padded
-    padding = num_chunks * length - f
-
-    def cut(x: Tensor, heads: int = 1) -> Tensor:
-        x = F.pad(x, (0, 0, 0, padding)) if padding else x
-        return rearrange(x, "b (z i) (h p) -> b z h i p", z=num_chunks, h=heads)
-
-    x, B_, C_ = cut(u, heads=len(A)), cut(B), cut(C)  # (b, z, h, i, p), (b, z, 1, i, s)
-    delta_, a = cut(delta, heads=len(A)), cut(delta * A, heads=len(A))[..., 0]
-    since_start = a.cumsum(-1)  # (b, z, h, i): log decay of what came into the chunk
-
-    # What scales frames is put on the (i, j) weights: they are smaller than the frames are.
-    weights = (C_ @ B_.mT) * segsum(a).exp() * delta_.mT
-    weights = weights + torch.diag_embed(D_skip[:, None].expand(-1, length))
-    y = weights @ x
-    if num_chunks > 1:
-        to_end = (since_start[..., -1:] - since_start).exp()[..., None]
-        written = (B_ * (to_end * delta_)).mT @ x  # (b, z, h, s, p): what each chunk leaves behind
-        kept = since_start[..., -1].exp()[..., None, None]
-        states = [torch.zeros_like(written[:, 0])]
-        for z in range(num_chunks - 1):
-            states.append(kept[:, z] * states[-1] + written[:, z])
-        y = y + (C_ * since_start.exp()[..., None]) @ torch.stack(states, dim=1)
-    return rearrange(y, "b z h i p -> b (z i) (h p)")[:, :f]
-
-
 class MambaBlock(nn.Module):
     r"""A selective state space model with its gate: mixes the frames of one stream, past to future.
 
@@ -215,10 +137,6 @@ class MambaBlock(nn.Module):
     $$y = \text{scan}(u, \Delta, A, B, C, D),\qquad \text{out} = W_{out}\,(y \odot \text{SiLU}(z))$$
 
     Source: Mamba section 3.4; TCDiff++ section 3.4 puts one into every decoder layer.
-    Differs: ``ssm="ssd"`` ties A and $\Delta$ within a head (Mamba-2), which turns the scan into
-    matrix products and is several times faster on a CPU; ``ssm="mamba"`` is the paper's.
-    The released TCDiff++ code scans the interleaved frames of all dancers as one long stream and
-    replaces the music attention by it; we scan each dancer's own time axis, beside the attention.
 
     Shapes: x (b, f, d_model) -> (b, f, d_model).
 
@@ -226,69 +144,40 @@ class MambaBlock(nn.Module):
     torch.Size([2, 9, 16])
     """
 
-    def __init__(
-        self,
-        d_model: int,
-        *,
-        d_state: int = 16,
-        expand: int = 2,
-        d_conv: int = 4,
-        head_dim: int = 64,
-        ssm: str = "ssd",
-        bidirectional: bool = False,
-    ):
+    def __init__(self, d_model: int, *, d_state: int = 16, expand: int = 2, d_conv: int = 4):
         """Learned: four maps, a short filter per channel, decay rates A and the direct path D."""
         super().__init__()
-        d_inner = expand * d_model
-        if ssm not in ("mamba", "ssd"):
-            raise ValueError(f"ssm={ssm!r} is unknown; use 'mamba' or 'ssd'")
-        if ssm == "ssd":
-            head_dim = min(head_dim, d_inner)
-            if d_inner % head_dim:
-                raise ValueError(f"head_dim={head_dim} must divide expand * d_model = {d_inner}")
-        self.ssm, self.d_state = ssm, d_state
-        rates = d_inner if ssm == "mamba" else d_inner // head_dim  # how many different Delta
-        self.dt_rank = -(-d_model // 16) if ssm == "mamba" else rates
+        d_inner, dt_rank = expand * d_model, -(-d_model // 16)
+        self.d_state = d_state
         self.in_proj = nn.Linear(d_model, 2 * d_inner, bias=False)
         self.conv = nn.Conv1d(d_inner, d_inner, d_conv, groups=d_inner, padding=d_conv - 1)
-        self.x_proj = nn.Linear(d_inner, self.dt_rank + 2 * d_state, bias=False)
-        self.dt_proj = nn.Linear(self.dt_rank, rates) if ssm == "mamba" else None
-        self.dt_bias = None if ssm == "mamba" else nn.Parameter(torch.empty(rates))
-        if ssm == "mamba":  # every channel has d_state rates: 1 ... d_state
-            A = torch.arange(1.0, d_state + 1).repeat(rates, 1)
-        else:  # every head has one, spread over the same range
-            A = torch.linspace(1, d_state, rates)
+        self.x_proj = nn.Linear(d_inner, dt_rank + 2 * d_state, bias=False)
+        self.dt_proj = nn.Linear(dt_rank, d_inner)
+        init_delta(self.dt_proj.bias)
+        A = torch.arange(1.0, d_state + 1).repeat(d_inner, 1)
         self.A_log = nn.Parameter(A.log())
-        self.D_skip = nn.Parameter(torch.ones(rates))
+        self.D_skip = nn.Parameter(torch.ones(d_inner))
         self.out_proj = nn.Linear(d_inner, d_model, bias=False)
-        self._init_delta()
-        options = {"d_state": d_state, "expand": expand, "d_conv": d_conv, "head_dim": head_dim}
-        self.reverse = MambaBlock(d_model, ssm=ssm, **options) if bidirectional else None
-
-    @torch.no_grad()
-    def _init_delta(self) -> None:
-        """Start with frames that last 0.001 to 0.1: softplus(bias) is log-uniform in that range."""
-        bias = self.dt_proj.bias if self.ssm == "mamba" else self.dt_bias
-        delta = torch.exp(torch.empty_like(bias).uniform_(math.log(1e-3), math.log(1e-1)))
-        bias.copy_(delta + torch.log(-torch.expm1(-delta)))  # inverse of softplus
 
     def forward(self, x: Tensor) -> Tensor:
-        """Mix along f; frame f sees frames 0..f (all of them if bidirectional)."""
+        """Mix along f; frame f sees frames 0..f."""
         f = x.shape[1]
         u, z = self.in_proj(x).chunk(2, dim=-1)
         u = F.silu(self.conv(u.mT)[..., :f].mT)
-        dt, B, C = self.x_proj(u).split([self.dt_rank, self.d_state, self.d_state], dim=-1)
-        y = self._scan(u, dt, B, C)
-        out = self.out_proj(y.to(z.dtype) * F.silu(z))
-        return out if self.reverse is None else out + self.reverse(x.flip(1)).flip(1)
+        dt_rank = self.x_proj.out_features - 2 * self.d_state
+        dt, B, C = self.x_proj(u).split([dt_rank, self.d_state, self.d_state], dim=-1)
+        with torch.autocast(u.device.type, enabled=False):  # errors of bfloat16 would pile up
+            y = self.scan(u.float(), dt.float(), B.float(), C.float())
+        return self.out_proj(y.to(z.dtype) * F.silu(z))
 
-    def _scan(self, u: Tensor, dt: Tensor, B: Tensor, C: Tensor) -> Tensor:
-        """The recurrence in float32: errors in bfloat16 would pile up over 150 frames."""
-        with torch.autocast(u.device.type, enabled=False):
-            u, dt, B, C = u.float(), dt.float(), B.float(), C.float()
-            A = -self.A_log.float().exp()
-            if self.ssm == "mamba":
-                delta = F.softplus(F.linear(dt, self.dt_proj.weight, self.dt_proj.bias))
-                return selective_scan(u, delta, A, B, C, self.D_skip)
-            delta = batch_invariant_softplus(dt + self.dt_bias)
-            return ssd_scan(u, delta, A, B, C, self.D_skip)
+    def scan(self, u: Tensor, dt: Tensor, B: Tensor, C: Tensor) -> Tensor:
+        """The recurrence, in float32."""
+        delta = F.softplus(self.dt_proj(dt))
+        return selective_scan(u, delta, -self.A_log.exp(), B, C, self.D_skip)
+
+
+@torch.no_grad()
+def init_delta(bias: Tensor) -> None:
+    """Start with frames that last 0.001 to 0.1: softplus(bias) is log-uniform in that range."""
+    delta = torch.exp(torch.empty_like(bias).uniform_(math.log(1e-3), math.log(1e-1)))
+    bias.copy_(delta + torch.log(-torch.expm1(-delta)))  # inverse of softplus

@@ -13,6 +13,7 @@ from dataclasses import asdict, dataclass, field, fields, replace
 from hashlib import sha256
 
 from dancediff.data.choreographed import SIZES
+from dancediff.extensions.build import EXTENSIONS
 from dancediff.generation.request import REQUESTS, SamplingConfig
 from dancediff.training.config import SHORTEST_SONG, GroupData, SoloData
 from dancediff.training.lodge import STAGES, check_lodge_tables, is_lodge, stage_config
@@ -137,8 +138,10 @@ def _variant(name: str, changes: dict, config: dict, source: str) -> Variant:
         options = REQUESTS[FAMILIES[kind]].names()
         base = config | {
             table: {key: value for key, value in config.get(table, {}).items() if key in known}
-            for table, known in (("model", sizes), ("sample", options))
+            for table, known in (("model", {*sizes, "extensions"}), ("sample", options))
         }
+        names = base["model"].get("extensions", [])
+        base["model"]["extensions"] = [n for n in names if n in EXTENSIONS[MODELS[kind][0]]]
     merged = {table: base.get(table, {}) | changes.get(table, {}) for table in base | changes}
     held_out = merged.pop("held_out", {})
     held_out = HeldOut(**check_table(held_out, HeldOut, f"{source}: 'held_out'"))

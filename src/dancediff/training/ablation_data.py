@@ -26,7 +26,8 @@ def corpus(variant: Variant, out: Path) -> list[DanceTake]:
     if is_lodge(tables):
         genres = tuple(tables["local_stage"].get("genres", GENRES))
         return solos_for(SoloData(**data), None, genres, out / "songs")
-    sizes = {key: value for key, value in tables["model"].items() if key != "class"}
+    model = tables["model"]
+    sizes = {key: value for key, value in model.items() if key not in ("class", "extensions")}
     kind = MODELS[tables["model"].get("class", "TCDiffPP")][1]
     return takes_for(GroupData(**data), None, kind(**sizes), cache=out / "songs")[0]
 

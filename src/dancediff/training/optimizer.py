@@ -3,7 +3,7 @@
 import torch
 from torch import nn
 
-from dancediff.papers.tcdiffpp.fusion_projection import FusionProjection
+from dancediff.papers.tcdiffpp.group_dance_decoder import FusionProjection
 from dancediff.training.adan import Adan
 from dancediff.training.config import TrainConfig
 from dancediff.training.muon import MuonAdamW

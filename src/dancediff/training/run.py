@@ -12,6 +12,7 @@ from dancediff.data.choreographed import choreographed_corpus
 from dancediff.data.packed import PackedTakes
 from dancediff.data.take import DanceTake
 from dancediff.data.windows import GroupCut, WindowSampler
+from dancediff.extensions.build import build, check_extensions
 from dancediff.papers.edge.model import EDGE, EDGEConfig
 from dancediff.papers.tcdiffpp.losses import LossWeights
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
@@ -43,8 +44,12 @@ def check_tables(config: dict, source: str) -> dict:
     kind = model.get("class", "TCDiffPP") if isinstance(model, dict) else "TCDiffPP"
     if not isinstance(kind, str) or kind not in MODELS:
         raise ValueError(f"{source}: class {kind!r} is not one of {', '.join(MODELS)}, Lodge")
+    names = []
     if isinstance(model, dict):
         check_sizes(model, f"{source}: 'model'")
+        names = model.get("extensions", [])
+        sizes = {key: value for key, value in model.items() if key != "extensions"}
+        config = config | {"model": sizes}
     known = {
         "data": GroupData,
         "model": MODELS[kind][1],
@@ -52,7 +57,17 @@ def check_tables(config: dict, source: str) -> dict:
         "weights": LossWeights,
         "extensions": TrainingExtensions,
     }
-    return check_all(config, known, source)
+    tables = check_all(config, known, source)
+    model_class, config_class = MODELS[kind]
+    if not isinstance(names, list | tuple):
+        raise ValueError(f"{source}: 'model': extensions={names!r} should be a list of names")
+    sizes = {key: value for key, value in tables["model"].items() if key != "class"}
+    try:
+        check_extensions(model_class, config_class(**sizes), names)
+    except ValueError as err:
+        raise ValueError(f"{source}: 'model': {err}") from err
+    tables["model"]["extensions"] = list(names)
+    return tables
 
 
 def settings_of(tables: dict) -> TrainConfig:
@@ -99,12 +114,13 @@ def train_from_config(
     settings, corpus = settings_of(tables), GroupData(**tables["data"])
     check_free(Path(out), options.get("resume"), options.get("overwrite"))
     model_class, config_class = MODELS[tables["model"].pop("class", "TCDiffPP")]
+    extensions = tables["model"].pop("extensions")
     sizes, held_out = config_class(**tables["model"]), []
     if takes is None:
         evaluates = settings.evaluate_every > 0
         takes, held_out = takes_for(corpus, data, sizes, evaluates=evaluates)
     torch.manual_seed(settings.seed)
-    model = model_class(sizes)
+    model = build(model_class, sizes, extensions)
     if isinstance(model, EDGE):
         takes, held_out = _solos(takes), _solos(held_out)
     fit_statistics(model, takes, settings.extensions, real=corpus.real, start=start)

@@ -7,7 +7,9 @@ from torch import Tensor, nn
 
 from dancediff.data.take import DanceTake
 from dancediff.data.windows import GroupCut, half_overlapping
+from dancediff.extensions.formation_prior import FormationPrior
 from dancediff.extensions.metre_unit import metre_unit_normalizer
+from dancediff.extensions.preconditioning import preconditioning_of
 from dancediff.motion.representation import TCDIFFPP, Normalizer
 from dancediff.music.features import MusicNormalizer
 from dancediff.papers.edge.model import EDGE
@@ -40,14 +42,15 @@ def fit_statistics(
         songs = {take.M.data_ptr(): take.M for take in takes}
         model.music_normalizer = MusicNormalizer.fit(list(songs.values()))
     model.music_normalizer = model.music_normalizer.without(extensions.masked_music)
-    if model.decoder.precondition is not None:
+    if preconditioning_of(model) is not None:
         frames = [(take.real, take.num_dancers * take.num_frames) for take in takes]
         _fit_preconditioning(model, takes, window_weights(frames, real))
 
 
 def _fit_preconditioning(model, takes: list[DanceTake], weights: list[float]) -> None:
     """The spectrum of dance, around where the formation prior, if there is one, expects it."""
-    cut, formation = GroupCut(model.config.num_frames), model.decoder.formation
+    cut = GroupCut(model.config.num_frames)
+    formation = next((p for p in model.modules() if isinstance(p, FormationPrior)), None)
 
     def windows() -> Iterator[tuple[Tensor, Tensor]]:
         for take in takes:
@@ -63,7 +66,7 @@ def _fit_preconditioning(model, takes: list[DanceTake], weights: list[float]) ->
                 x[..., TCDIFFPP.floor] -= formation.mean(S)
             yield x.flatten(0, 1)
 
-    model.decoder.precondition.fit(around_the_mean(), weights=weights)
+    preconditioning_of(model).fit(around_the_mean(), weights=weights)
 
 
 def window_weights(takes: list[tuple[bool, int]], real: float | None) -> list[float]:

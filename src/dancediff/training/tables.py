@@ -17,9 +17,17 @@ _NOW = {  # keys of before, and what they are now
     "joint_vel": "joint_velocity_loss in [extensions]",
     "slide": "slide_loss in [extensions]",
     "max_minutes": "gone: stop the run (SIGTERM writes a checkpoint) and go on with --resume",
-    "beat_waves": "beat_phase",
-    "non_local": "non_local_filter",
-    "precondition": "preconditioning",
+    "beat_waves": "'beat_phase' in extensions of [model]",
+    "non_local": "'non_local_filter' in extensions of [model]",
+    "precondition": "'preconditioning' in extensions of [model]",
+    "ssm": "'ssd' in extensions of [model], or 'ssm' in without",
+    "dpe": "'dancer_positioning' in without",
+    "fp": "'fusion_projection' in without",
+    "fa": "'footwork_adaptor' in without",
+    "swap_mode": "'swap_mode' in without",
+} | {
+    name: f"{name!r} in extensions of [model]"
+    for name in ("foot_cues", "formation_prior", "fusion_residual", "footwork_residual")
 }
 
 

@@ -1,4 +1,4 @@
-r"""EDGE: the transformer that TCDiff++ and Lodge build on; it knows one dancer and her music.
+r"""EDGE: the transformer that TCDiff++ and Lodge build on; it knows one dancer and the music.
 
 Read first: notebook 05 · Tseng et al. 2023 (EDGE) section 3.
 
@@ -7,11 +7,10 @@ Symbols (axes: b batch · n dancers · f frames · d motion, m music features)
     x_hat  the guess                           (b, n, f, d)
     home   where a dancer is, on the average   (n, 1, 3) metres, height left out
 
-A group is danced by n copies who neither see nor hear of each other: that is what makes it the
-baseline of a group model.
+A group is n dancers who do not know of each other: that makes it the baseline of a group model.
 """
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 import torch
 from torch import Tensor, nn
@@ -20,8 +19,7 @@ from dancediff.diffusion.conditions import Conditions
 from dancediff.diffusion.schedule import cosine_abar
 from dancediff.motion.representation import TCDIFFPP, Normalizer
 from dancediff.music.features import MusicNormalizer
-from dancediff.papers.tcdiffpp.group_dance_decoder import GroupDanceDecoder
-from dancediff.papers.tcdiffpp.model import TCDiffPPConfig
+from dancediff.nn.decoder import DanceDecoder
 
 SPACING = 1.2  # metres between the start slots, about as in the training data
 
@@ -30,7 +28,7 @@ SPACING = 1.2  # metres between the start slots, about as in the training data
 class EDGEConfig:
     """Sizes; plain values, so that it can be stored as JSON.
 
-    The defaults are as small as those of `TCDiffPPConfig`; `paper` has the published sizes.
+    The defaults are as small as those of TCDiff++; `paper` has the published sizes.
 
     >>> EDGEConfig.paper().d_model
     512
@@ -47,21 +45,11 @@ class EDGEConfig:
     dropout: float = 0.0
     cond_drop: float = 0.25
     num_steps: int = 1000
-    beat_waves: bool = False  # ours: see extensions.beat_phase; on in configs
-    non_local: bool = False  # ours: see extensions.non_local_filter; on in configs
-    precondition: bool = True  # ours: see extensions.preconditioning
 
     @classmethod
     def paper(cls, **changes) -> "EDGEConfig":
         """Sizes of EDGE: 8 layers, 8 heads, width 512; 47,024,791 weights with 35-d music."""
-        sizes = {
-            "d_model": 512,
-            "num_heads": 8,
-            "num_layers": 8,
-            "ff_dim": 1024,
-            "dropout": 0.1,
-            "precondition": False,
-        }
+        sizes = {"d_model": 512, "num_heads": 8, "num_layers": 8, "ff_dim": 1024, "dropout": 0.1}
         return cls(**sizes | changes)
 
 
@@ -70,67 +58,67 @@ class EDGE(nn.Module):
 
     $$\hat x = \text{decoder}(x_t, t, M)$$
 
-    This is the Group Dance Decoder with all that TCDiff++ added taken out, for a group of one; the
-    paper's sizes have exactly the published number of weights.
-
     Source: EDGE section 3.  Differs: positions are rotated after the projection, head by head, as
     everywhere here; music is the 35-d features instead of Jukebox's 4800; the contact loss counts
     contacts above 0.5 instead of 0.95, and joints are in metres.  Trained with TCDiff++'s loop,
     whose weights for EDGE's four losses are EDGE's; L_D is zero for one dancer.
 
-    Shapes: x_t (b, n, f, d), t (b,), conditions with music -> the guess twice, both (b, n, f, d):
-    what `TCDiffPP` calls raw and adapted.
+    Shapes: x_t (b, n, f, d), t (b,), conditions with music -> x_hat (b, n, f, d).
+    Raises: ValueError naming the argument whose shape does not fit.
 
     >>> model = EDGE(EDGEConfig(d_model=16, num_layers=1, ff_dim=32))
     >>> x_t, conditions = torch.randn(2, 3, 20, 151), Conditions(torch.randn(2, 20, 35))
-    >>> model(x_t, torch.tensor([10, 900]), conditions)[1].shape
+    >>> model(x_t, torch.tensor([10, 900]), conditions).shape
     torch.Size([2, 3, 20, 151])
     """
 
     def __init__(self, config: EDGEConfig | None = None):
         """Random weights; normalisers that change nothing until training fits them."""
         super().__init__()
-        self.config = config = config or EDGEConfig()
-        self.decoder = GroupDanceDecoder(without_group(config))
-        one = torch.ones(config.motion_dim)
-        self.normalizer = Normalizer(-one, one)
-        self.music_normalizer = MusicNormalizer(
-            torch.zeros(config.music_dim), torch.ones(config.music_dim)
+        self.config = c = config or EDGEConfig()
+        self.decoder = DanceDecoder(
+            c.d_model,
+            c.num_heads,
+            c.num_layers,
+            c.ff_dim,
+            motion_dim=c.motion_dim,
+            music_dim=c.music_dim,
+            music_frames=c.num_frames,
+            dropout=c.dropout,
         )
-        self.register_buffer("abar", cosine_abar(config.num_steps), persistent=False)
+        one = torch.ones(c.motion_dim)
+        self.normalizer = Normalizer(-one, one)
+        self.music_normalizer = MusicNormalizer(torch.zeros(c.music_dim), torch.ones(c.music_dim))
+        self.register_buffer("abar", cosine_abar(c.num_steps), persistent=False)
 
-    def forward(self, x_t: Tensor, t: Tensor, conditions: Conditions) -> tuple[Tensor, Tensor]:
-        """Guess the clean dance; every dancer is a sample of its own."""
-        x_hat = self.decoder(*self._alone(x_t, t, conditions)).reshape(x_t.shape)
-        return x_hat, x_hat
+    def forward(self, x_t: Tensor, t: Tensor, conditions: Conditions) -> Tensor:
+        """Guess the clean dance; every dancer is a row of the batch."""
+        return self.guess(*self.alone(x_t, t, conditions)).reshape(x_t.shape)
 
     def denoise(self, x_t: Tensor, t: Tensor, conditions: Conditions) -> Tensor:
         """The guess, (b, n, f, d)."""
-        return self(x_t, t, conditions)[1]
+        return self(x_t, t, conditions)
 
-    def linear_guess(self, x_t: Tensor, t: Tensor, conditions: Conditions) -> Tensor:
-        """What a model with preconditioning guesses without its network, (b, n, f, d)."""
-        return self.decoder.linear_guess(*self._alone(x_t, t, conditions)).reshape(x_t.shape)
+    def guess(self, x_t: Tensor, t: Tensor, conditions: Conditions) -> Tensor:
+        """Guess the clean motion of single dancers, (b, f, d)."""
+        return self.decoder.read(self.decode(self.decoder.embed(x_t), t, conditions))
 
-    def _alone(self, x_t: Tensor, t: Tensor, conditions: Conditions):
-        n = x_t.shape[1]
-        nobody_swaps = torch.zeros(len(x_t) * n, 1, dtype=torch.long, device=x_t.device)
-        M, mask = (
-            None if a is None else a.repeat_interleave(n, 0)
-            for a in (conditions.music, conditions.music_mask)
-        )
-        conditions = Conditions(M, nobody_swaps, music_mask=mask)
-        return x_t.flatten(0, 1)[:, None], t.repeat_interleave(n, 0), conditions
+    def decode(self, h: Tensor, t: Tensor, conditions: Conditions) -> Tensor:
+        """All layers, (b, f, d_model) -> the same."""
+        music, steps, cond = self.decoder.condition(t, conditions)
+        return self.decoder(h, [music, steps], cond, torch.arange(h.shape[1], device=h.device))
 
-
-def without_group(config: EDGEConfig) -> TCDiffPPConfig:
-    """The configuration of a Group Dance Decoder that is EDGE.
-
-    >>> without_group(EDGEConfig()).max_dancers
-    1
-    """
-    off = dict.fromkeys(("dpe", "fp", "fa", "swap_mode", "foot_cues"), False)
-    return TCDiffPPConfig(**asdict(config) | {"max_dancers": 1, "ssm": "none"} | off)
+    def alone(self, x_t: Tensor, t: Tensor, conditions: Conditions):
+        """The arguments of `forward`, with every dancer as a row of the batch."""
+        (b, n, f, d), c = x_t.shape, self.config
+        if d != c.motion_dim or not 1 <= f <= c.num_frames:
+            raise ValueError(
+                f"x_t has shape {(b, n, f, d)}; expected (b, n, f, d) with f <= {c.num_frames}, "
+                f"d = {c.motion_dim}"
+            )
+        M, mask = (a.repeat_interleave(n, 0) for a in (conditions.music, conditions.music_mask))
+        rows = Conditions(M, music_mask=mask)
+        return x_t.flatten(0, 1), t.repeat_interleave(n, 0), rows
 
 
 def start_slots(n: int) -> Tensor:

@@ -17,7 +17,7 @@ from einops import rearrange
 from torch import Tensor, nn
 
 from dancediff.genre import FINEDANCE, GENRES
-from dancediff.nn.decoder import FeedForward
+from dancediff.nn.attention import FeedForward
 from dancediff.papers.lodge.style import MappingNetwork
 
 NEAREST = 6.0  # logit by which a token prefers its own frame at the start; ours

@@ -11,7 +11,7 @@ Symbols (axes: b batch · g genres · d channels)
 import torch
 from torch import Tensor, nn
 
-from dancediff.nn.batch_invariant import BatchInvariantLinear
+from dancediff.nn.conditioning import BatchInvariantLinear
 
 
 class MappingNetwork(nn.Module):

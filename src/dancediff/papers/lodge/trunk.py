@@ -16,9 +16,8 @@ import torch
 from einops import rearrange
 from torch import Tensor, nn
 
-from dancediff.nn.batch_invariant import BatchInvariantLinear
-from dancediff.nn.decoder import DecoderLayer, MusicEncoder
-from dancediff.nn.timestep import TimestepEncoder
+from dancediff.nn.conditioning import BatchInvariantLinear, MusicEncoder, TimestepEncoder
+from dancediff.nn.decoder import DecoderLayer
 
 
 def check_shapes(**values: tuple[Tensor | None, tuple | None]) -> None:

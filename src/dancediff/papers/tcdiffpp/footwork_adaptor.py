@@ -15,10 +15,8 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 
 from dancediff.axes import FPS
-from dancediff.motion.representation import TCDIFFPP, MotionSpec
+from dancediff.motion.representation import TCDIFFPP
 from dancediff.motion.skeleton import LOWER_BODY
-
-LEAK = 0.01  # slope of LeakyReLU below zero
 
 FASTEST = 3.0  # normalised units a second: the width of the stage in less than a second
 
@@ -50,7 +48,7 @@ class ConcatSquashLinear(nn.Module):
         return self.linear(x) * torch.sigmoid(self.gate(c)) + self.shift(c)
 
 
-def ground_velocity(x_raw: Tensor, spec: MotionSpec = TCDIFFPP) -> Tensor:
+def ground_velocity(x_raw: Tensor) -> Tensor:
     """How fast the root moves over the floor: x and z, normalised units per second, frame 0 zero.
 
     Source: TCDiff++ eq. 9.  Differs: the paper's is 3-D; the released code's is per frame, which
@@ -63,10 +61,9 @@ def ground_velocity(x_raw: Tensor, spec: MotionSpec = TCDIFFPP) -> Tensor:
     >>> ground_velocity(x)[0, 0].tolist()
     [[0.0, 0.0], [3.0, 0.0]]
     """
-    lateral, _height, depth = x_raw[..., spec.root].unbind(-1)
-    path = torch.stack([lateral, depth], dim=-1)
-    # cut off: behind a noisy guess stands no speed, and it would saturate every gate
-    return (FPS * F.pad(path.diff(dim=-2), (0, 0, 1, 0))).clamp(-FASTEST, FASTEST)
+    steps = x_raw[..., TCDIFFPP.floor].diff(dim=-2)
+    # clipped: there is no speed in a noisy guess, and it would saturate every gate
+    return (FPS * F.pad(steps, (0, 0, 1, 0))).clamp(-FASTEST, FASTEST)
 
 
 class FootworkAdaptor(nn.Module):
@@ -76,88 +73,46 @@ class FootworkAdaptor(nn.Module):
       \hat x = [x_a]_{\text{legs}} \oplus [x_r]_{\text{rest}}$$
 
     Source: TCDiff++ eq. 9-11; three layers and width 128 as in the released code.
-    Differs: the released code also replaces spine1 (joint 3), which is no leg. No path leads around
-    the three layers, so they start as the identity on the legs (`start_as_identity`).
+    Differs: the released code also replaces spine1 (joint 3), which is no leg.
 
-    Shapes: x_raw (b, n, f, 151) -> (b, n, f, 151).  Units: normalised features.
+    Shapes: x_raw (b, n, f, 151), v (b, n, f, 2) -> (b, n, f, 151).  Units: normalised features.
 
     >>> x_raw = torch.randn(2, 3, 5, 151)
-    >>> torch.allclose(FootworkAdaptor()(x_raw), x_raw, atol=1e-5)       # before training
-    True
+    >>> x_hat = FootworkAdaptor()(x_raw, ground_velocity(x_raw))
+    >>> int((x_hat != x_raw).flatten(0, 2).any(0).sum())             # eight joints of six numbers
+    48
     """
 
-    def __init__(
-        self,
-        hidden: int = 128,
-        *,
-        spec: MotionSpec = TCDIFFPP,
-        joints=LOWER_BODY,
-        residual: bool = False,
-        cues: int = 0,
-    ):
-        """Three `ConcatSquashLinear` layers; with ``residual`` (ours) they add a correction.
-
-        ``cues`` (ours): how many more numbers a frame they listen to, see `foot_cues`.
-        """
+    def __init__(self, hidden: int = 128, *, d_cond: int = 2):
+        """Three `ConcatSquashLinear` layers; ``d_cond``: width of v."""
         super().__init__()
-        self.residual = residual
-        self.spec = spec
-        self.register_buffer(
-            "channels", torch.tensor(spec.joint_channels(joints)), persistent=False
-        )
-        sizes = (spec.dim, hidden, hidden, spec.dim)
+        channels = torch.tensor(TCDIFFPP.joint_channels(LOWER_BODY))
+        self.register_buffer("channels", channels, persistent=False)
+        sizes = (TCDIFFPP.dim, hidden, hidden, TCDIFFPP.dim)
         self.layers = nn.ModuleList(
-            ConcatSquashLinear(d_in, d_out, 2 + cues) for d_in, d_out in pairwise(sizes)
+            ConcatSquashLinear(d_in, d_out, d_cond) for d_in, d_out in pairwise(sizes)
         )
-        if residual:
-            self.start_small()
-        elif hidden >= 2 * len(self.channels):
-            self.start_as_identity()
 
-    @torch.no_grad()
-    def start_small(self) -> None:
-        """Hardly any correction before training."""
-        for weights in self.layers[-1].parameters():
-            weights.mul_(0.01)
-
-    @torch.no_grad()
-    def start_as_identity(self) -> None:
-        r"""Choose weights with which the legs pass unchanged through the three layers.
-
-        $\phi(x) - \phi(-x) = (1 + 0.01)\,x$ for LeakyReLU $\phi$, so a pair of hidden units carries
-        one leg channel; the gates start at one half. The other units start at random.
-        Without this the network must first learn to copy 48 numbers, to a degree or two at the
-        ankle, before it can improve on them.
-        """
-        k = len(self.channels)
-        plus, minus = torch.arange(k), torch.arange(k) + k
-        first, second, third = (layer.linear for layer in self.layers)
-        for layer in (first, second):
-            layer.weight[: 2 * k] = 0
-            layer.bias[: 2 * k] = 0
-        third.weight[self.channels] = 0
-        third.bias[self.channels] = 0
-        first.weight[plus, self.channels] = 2
-        first.weight[minus, self.channels] = -2
-        carry = 2 / (1 + LEAK)
-        for rows, sign in ((plus, 1), (minus, -1)):
-            second.weight[rows, plus] = sign * carry
-            second.weight[rows, minus] = -sign * carry
-        third.weight[self.channels, plus] = carry
-        third.weight[self.channels, minus] = -carry
-
-    def adapt(self, x_raw: Tensor, cues: Tensor | None = None) -> Tensor:
-        """The adapted motion $x_a$, all channels."""
-        v = ground_velocity(x_raw, self.spec)
-        v = v if cues is None else torch.cat([v, cues], dim=-1)
-        first, second, third = self.layers
-        x = F.leaky_relu(first(x_raw, v), LEAK)
-        x = F.leaky_relu(second(x, v), LEAK)
-        return x_raw + third(x, v) if self.residual else third(x, v)
-
-    def forward(self, x_raw: Tensor, cues: Tensor | None = None) -> Tensor:
+    def forward(self, x_raw: Tensor, v: Tensor) -> Tensor:
         """x_raw with adapted legs; in float32, because a degree at the hip is centimetres below."""
         with torch.autocast(x_raw.device.type, enabled=False):
-            x_raw = x_raw.float()
-            adapted = self.adapt(x_raw, cues)
+            return self.replace_legs(x_raw, self.adapt(x_raw, v))
+
+    def adapt(self, x_raw: Tensor, v: Tensor) -> Tensor:
+        """The adapted motion $x_a$, all channels."""
+        first, second, third = self.layers
+        x = F.leaky_relu(first(x_raw, v))
+        x = F.leaky_relu(second(x, v))
+        return third(x, v)
+
+    def replace_legs(self, x_raw: Tensor, adapted: Tensor) -> Tensor:
+        """The legs of one motion on the rest of the other."""
         return x_raw.index_copy(-1, self.channels, adapted[..., self.channels])
+
+
+class NoFootworkAdaptor(nn.Module):
+    """In the place of `FootworkAdaptor` where Table 4 leaves it out."""
+
+    def forward(self, x_raw: Tensor, v: Tensor) -> Tensor:
+        """x_raw as it is."""
+        return x_raw

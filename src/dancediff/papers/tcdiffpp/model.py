@@ -8,25 +8,28 @@ Symbols (axes: b batch · n dancers · f frames · d motion, m music features)
 """
 
 from dataclasses import dataclass, fields
-from functools import partial
 
 import torch
 from torch import Tensor, nn
 
 from dancediff.diffusion.conditions import Conditions
 from dancediff.diffusion.schedule import cosine_abar
-from dancediff.extensions.foot_cues import NUM_MOVING, foot_cues
 from dancediff.motion.representation import Normalizer
 from dancediff.music.features import MusicNormalizer
-from dancediff.papers.tcdiffpp.footwork_adaptor import FootworkAdaptor
+from dancediff.papers.tcdiffpp.footwork_adaptor import (
+    FootworkAdaptor,
+    NoFootworkAdaptor,
+    ground_velocity,
+)
 from dancediff.papers.tcdiffpp.group_dance_decoder import GroupDanceDecoder
 
 LARGEST, MOST_LAYERS = 8192, 64  # a size beyond is a slip; such a network is never done building
+COMPONENTS = ("dancer_positioning", "fusion_projection", "footwork_adaptor", "swap_mode", "ssm")
 
 
 @dataclass
 class TCDiffPPConfig:
-    """Sizes and switches; plain values, so that it can be stored as JSON.
+    """Sizes; plain values, so that it can be stored as JSON.
 
     The defaults are a small model which two CPU cores can train; `paper` has the published sizes.
 
@@ -44,32 +47,20 @@ class TCDiffPPConfig:
     music_dim: int = 35
     fusion_hidden: int = 512
     footwork_hidden: int = 128
-    ssm: str = "ssd"  # or "mamba" (the paper's), or "none"
-    d_state: int = 16
-    expand: int = 2
-    head_dim: int = 64  # only for "ssd"
-    bidirectional: bool = False
-    layer: str = "paper"  # or "released": see nn.decoder.DecoderLayer
     dropout: float = 0.0
     cond_drop: float = 0.25
     num_steps: int = 1000
-    dpe: bool = True
-    fp: bool = True
-    fa: bool = True
-    swap_mode: bool = True
-    fusion_residual: bool = True  # ours: see FusionProjection
-    footwork_residual: bool = True  # ours: see FootworkAdaptor
-    foot_cues: bool = False  # ours: see foot_cues; on in configs
-    beat_waves: bool = False  # ours: see extensions.beat_phase; on in configs
-    non_local: bool = False  # ours: see extensions.non_local_filter; on in configs
-    formation_prior: bool = False  # ours: see formation_prior; on in configs
-    precondition: bool = True  # ours: see extensions.preconditioning
+    without: tuple[str, ...] = ()  # components that Table 4 leaves out, of `COMPONENTS`
 
     def __post_init__(self):
-        """Refuse sizes that no network can have.
+        """Refuse sizes that no network can have; JSON knows no tuples.
 
         Raises: ValueError naming the size, its value and what is allowed.
         """
+        self.without = tuple(self.without)
+        for name in self.without:
+            if name not in COMPONENTS:
+                raise ValueError(f"without: {name!r} is not one of {', '.join(COMPONENTS)}")
         for one in fields(self):
             value = getattr(self, one.name)
             most = MOST_LAYERS if one.name == "num_layers" else LARGEST
@@ -78,24 +69,9 @@ class TCDiffPPConfig:
 
     @classmethod
     def paper(cls, **changes) -> "TCDiffPPConfig":
-        """Sizes of TCDiff++ section 5.1: 8 layers, 8 heads, width 512, Mamba."""
-        sizes = {
-            "d_model": 512,
-            "num_heads": 8,
-            "num_layers": 8,
-            "ff_dim": 1024,
-            "fusion_hidden": 1024,
-            "ssm": "mamba",
-            "dropout": 0.1,
-            "fusion_residual": False,
-            "footwork_residual": False,
-            "foot_cues": False,
-            "beat_waves": False,
-            "non_local": False,
-            "formation_prior": False,
-            "precondition": False,
-        }
-        return cls(**sizes | changes)
+        """Sizes of TCDiff++ section 5.1: 8 layers, 8 heads, width 512."""
+        sizes = {"d_model": 512, "num_heads": 8, "num_layers": 8, "ff_dim": 1024}
+        return cls(**sizes | {"fusion_hidden": 1024, "dropout": 0.1} | changes)
 
 
 class TCDiffPP(nn.Module):
@@ -119,45 +95,21 @@ class TCDiffPP(nn.Module):
     def __init__(self, config: TCDiffPPConfig | None = None):
         """Random weights; normalisers that change nothing until training fits them."""
         super().__init__()
-        self.config = config = config or TCDiffPPConfig()
-        self.decoder = GroupDanceDecoder(config)
-        self.footwork = (
-            FootworkAdaptor(
-                config.footwork_hidden,
-                residual=config.footwork_residual,
-                cues=NUM_MOVING if config.foot_cues else 0,
-            )
-            if config.fa
-            else None
-        )
-        one = torch.ones(config.motion_dim)
+        self.config = c = config or TCDiffPPConfig()
+        self.decoder = GroupDanceDecoder(c)
+        self.footwork_adaptor = FootworkAdaptor(c.footwork_hidden)
+        if "footwork_adaptor" in c.without:
+            self.footwork_adaptor = NoFootworkAdaptor()
+        one = torch.ones(c.motion_dim)
         self.normalizer = Normalizer(-one, one)
-        self.music_normalizer = MusicNormalizer(
-            torch.zeros(config.music_dim), torch.ones(config.music_dim)
-        )
-        self.register_buffer("abar", cosine_abar(config.num_steps), persistent=False)
-
-    @property
-    def spread(self) -> Tensor | None:
-        """Of each frequency in the training set (k, d), known to a model with preconditioning."""
-        return None if self.decoder.precondition is None else self.decoder.precondition.spread
+        self.music_normalizer = MusicNormalizer(torch.zeros(c.music_dim), torch.ones(c.music_dim))
+        self.register_buffer("abar", cosine_abar(c.num_steps), persistent=False)
 
     def forward(self, x_t: Tensor, t: Tensor, conditions: Conditions) -> tuple[Tensor, Tensor]:
         """Guess the clean dance, without and with the Footwork Adaptor."""
-        cues = partial(foot_cues, normalizer=self.normalizer) if self.config.foot_cues else None
-        x_raw = self.decoder(x_t, t, conditions, foot_cues=cues)
-        if self.footwork is None:
-            return x_raw, x_raw
-        x_hat = self.footwork(x_raw, None if cues is None else cues(x_raw)[..., -NUM_MOVING:])
-        if (precondition := self.decoder.precondition) is not None:
-            group = self.decoder.group_modes(conditions.swap, x_t.shape[2])
-            x_hat = precondition(x_hat - x_raw, x_raw, self.abar[t].float(), group)
-        return x_raw, x_hat
+        x_raw = self.decoder(x_t, t, conditions)
+        return x_raw, self.footwork_adaptor(x_raw, ground_velocity(x_raw))
 
     def denoise(self, x_t: Tensor, t: Tensor, conditions: Conditions) -> Tensor:
         """The adapted guess alone, (b, n, f, d)."""
         return self(x_t, t, conditions)[1]
-
-    def linear_guess(self, x_t: Tensor, t: Tensor, conditions: Conditions) -> Tensor:
-        """What a model with preconditioning guesses without its network, (b, n, f, d)."""
-        return self.decoder.linear_guess(x_t, t, conditions)

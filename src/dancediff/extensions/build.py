@@ -1,0 +1,61 @@
+"""Build a model with extensions by their names.
+
+Without extensions it is the paper's model. ``model.extensions`` says which it has; model folders
+and training configs store the same list.
+"""
+
+from collections.abc import Sequence
+
+from torch import nn
+
+from dancediff.extensions.networks import ExtendedEDGE, ExtendedTCDiffPP
+from dancediff.extensions.registry import REGISTRY
+from dancediff.papers.edge.model import EDGE
+from dancediff.papers.tcdiffpp.model import TCDiffPP
+
+EXTENDED = {EDGE: ExtendedEDGE, TCDiffPP: ExtendedTCDiffPP}
+FAMILIES = {EDGE: "edge", TCDiffPP: "tcdiffpp"}
+EXTENSIONS = {  # names by class
+    model_class: tuple(e.name for e in REGISTRY.values() if e.kind == "network" and f in e.models)
+    for model_class, f in FAMILIES.items()
+}
+
+
+def build(model_class: type[nn.Module], config, extensions: Sequence[str] = ()) -> nn.Module:
+    """A model of random weights with the named extensions.
+
+    Raises: ValueError for an extension that the class does not have, or one without what it needs.
+
+    >>> from dancediff.papers.edge.model import EDGEConfig
+    >>> model = build(EDGE, EDGEConfig(d_model=16, num_layers=1), ["beat_phase"])
+    >>> type(model).__name__, model.extensions
+    ('ExtendedEDGE', ('beat_phase',))
+    """
+    check_extensions(model_class, config, extensions)
+    model = EXTENDED[model_class](config, extensions) if extensions else model_class(config)
+    model.extensions = tuple(extensions)
+    return model
+
+
+def check_extensions(model_class: type[nn.Module], config, extensions: Sequence[str]) -> None:
+    """Raises: ValueError as `build`."""
+    known = EXTENSIONS[model_class]
+    for name in extensions:
+        if name not in known:
+            raise ValueError(
+                f"extensions: {name!r} is not one of those of {model_class.__name__}: "
+                f"{', '.join(known)}"
+            )
+        for needed in REGISTRY[name].needs:
+            if needed not in extensions:
+                raise ValueError(f"extensions: {name!r} needs {needed!r}; name it, too")
+    if "formation_prior" in extensions and "dancer_positioning" in config.without:
+        raise ValueError(
+            "extensions: 'formation_prior' is a linear guess by rank, which a model "
+            "without 'dancer_positioning' does not know"
+        )
+
+
+def extensions_of(model: nn.Module) -> tuple[str, ...]:
+    """Names of a model's extensions; none of a plain one."""
+    return getattr(model, "extensions", ())

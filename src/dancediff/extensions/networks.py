@@ -1,0 +1,123 @@
+"""TCDiff++ and EDGE with extensions: the plain network, step by step, with parts in between.
+
+Read first: `dancediff.papers.tcdiffpp.model` and `dancediff.papers.edge.model`, the networks as the
+papers have them · `dancediff.extensions.parts`.
+"""
+
+from collections.abc import Sequence
+
+from torch import Tensor, nn
+
+from dancediff.diffusion.conditions import Conditions
+from dancediff.extensions.aligned_attention import align_attention
+from dancediff.extensions.beat_phase import BeatPhase
+from dancediff.extensions.foot_cues import NUM_MOVING, FootCues
+from dancediff.extensions.formation_prior import FormationPrior
+from dancediff.extensions.non_local_filter import NonLocalFilter
+from dancediff.extensions.parts import Part, Parts, Pass
+from dancediff.extensions.preconditioning import LinearStart, preconditioning_of
+from dancediff.extensions.residuals import FootworkResidual, FusionResidual
+from dancediff.extensions.ssd import SSDBlock
+from dancediff.papers.edge.model import EDGE, EDGEConfig
+from dancediff.papers.tcdiffpp.footwork_adaptor import FootworkAdaptor, ground_velocity
+from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
+
+
+class Extended(nn.Module):
+    """What extended models share: they begin a pass, and can stop after the linear guess."""
+
+    def prepare(self, x_t: Tensor, t: Tensor, conditions: Conditions) -> Pass:
+        """Begin a pass through the network."""
+        run = Pass(x_t, self.abar[t].float(), conditions, self.normalizer)
+        return self.parts.prepare(run)
+
+    @property
+    def spread(self) -> Tensor:
+        """Of each frequency in the training set (k, d), with preconditioning."""
+        return preconditioning_of(self).spread
+
+    def linear_guess(self, x_t: Tensor, t: Tensor, conditions: Conditions) -> Tensor:
+        """What preconditioning guesses without the network, like x_t."""
+        return self.prepare(x_t, t, conditions).guess
+
+
+class ExtendedTCDiffPP(Extended, TCDiffPP):
+    """TCDiff++ with extensions; shapes as `TCDiffPP`.
+
+    >>> config = TCDiffPPConfig(d_model=16, num_layers=1, ff_dim=32, fusion_hidden=32)
+    >>> model = ExtendedTCDiffPP(config, ["preconditioning", "foot_cues"])
+    >>> conditions = Conditions(torch.randn(2, 20, 35), swap=torch.arange(3).expand(2, 3))
+    >>> model.denoise(torch.randn(2, 3, 20, 151), torch.tensor([10, 900]), conditions).shape
+    torch.Size([2, 3, 20, 151])
+    """
+
+    def __init__(self, config: TCDiffPPConfig, extensions: Sequence[str]):
+        super().__init__(config)
+        c, decoder = config, self.decoder
+        self.parts = parts_of(self, extensions)
+        if "ssd" in extensions and "ssm" not in c.without:
+            for layer in decoder.sequence_decoder.layers:
+                layer.ssm = SSDBlock(c.d_model)
+        if "fusion_residual" in extensions and "fusion_projection" not in c.without:
+            decoder.fusion_projection = FusionResidual(decoder.fusion_projection)
+        if "footwork_adaptor" not in c.without:
+            if "foot_cues" in extensions:
+                adaptor = FootworkAdaptor(c.footwork_hidden, d_cond=2 + NUM_MOVING)
+                self.footwork_adaptor = adaptor
+            if "footwork_residual" in extensions:
+                self.footwork_adaptor = FootworkResidual(self.footwork_adaptor)
+
+    def forward(self, x_t: Tensor, t: Tensor, conditions: Conditions) -> tuple[Tensor, Tensor]:
+        """Guess the clean dance, without and with the Footwork Adaptor."""
+        decoder, parts = self.decoder, self.parts
+        decoder.check(x_t, t, conditions)
+        run = self.prepare(x_t, t, conditions)
+        h = parts.embed(decoder.embed(x_t), run)
+        h = parts.tokens(decoder.place(h), run)
+        h = decoder.decode(h, t, conditions)
+        x_raw = parts.read(decoder.read(h), h, run)
+        v = parts.velocity(ground_velocity(x_raw), x_raw, run)
+        return x_raw, parts.adapt(self.footwork_adaptor(x_raw, v), x_raw, run)
+
+
+class ExtendedEDGE(Extended, EDGE):
+    """EDGE with extensions; shapes as `EDGE`.
+
+    >>> model = ExtendedEDGE(EDGEConfig(d_model=16, num_layers=1, ff_dim=32), ["preconditioning"])
+    >>> x_t, conditions = torch.randn(2, 3, 20, 151), Conditions(torch.randn(2, 20, 35))
+    >>> model(x_t, torch.tensor([10, 900]), conditions).shape
+    torch.Size([2, 3, 20, 151])
+    """
+
+    def __init__(self, config: EDGEConfig, extensions: Sequence[str]):
+        super().__init__(config)
+        self.parts = parts_of(self, extensions)
+
+    def guess(self, x_t: Tensor, t: Tensor, conditions: Conditions) -> Tensor:
+        """Guess the clean motion of single dancers, (b, f, d)."""
+        run = super().prepare(x_t, t, conditions)
+        h = self.parts.embed(self.decoder.embed(x_t), run)
+        h = self.decode(self.parts.tokens(h, run), t, conditions)
+        return self.parts.read(self.decoder.read(h), h, run)
+
+    def linear_guess(self, x_t: Tensor, t: Tensor, conditions: Conditions) -> Tensor:
+        """What preconditioning guesses without the network, (b, n, f, d)."""
+        return super().linear_guess(*self.alone(x_t, t, conditions)).reshape(x_t.shape)
+
+
+def parts_of(model: TCDiffPP | EDGE, extensions: Sequence[str]) -> Parts:
+    """The parts among the extensions, in the order in which they take their turns."""
+    c = model.config
+    make = {
+        "formation_prior": lambda: FormationPrior(
+            c.max_dancers, c.num_frames, use_swap="swap_mode" not in c.without
+        ),
+        "preconditioning": lambda: LinearStart(c.d_model, c.motion_dim, c.num_frames),
+        "foot_cues": lambda: FootCues(c.d_model),
+        "beat_phase": lambda: BeatPhase(c.d_model),
+        "non_local_filter": lambda: NonLocalFilter(c.d_model, c.motion_dim),
+    }
+    parts: dict[str, Part] = {name: make[name]() for name in make if name in extensions}
+    if "aligned_attention" in extensions:
+        align_attention(model)
+    return Parts(parts)

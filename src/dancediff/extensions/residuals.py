@@ -1,0 +1,46 @@
+"""Residuals around the two components of TCDiff++ that have none in the paper.
+
+The footwork residual lets the Footwork Adaptor correct legs instead of having to copy them first;
+the fusion residual adds the mixed dancers to their own tokens.
+"""
+
+import torch
+from torch import Tensor, nn
+
+from dancediff.papers.tcdiffpp.footwork_adaptor import FootworkAdaptor
+
+
+class FootworkResidual(nn.Module):
+    r"""$\hat x = [x_r + x_a]_\text{legs} \oplus [x_r]_\text{rest}$, with $x_a$ near 0 at the start.
+
+    Shapes: as `FootworkAdaptor`.
+
+    >>> x_raw = torch.randn(2, 3, 5, 151)
+    >>> residual = FootworkResidual(FootworkAdaptor())
+    >>> (residual(x_raw, torch.zeros(2, 3, 5, 2)) - x_raw).abs().max().item() < 0.1
+    True
+    """
+
+    def __init__(self, adaptor: FootworkAdaptor):
+        super().__init__()
+        self.adaptor = adaptor
+        with torch.no_grad():
+            for weights in adaptor.layers[-1].parameters():
+                weights.mul_(0.01)
+
+    def forward(self, x_raw: Tensor, v: Tensor) -> Tensor:
+        """In float32, as `FootworkAdaptor`."""
+        with torch.autocast(x_raw.device.type, enabled=False):
+            return self.adaptor.replace_legs(x_raw, x_raw + self.adaptor.adapt(x_raw, v))
+
+
+class FusionResidual(nn.Module):
+    r"""$h \leftarrow h + \text{FP}(h)$; shapes as `FusionProjection`."""
+
+    def __init__(self, fusion_projection: nn.Module):
+        super().__init__()
+        self.fusion_projection = fusion_projection
+
+    def forward(self, h: Tensor) -> Tensor:
+        """See the equation."""
+        return h + self.fusion_projection(h)
