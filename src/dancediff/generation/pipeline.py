@@ -194,7 +194,8 @@ def pipeline_of(model: nn.Module, name: str | None = None) -> Pipeline:
     >>> pipeline_of(TCDiffPP(TCDiffPPConfig(d_model=16, num_layers=1, ff_dim=32)), "tiny").name
     'tiny'
     """
-    return PIPELINES[type(model)](model, name)
+    kind = next(one for one in PIPELINES if isinstance(model, one))
+    return PIPELINES[kind](model, name)
 
 
 def _refuse(watch) -> None:
