@@ -50,7 +50,7 @@ def test_extensions_are_kept(tmp_path):
     config = TCDiffPPConfig(d_model=16, num_layers=1, num_heads=2, ff_dim=32, fusion_hidden=32)
     net = build(TCDiffPP, config, ["ssd", "preconditioning"])
     hub.save_model(net, tmp_path, dtype=torch.float32)
-    again = hub.load(tmp_path)
+    again = hub.load(tmp_path).model
     assert again.extensions == ("ssd", "preconditioning")
     assert all(torch.equal(again.state_dict()[k], v) for k, v in net.state_dict().items())
 

@@ -153,7 +153,7 @@ def test_packaged_config_is_valid():
 
     config = read_config(Path(__file__).parents[2] / "configs" / "tcdiffpp_small.toml")
     names = config["model"].pop("extensions")
-    assert tuple(names) == load("tcdiffpp").extensions  # the packaged model is made with it
+    assert tuple(names) == load("tcdiffpp").model.extensions  # the packaged model is made with it
     assert TCDiffPPConfig(**config["model"]).max_dancers == 5 and config["train"]["steps"] > 0
 
 
