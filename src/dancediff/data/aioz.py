@@ -22,13 +22,10 @@ from dancediff.axes import FPS
 from dancediff.data.formats import (
     find_song,
     group_takes,
-    make_take,
-    on_the_floor,
     plain_array,
     read_splits,
-    smpl_motion,
+    smpl_take,
 )
-from dancediff.data.safe_pickle import load_pickle
 from dancediff.data.take import SPLITS, DanceTake, Job
 
 WIDTH = 72  # 24 joints
@@ -73,23 +70,19 @@ def make_aioz(path: Path, song: Path | None, split: str, group: str, labels: dic
 
     Raises: ValueError naming the file and what is wrong with it.
     """
-    data = load_pickle(path)
-    try:
-        poses, trans = read_poses(data)
-        motion, floors = on_the_floor(smpl_motion(poses, trans, FPS))
-        return make_take(
-            f"aioz_{path.stem}",
-            motion,
-            song,
-            source=SOURCE,
-            licence=LICENCE,
-            split=split,
-            group=f"aioz {group}",
-            genre=labels.get("genre") or labels.get("style"),
-            notes={"floors": floors, "video": _video(path.stem), **labels},
-        )
-    except ValueError as err:
-        raise ValueError(f"{path}: {err}") from err
+    return smpl_take(
+        f"aioz_{path.stem}",
+        path,
+        song,
+        read_poses,
+        FPS,
+        source=SOURCE,
+        licence=LICENCE,
+        split=split,
+        group=f"aioz {group}",
+        genre=labels.get("genre") or labels.get("style"),
+        notes={"video": _video(path.stem), **labels},
+    )
 
 
 def read_poses(data) -> tuple[np.ndarray, np.ndarray]:
@@ -99,8 +92,6 @@ def read_poses(data) -> tuple[np.ndarray, np.ndarray]:
 
     Raises: ValueError naming the field that is missing or has another shape.
     """
-    if not isinstance(data, dict):
-        raise ValueError(f"it holds a {type(data).__name__}, not a dict")
     fields = {key: data[key] for key in ("smpl_poses", "smpl_orients", "root_trans") if key in data}
     solo = getattr(fields.get("smpl_poses"), "ndim", 3) == 2  # one dancer without an axis for it
     if solo:

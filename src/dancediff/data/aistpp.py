@@ -21,14 +21,11 @@ import numpy as np
 from dancediff.data.formats import (
     find_song,
     group_takes,
-    make_take,
-    on_the_floor,
     plain_array,
     read_names,
     read_splits,
-    smpl_motion,
+    smpl_take,
 )
-from dancediff.data.safe_pickle import load_pickle
 from dancediff.data.take import SPLITS, DanceTake, Job
 
 RECORDED_FPS = 60
@@ -103,22 +100,19 @@ def make_aistpp(path: Path, song: Path | None, split: str, group: str) -> DanceT
     Raises: ValueError naming the file and what is wrong with it.
     """
     name, music = path.stem, music_id(path.stem)
-    data = load_pickle(path)
-    try:
-        motion, floors = on_the_floor(smpl_motion(*read_poses(data), RECORDED_FPS))
-        return make_take(
-            f"aistpp_{name}",
-            motion,
-            song,
-            source=SOURCE,
-            licence=LICENCE,
-            split=split,
-            group=f"aistpp {group}",
-            genre=GENRES[name[1:3]],
-            notes={"floors": floors, "music_id": music, "tempo": music_tempo(music)},
-        )
-    except ValueError as err:
-        raise ValueError(f"{path}: {err}") from err
+    return smpl_take(
+        f"aistpp_{name}",
+        path,
+        song,
+        read_poses,
+        RECORDED_FPS,
+        source=SOURCE,
+        licence=LICENCE,
+        split=split,
+        group=f"aistpp {group}",
+        genre=GENRES[name[1:3]],
+        notes={"music_id": music, "tempo": music_tempo(music)},
+    )
 
 
 def read_poses(data) -> tuple[np.ndarray, np.ndarray]:
@@ -126,8 +120,6 @@ def read_poses(data) -> tuple[np.ndarray, np.ndarray]:
 
     Raises: ValueError naming the field that is missing or has another shape.
     """
-    if not isinstance(data, dict):
-        raise ValueError(f"it holds a {type(data).__name__}, not a dict")
     poses = plain_array(data.get("smpl_poses"), "smpl_poses", (None, 72))
     trans = plain_array(data.get("smpl_trans"), "smpl_trans", (None, 3))
     scaling = np.asarray(data.get("smpl_scaling", np.nan))

@@ -190,12 +190,12 @@ def synthetic_song(seed: int, seconds: float) -> SyntheticSong:
     key = content_key("song", code_digest(("music",)), seed, seconds, tempo)
     render = lru_cache(partial(synth_song, seed, seconds=seconds, tempo=tempo))  # at most once
 
-    def truth() -> np.ndarray:
-        _, known = render()
-        text = json.dumps({"beats": known.beats.tolist(), "sections": known.sections})
+    def facts() -> np.ndarray:
+        _, truth = render()
+        text = json.dumps({"beats": truth.beats.tolist(), "sections": truth.sections})
         return np.frombuffer(text.encode(), dtype=np.uint8)
 
-    known = json.loads(cached(f"{key}.truth", truth).tobytes())
+    known = json.loads(cached(f"{key}.truth", facts).tobytes())
     M = torch.from_numpy(cached(key, lambda: render()[0].features().numpy()))
     sections = [tuple(section) for section in known["sections"]]
     return SyntheticSong(seed, seconds, genre, tempo, M, np.array(known["beats"]), sections)

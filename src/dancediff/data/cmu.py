@@ -60,9 +60,9 @@ def _check(name: str, fps, files, spikes, split) -> None:
         isinstance(pair, list) and len(pair) == 2 and all(type(k) is int for k in pair)
         for pair in spikes
     )
-    numbers = type(fps) in (int, float) and 0 < fps < 1e4
+    rate = type(fps) in (int, float) and 0 < fps < 1e4
     texts = all(isinstance(file, str) and file and "\0" not in file for file in files)
-    if not (pairs and numbers and texts and split in SPLITS):
+    if not (pairs and rate and texts and split in SPLITS):
         raise ValueError(
             f"manifest.json: {name} has fps {fps!r}, files {files!r}, spikes {spikes!r} and split "
             f"{split!r}; expected a number, names, pairs of frames, and one of {', '.join(SPLITS)}"
@@ -99,7 +99,7 @@ def make_take(
         split=split,
         group=name,
         genre=genre,
-        notes=_notes([numbers for _, numbers in done]),
+        notes=_notes([measured for _, measured in done]),
     )
 
 
@@ -134,12 +134,12 @@ def _on_one_stage(solos: list[Motion], name: str) -> Motion:
     return Motion(pose, root - middle, solos[0].fps, contact=contact, meta={"name": name})
 
 
-def _notes(numbers: list[dict]) -> dict:
-    for row in numbers:
+def _notes(measured: list[dict]) -> dict:
+    for row in measured:
         for entry in row["repairs"]:
             entry["first"] += LEAD - 1
             entry["last"] += LEAD - 1
-    notes = {key: sum(row[key] for row in numbers) / len(numbers) for key in SHARED}
-    notes["penetration_p95"] = max(row["penetration_p95"] for row in numbers)
-    notes["repaired"] = sum(len(row["repairs"]) for row in numbers)
-    return {**notes, "scale": numbers[0]["scale"], "dancers": numbers}
+    notes = {key: sum(row[key] for row in measured) / len(measured) for key in SHARED}
+    notes["penetration_p95"] = max(row["penetration_p95"] for row in measured)
+    notes["repaired"] = sum(len(row["repairs"]) for row in measured)
+    return {**notes, "scale": measured[0]["scale"], "dancers": measured}

@@ -24,6 +24,7 @@ from dancediff.axes import FPS
 from dancediff.data.cache import song_features
 from dancediff.data.resample import resample_motion
 from dancediff.data.retarget import floor_height
+from dancediff.data.safe_pickle import load_pickle
 from dancediff.data.take import DanceTake
 from dancediff.motion.contact import foot_contact
 from dancediff.motion.motion import Motion
@@ -82,6 +83,26 @@ def on_the_floor(motion: Motion) -> tuple[Motion, list[float]]:
     down = torch.zeros(motion.num_dancers, 1, 3)
     down[:, 0, 1] = torch.tensor(floors)
     return replace(motion, root=motion.root - down), [round(floor, 4) for floor in floors]
+
+
+def smpl_take(
+    name: str, path: Path, song: Path | None, read_poses: Callable, fps: float, **facts
+) -> DanceTake:
+    """A take from a pickle of SMPL poses, of which ``read_poses`` tells rotations and path.
+
+    Each dancer's floor is at 0, and told in ``notes``; ``facts`` are the take's other fields.
+
+    Raises: ValueError naming the file and what is wrong with it.
+    """
+    data = load_pickle(path)
+    try:
+        if not isinstance(data, dict):
+            raise ValueError(f"it holds a {type(data).__name__}, not a dict")
+        motion, floors = on_the_floor(smpl_motion(*read_poses(data), fps))
+        notes = {"floors": floors, **facts.pop("notes")}
+        return make_take(name, motion, song, notes=notes, **facts)
+    except ValueError as err:
+        raise ValueError(f"{path}: {err}") from err
 
 
 def make_take(name: str, motion: Motion, song: Path | None, *, skip: int = 0, **facts) -> DanceTake:

@@ -136,13 +136,13 @@ def _outliers(bvh: BVH, R: Tensor, joints: dict[str, str], suspect: list) -> Ten
 def close_gaps(bad: Tensor, fps: float) -> Tensor:
     """Widen every bad stretch by `MARGIN` and join stretches closer than `GAP`, bool (f, j)."""
 
-    def spread(mask: Tensor, frames: int) -> Tensor:
+    def dilate(mask: Tensor, frames: int) -> Tensor:
         window = 2 * frames + 1
         pool = torch.nn.functional.max_pool1d
         return pool(mask.double().mT[None], window, 1, frames)[0].mT > 0
 
     margin, gap = round(MARGIN * fps), round(GAP * fps / 2)
-    return ~spread(~spread(bad, margin + gap), gap)
+    return ~dilate(~dilate(bad, margin + gap), gap)
 
 
 def _neighbours(bad: Tensor) -> tuple[Tensor, Tensor, Tensor]:

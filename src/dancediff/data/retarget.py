@@ -91,8 +91,8 @@ def retarget(
         ]
     motion = Motion(pose[None], (root - root.new_tensor([0.0, floor, 0.0]))[None], FPS)
     motion = replace(motion, contact=foot_contact(motion.joints()))
-    numbers = measure(motion, {k: s * p for k, p in source.points.items()})
-    return motion, {**numbers, "repairs": repairs, "scale": s, "floor": floor}
+    measured = measure(motion, {k: s * p for k, p in source.points.items()})
+    return motion, {**measured, "repairs": repairs, "scale": s, "floor": floor}
 
 
 def resample(bvh: BVH, fps: float) -> BVH:

@@ -67,9 +67,9 @@ def write_score(
     n: int, genre: Genre, sections: list[Section], rng: np.random.Generator, swap: bool | None
 ) -> Score:
     """Draw a plan for n dancers over the given sections (beat 0 to the last section's stop)."""
-    spread = rng.uniform(1.1, 1.3)
+    scale = rng.uniform(1.1, 1.3)
     name = str(rng.choice(formation_names(n)))
-    place = spread * slots(n, name)[rng.permutation(n)]
+    place = scale * slots(n, name)[rng.permutation(n)]
     score = Score([[] for _ in range(n)], np.zeros((n, 0, 2)), [(0, name, place.copy())])
     known: dict[str, Material] = {}
     free = list(genre.moves)
@@ -93,7 +93,7 @@ def write_score(
                 order = "any" if rng.random() < 0.6 else "keep"
             else:
                 order = "swap" if swaps_left > 0 else "keep"
-            target = spread * slots(n, name)
+            target = scale * slots(n, name)
             stop, bulge, swapped = plan_transition(place, target, rng, order=order)
             if np.array_equal(stop, place):
                 name = score.formations[-1][1]  # no safe way: the group stays
