@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import soundfile
 
+from dancediff import __version__
 from dancediff.cli import main
 from dancediff.cli.files import write_all
 
@@ -51,6 +52,9 @@ def songs(tmp_path):
         (["noise.wav", "--seconds", "nan"], ["seconds=nan"]),
         (["noise.wav", "--swap", "a", "b"], ["--swap 'a b'", "whole numbers"]),
         (["noise.wav", "--sede", "1"], ["--sede", "do you mean --seed?"]),
+        (["noise.wav", "--feet", "planted"], ["--feet planted is now --foot-contact True"]),
+        (["noise.wav", "--sampler", "euler"], ["--sampler 'euler'", "one of dpm, ddim, ddpm"]),
+        (["noise.wav", "--preset", "best"], ["--preset 'best'", "one of packaged, paper"]),
         (["noise.wav", "more.wav"], ["more.wav", "generate --help"]),
         (["."], ["folder", "wav, flac"]),
         (["noise.wav", "--steps", "0"], ["steps=0"]),
@@ -118,6 +122,20 @@ def test_generate_writes_what_it_says(songs, capsys, monkeypatch):
     facts = json.loads(capsys.readouterr().out)
     assert facts["frames"] == 60
     assert sorted(p.name for p in (songs / "out").iterdir()) == ["dance.npz", "dance.png"]
+
+
+def test_a_preset_and_an_option_beside_it(tmp_path, capsys):
+    args = ["--dancers", "1", "--seconds", "1", "--steps", "2", "--formats", "npz", "--json"]
+    args += ["--preset", "paper", "--eta", "0.5", "--dtype", "bfloat16", "--out", str(tmp_path)]
+    assert main(["generate", "packaged", *args]) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert (said["preset"], said["sampler"], said["eta"]) == ("paper", "ddim", 0.5)
+    assert said["steps"] == 2 and not said["foot_contact"] and said["dtype"] == "bfloat16"
+
+
+def test_version(capsys):
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out.strip() == f"dancediff {__version__}"
 
 
 def test_the_song_in_the_package_has_two_names(tmp_path, capsys):

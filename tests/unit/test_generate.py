@@ -203,7 +203,7 @@ def test_one_dancer_swaps_with_nobody(model):
         ("guidance", -1, r"guidance=-1 must lie in 0"),
         ("guidance", math.nan, r"guidance=nan must lie in 0"),
         ("eta", 1.5, r"eta=1.5 must lie in 0 \.\.\. 1"),
-        ("seconds", -3, r"seconds=-3 must lie in 0"),
+        ("seconds", -3, r"seconds=-3 must be a number of at least 0"),
         ("seconds", 0, r"seconds=0 is less than a frame"),
         ("seconds", "ten", r"seconds='ten' must be a number"),
         ("seconds", 13, r"seconds=13 is more than the song's 12\.00"),

@@ -2,6 +2,8 @@
 
 import ast
 import math
+import subprocess
+import sys
 from dataclasses import FrozenInstanceError, dataclass, fields
 from pathlib import Path
 from types import SimpleNamespace
@@ -9,6 +11,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from dancediff.cli.generate import Generate
+from dancediff.diffusion.long_sampling import SEAMS
+from dancediff.diffusion.pinning import MODES
+from dancediff.diffusion.samplers import SAMPLERS
 from dancediff.extensions.control import WalkAlong
 from dancediff.extensions.preconditioning import Preconditioning
 from dancediff.generation.presets import PACKAGED, PAPER, PRESETS
@@ -20,6 +26,7 @@ from dancediff.generation.request import (
     LodgeRequest,
     default_of,
 )
+from dancediff.papers.lodge.group import RELATIONS
 
 SOURCE = Path(__file__).parents[2] / "src" / "dancediff"
 
@@ -73,6 +80,32 @@ def test_the_paper_is_the_papers():
             assert preset.get(name, off) == off, f"{family} {name}"
         assert not preset["foot_contact"]
     assert PAPER["tcdiffpp"]["pinning"] == "init"
+
+
+def test_choices_are_those_of_the_code():
+    options = GroupDanceRequest.__dataclass_fields__
+    for name, values in {
+        "sampler": SAMPLERS,
+        "pinning": ("auto", *MODES),
+        "seam": tuple(SEAMS),
+    }.items():
+        assert options[name].metadata["choices"] == values
+    assert LodgeRequest.__dataclass_fields__["relation"].metadata["choices"] == RELATIONS
+
+
+def test_requests_bring_no_torch():
+    """The command line shows its options at once."""
+    code = "import dancediff.generation.request, sys; print('torch' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "False"
+
+
+def test_the_command_line_has_every_option_and_no_default_of_its_own():
+    own = {"song", "model", "out", "formats", "json"}
+    command = {one.name: one for one in fields(Generate)}
+    names = {name for request in REQUESTS.values() for name in request.names()}
+    assert command.keys() == own | names - {"start", "end", "constraints"}
+    assert all(one.default is None for name, one in command.items() if name not in own)
 
 
 # ---- resolve ----

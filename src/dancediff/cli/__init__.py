@@ -11,6 +11,7 @@ from typing import Annotated, Any
 
 import tyro
 
+from dancediff import __version__
 from dancediff.cli.commands import COMMANDS, Generate
 from dancediff.cli.explain import explain
 
@@ -18,6 +19,9 @@ from dancediff.cli.explain import explain
 def main(args: list[str] | None = None) -> int:
     """Run a command; returns the exit status."""
     args = sys.argv[1:] if args is None else args
+    if args == ["--version"]:
+        print(f"dancediff {__version__}")
+        return 0
     try:
         _parse(args).run()
     except ValueError as err:

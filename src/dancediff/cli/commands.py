@@ -1,6 +1,5 @@
 """The commands, each with its options; torch is imported when one runs."""
 
-import contextlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -9,103 +8,9 @@ import tyro
 
 from dancediff.cli.doctor import Doctor
 from dancediff.cli.evaluate import Evaluate
-from dancediff.cli.files import (
-    USUAL,
-    check_folder,
-    check_formats,
-    check_targets,
-    file_of,
-    save_dance,
-    song_named,
-    tell,
-    write_all,
-)
+from dancediff.cli.files import check_folder, tell
 from dancediff.cli.gallery import Gallery
-
-
-@dataclass
-class Generate:
-    """Make a group dance to a song."""
-
-    song: tyro.conf.Positional[str]
-    """A wav, flac, ogg or mp3 file; 'packaged' for the song that comes with dancediff."""
-    model: str = "tcdiffpp"
-    """A packaged model's name, or a model folder."""
-    dancers: int = 3
-    """How many people dance."""
-    seconds: float | None = None
-    """How much of the song, from its start; default: all of it."""
-    seed: int = 0
-    """The same seed gives the same dance."""
-    steps: int | None = None
-    """Denoising steps; default: what the model does best with few."""
-    guidance: float | None = None
-    """How much the music matters: 0 not at all, 1 as learned, 2 exaggerated."""
-    foot_contact: bool | None = None
-    """Keep feet in place that stand; False leaves them as the network draws them."""
-    autoguidance: float | None = None
-    """1 takes guesses as they are, more pushes them away from the mean of all dances."""
-    collision_avoidance: bool | None = None
-    """Of a group model: make room between dancers who would run into each other."""
-    order_constraint: bool | None = None
-    """Of a group model: help dancers who change places to get there."""
-    swap: tuple[int, ...] | None = None
-    """Order at the end: the dancers (counted 0.. from the left at the start), left to right."""
-    genre: str | None = None
-    """Of a Lodge model: what to dance; default: by the song's tempo."""
-    soft: float | None = None
-    """Of a Lodge model: how long, 0 to 1, the dance is held at its key motions; default 1."""
-    dtype: Literal["float32", "bfloat16", "fastest"] = "float32"
-    """Compute with all digits, with half of them, or with what is faster on this machine."""
-    out: Path = Path("out")
-    """Folder for the results."""
-    formats: str = ",".join(USUAL)
-    """Which files to write, of npz, mp4, png, html (a player), glb; bvh, smpl (one a dancer)."""
-    json: bool = False
-    """Print one line of JSON instead of text."""
-
-    def run(self) -> None:
-        """Check what is cheap to check, dance, then write all files or none."""
-        import torch
-
-        from dancediff import hub
-        from dancediff.io.pieces import save_pieces
-
-        formats = check_formats(self.formats)
-        check_folder(self.out)
-        check_targets(self.out, formats)
-        song = song_named(self.song)
-        model = hub.load(self.model)
-        names = ("dancers", "seconds", "seed", "steps", "guidance", "autoguidance", "swap", "genre")
-        names += ("soft", "foot_contact", "collision_avoidance", "order_constraint")
-        options = {name: getattr(self, name) for name in names if getattr(self, name) is not None}
-        options["dtype"] = self.dtype if self.dtype == "fastest" else getattr(torch, self.dtype)
-        options["progress"] = not self.json
-        if formats == ["npz"]:
-            # nothing else is asked of the dance, so no more than a piece of it is held in memory
-            with contextlib.closing(model.stream(song, **options)) as dancing:  # and its bar
-                pieces = Counted(dancing)
-                files = write_all(self.out, lambda to: save_pieces(pieces, to / file_of("npz")))
-        else:
-            pieces = Counted([model.generate(song, **options)])
-            files = write_all(self.out, lambda to: save_dance(to, formats, *pieces, song))
-        dance, frames = pieces.last, pieces.frames
-        facts = {"files": files, "dancers": dance.num_dancers, "frames": frames}
-        length = f"{frames / dance.fps:.1f} s"
-        lines = [f"{dance.people}, {length}, to {song.name!r}:", *(f"  {file}" for file in files)]
-        tell(self.json, facts | dance.meta, lines)
-
-
-class Counted:
-    """Pieces of a dance, of which the last and the number of frames are remembered."""
-
-    def __init__(self, pieces):
-        self.pieces, self.frames, self.last = pieces, 0, None
-
-    def __iter__(self):
-        for piece in self.pieces:
-            self.last, self.frames = piece, self.frames + piece.num_frames
-            yield piece
+from dancediff.cli.generate import Generate
 
 
 @dataclass

@@ -1,16 +1,17 @@
 """The parser's complaints as one plain line."""
 
 import re
-from typing import Literal
+from types import UnionType
+from typing import Annotated, Literal, Union, get_args, get_origin
 
 from dancediff.cli.commands import COMMANDS
+from dancediff.generation.request import RENAMED
 
 KINDS: dict[object, str] = {
+    bool: "True or False",
     int: "a whole number",
     float: "a number",
-    float | None: "a number",
-    tuple[int, ...] | None: "whole numbers, such as 1 0 2",
-    Literal["loky", "dask", "ray"]: "one of loky, dask, ray",
+    tuple[int, ...]: "whole numbers, such as 1 0 2",
 }
 
 
@@ -31,8 +32,12 @@ def explain(args: list[str], words: str) -> str:
     ]
     if bad := re.search(r"(?:parsing |argument ')(--[\w-]+)", " ".join(bare)):
         option = bad[1]
-        kind = KINDS.get(COMMANDS[command].__annotations__.get(option[2:]), "another value")
+        kind = _kind(COMMANDS[command].__annotations__.get(option[2:].replace("-", "_")))
         return f"{option} {_value_of(option, args)!r}: give {kind}{see}"
+    for old, (new, values) in RENAMED.items() if command == "generate" else ():
+        if (value := _value_of(f"--{old}", args)) or f"--{old}" in args:
+            option = f"--{new.replace('_', '-')}"
+            return f"--{old} {value} is now {option} {values.get(value, value)}{see}"
     parts: list[str] = []
     near = re.search(r"meant: (--[\w-]+)", " ".join(bare))
     for line in bare[1:]:  # the first line is the title of the box
@@ -43,6 +48,15 @@ def explain(args: list[str], words: str) -> str:
         parts.append(line)
     hint = f"; do you mean {near[1]}?" if near else ""
     return (" ".join(parts).rstrip(".") or f"cannot understand {' '.join(args)!r}") + hint + see
+
+
+def _kind(annotation) -> str:
+    """What an option wants, in words."""
+    while get_origin(annotation) in (Annotated, Union, UnionType):
+        annotation = get_args(annotation)[0]
+    if get_origin(annotation) is Literal:
+        return f"one of {', '.join(get_args(annotation))}"
+    return KINDS.get(annotation, "another value")
 
 
 def _value_of(option: str, args: list[str]) -> str:

@@ -17,9 +17,9 @@ from typing import Any, ClassVar
 import torch
 from torch import Tensor, nn
 
+from dancediff.axes import FPS
 from dancediff.generation.group_dance import group_pieces, naive_dance
 from dancediff.generation.request import (
-    FPS,
     EDGERequest,
     GroupDanceRequest,
     LodgeRequest,

@@ -7,7 +7,8 @@ Read first: notebook 00 · `dancediff.generation.presets`.
 
 Most options are None until `resolve` fills in what the preset says; the others have their default
 here. An option's ``metadata`` says what it does and which values it may have: the command line,
-panels and the generated page read it there.
+panels and the generated page read it there. To import this module brings no torch, so that the
+command line can show its options at once.
 """
 
 import math
@@ -15,21 +16,15 @@ import operator
 from collections.abc import Sequence
 from dataclasses import Field, dataclass, field, fields, replace
 from types import UnionType
-from typing import Any, ClassVar, get_args
+from typing import TYPE_CHECKING, Any, ClassVar, get_args
 
-import torch
-
-from dancediff.axes import FPS
-from dancediff.diffusion.long_sampling import SEAMS
-from dancediff.diffusion.pinning import HOLDING, MODES
-from dancediff.diffusion.samplers import SAMPLERS
-from dancediff.extensions import control
-from dancediff.extensions.constraint import Constraint
-from dancediff.extensions.preconditioning import preconditioning_of
 from dancediff.generation.presets import PRESETS
 from dancediff.genre import genre_for, genre_number
-from dancediff.motion.order import check_order
-from dancediff.papers.lodge.group import RELATIONS, places
+
+if TYPE_CHECKING:
+    import torch
+
+    from dancediff.extensions.constraint import Constraint
 
 LOOK_AHEAD = 30  # frames danced again where a constraint may lie just behind a segment's end
 SHORTEST_SONG = 1.0  # seconds; less holds no beat
@@ -81,7 +76,9 @@ class SamplingConfig:
     )
     seed: int = option(0, "The same seed gives the same dance.", low=0, high=2**63 - 1)
     sampler: str | None = option(
-        None, "How noise is taken away: DPM-Solver++, DDIM, or DDPM in all steps.", choices=SAMPLERS
+        None,
+        "How noise is taken away: DPM-Solver++, DDIM, or DDPM in all steps.",
+        choices=("dpm", "ddim", "ddpm"),
     )
     steps: int | None = option(None, "Denoising steps.", low=1, high=1000)
     eta: float | None = option(
@@ -102,10 +99,10 @@ class SamplingConfig:
     foot_contact: bool | None = option(
         None, "Keep feet in place that stand; False leaves them as the network draws them."
     )
-    dtype: torch.dtype | str | None = option(  # noqa: RUF009 - it is a field
+    dtype: "torch.dtype | str | None" = option(  # noqa: RUF009 - it is a field
         None, "Compute with all digits, with half of them (bfloat16), or with what is 'fastest'."
     )
-    device: torch.device | str | None = option(  # noqa: RUF009 - it is a field
+    device: "torch.device | str | None" = option(  # noqa: RUF009 - it is a field
         None, "Move the model there first, such as 'cuda'."
     )
 
@@ -180,6 +177,8 @@ class SamplingConfig:
     @property
     def frames(self) -> int:
         """Length of the dance, of a resolved request."""
+        from dancediff.axes import FPS
+
         return round(self.seconds * FPS)
 
     def facts(self) -> dict:
@@ -241,9 +240,9 @@ class GroupDanceRequest(SegmentedRequest):
     pinning: str | None = option(
         None,
         "How a segment is held at the end of the one before; 'auto' is what fits the sampler.",
-        choices=("auto", *MODES),
+        choices=("auto", "same_noise", "renoise", "clean", "init"),
     )
-    seam: str | None = option(None, "How two segments become one.", choices=tuple(SEAMS))
+    seam: str | None = option(None, "How two segments become one.", choices=("copy", "fade"))
     long_sampling: str = option(
         "lgds",
         "Long Group Diffusion Sampling, or all segments at once as EDGE has it.",
@@ -258,12 +257,17 @@ class GroupDanceRequest(SegmentedRequest):
     def __post_init__(self):
         super().__post_init__()
         if self.swap is not None:
+            from dancediff.motion.order import check_order
+
             object.__setattr__(self, "swap", check_order(self.swap, self.dancers).tolist())
         elif self.swap_at is not None:
             raise ValueError(f"swap_at={self.swap_at!r} needs swap=, the order to change to")
 
     def resolve(self, model, song) -> "GroupDanceRequest":
         """As `SamplingConfig.resolve`; an order that follows from places at the end is a swap."""
+        from dancediff.diffusion.pinning import HOLDING
+        from dancediff.extensions import control
+
         filled = super().resolve(model, song)
         if filled.swap_at is not None:
             _in_range("swap_at", filled.swap_at, 0, filled.seconds)
@@ -313,8 +317,11 @@ class GroupDanceRequest(SegmentedRequest):
         none = all(one is None for one in controls)
         return 0 if none else min(LOOK_AHEAD, self.overlap // 2)
 
-    def known(self) -> Constraint | None:
+    def known(self) -> "Constraint | None":
         """All constraints of a resolved request as one, in metres and matrices."""
+        from dancediff.axes import FPS
+        from dancediff.extensions import control
+
         controls = list(self.constraints)
         controls += [control.StartAt(self.start)] * (self.start is not None)
         controls += [control.EndAt(self.end)] * (self.end is not None)
@@ -350,7 +357,7 @@ class LodgeRequest(SamplingConfig):
     relation: str = option(
         "unison",
         "All the same, each four beats later than the one to the left, or mirrored.",
-        choices=RELATIONS,
+        choices=("unison", "canon", "mirror"),
     )
     at_once: int | None = option(
         16, "Segments in memory together (16 are two minutes), None: all; the dance is the same.",
@@ -359,6 +366,8 @@ class LodgeRequest(SamplingConfig):
 
     def resolve(self, model, song) -> "LodgeRequest":
         """As `SamplingConfig.resolve`; the genre, if none is asked for, is that of the tempo."""
+        from dancediff.papers.lodge.group import places
+
         filled = super().resolve(model, song)
         genres = model.config.genres
         if filled.genre is not None:
@@ -377,6 +386,8 @@ REQUESTS = {one.family: one for one in (GroupDanceRequest, LodgeRequest, EDGEReq
 
 def has_preconditioning(model) -> bool:
     """Does the model know the statistics of its training data?"""
+    from dancediff.extensions.preconditioning import preconditioning_of
+
     return preconditioning_of(model) is not None
 
 
@@ -392,6 +403,11 @@ def default_of(family: str, name: str, preset: str = "packaged"):
     return PRESETS[preset][family].get(name, own)
 
 
+def kinds_of(one: Field) -> tuple:
+    """The types that an option may have."""
+    return get_args(one.type) if isinstance(one.type, UnionType) else (one.type,)
+
+
 def checked(one: Field, value):
     """A value of an option as its type, if it is among those allowed.
 
@@ -402,7 +418,7 @@ def checked(one: Field, value):
             allowed = ", ".join(map(repr, choices))
             raise ValueError(f"{one.name}={value!r} is not one of {allowed}")
         return value
-    kinds = get_args(one.type) if isinstance(one.type, UnionType) else (one.type,)
+    kinds = kinds_of(one)
     if bool in kinds:
         if str(value) not in ("True", "False"):
             raise ValueError(f"{one.name}={value!r} must be True or False")
@@ -440,6 +456,8 @@ def _seconds(seconds: float | None, song) -> float:
 
     Raises: ValueError when the song is too short for it, or silent.
     """
+    from dancediff.axes import FPS
+
     if song.duration < SHORTEST_SONG:
         raise ValueError(
             f"song is {song.duration:.2f} s long; at least {SHORTEST_SONG:g} s are needed"

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 
 from torch import Tensor
 
-from dancediff.generation.request import FPS, GroupDanceRequest, SegmentedRequest
+from dancediff.axes import FPS
+from dancediff.generation.request import GroupDanceRequest, SegmentedRequest
 
 
 @dataclass(frozen=True)
