@@ -17,7 +17,6 @@ held-out take and asked for that take's genre.
 import time
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field, replace
-from functools import partial
 
 import joblib
 import numpy as np
@@ -31,7 +30,8 @@ from torch.nn.functional import conv1d
 from tqdm.auto import tqdm
 
 from dancediff import hub
-from dancediff.generation.request import default_of
+from dancediff.generation.request import LodgeRequest
+from dancediff.generation.solo_dance import LodgeSampler
 from dancediff.metrics.kinetic import kinetic_features
 from dancediff.metrics.physical import fsr
 from dancediff.metrics.report import evaluate_dances
@@ -40,7 +40,8 @@ from dancediff.motion.beats import motion_beats
 from dancediff.motion.motion import Motion
 from dancediff.motion.representation import LODGE, with_hands
 from dancediff.motion.rotation import matrix_to_rot6d, rot6d_to_matrix
-from dancediff.papers.lodge import parallel
+from dancediff.papers.lodge.foot_refine import NoFootRefine
+from dancediff.papers.lodge.model import Lodge
 from dancediff.training.lodge_data import prepared_solos
 
 FPS, LOCAL = 30, 256
@@ -93,15 +94,11 @@ def arguments(sampling: Sampling) -> dict:
     return {name: value for name, value in how.items() if value is not None}
 
 
-def of_stages(sampling: Sampling, at_once: int | None) -> parallel.Sampling:
-    """The same for both stages of Lodge, below `generate`."""
-    names = ("sampler", "steps", "guidance")
-    how = {name: getattr(sampling, name) for name in names}
-    return parallel.Sampling(
-        **how,
-        autoguidance=sampling.autoguidance or default_of("lodge", "autoguidance"),
-        at_once=at_once,
-    )
+def solo_sampler(model: Lodge, sampling: Sampling, at_once: int | None) -> LodgeSampler:
+    """Below `generate`: music features in, features of a hip-hop solo out."""
+    how = arguments(sampling) | {"genre": "hiphop", "at_once": at_once}
+    asked = LodgeRequest(**how).resolve(model, hub.packaged_song())
+    return LodgeSampler(model.global_stage, model.local_stage, asked)
 
 
 @dataclass
@@ -132,15 +129,7 @@ class Equal(Common):
             M[:, 33:] = 0
             M[::15, 34] = 1
             made = [
-                parallel.dance(
-                    model.global_stage,
-                    model.local_stage,
-                    M,
-                    L * LOCAL,
-                    genre=0,
-                    how=of_stages(self.sampling, at_once),
-                    feet="free" if self.sampling.foot_contact is False else "planted",
-                )
+                solo_sampler(model, self.sampling, at_once).dance(M, L * LOCAL)
                 for at_once in (None, 1)
             ]
             print(f"| {L} | {(made[0] - made[1]).abs().max():.2e} |")
@@ -235,7 +224,8 @@ class Feet(Common):
 
 def _skating(name: str, window: Window, seed: int, how: dict, refine: bool) -> float:
     stage = _loaded(name).model.local_stage
-    block, stage.foot_refine = stage.foot_refine, stage.foot_refine if refine else None
+    block = stage.foot_refine
+    stage.foot_refine = block if refine else NoFootRefine()
     try:
         return float(fsr(danced(name, window, seed, how).joints()))
     finally:
@@ -344,8 +334,7 @@ class Length(Common):
     def run(self) -> None:
         """Print seconds for each length, one after the other in one process."""
         model, times = hub.load(self.model).model, []
-        how = of_stages(self.sampling, self.at_once)
-        go = partial(parallel.dance, model.global_stage, model.local_stage, genre=0, how=how)
+        go = solo_sampler(model, self.sampling, self.at_once).dance
         go(torch.zeros(LOCAL, 35), LOCAL)  # warm
         for frames in self.frames:
             M = torch.zeros(frames, 35)

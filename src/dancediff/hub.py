@@ -46,8 +46,7 @@ def save_model(
         name for name, (model_class, _) in _CLASSES.items() if isinstance(model, model_class)
     )
     config: dict = {"class": kind, "dancediff": __version__, "config": asdict(model.config)}
-    if kind != "Lodge":
-        config["extensions"] = list(extensions_of(model))
+    config["extensions"] = list(extensions_of(model))
     tensors = {
         k: (v if "normalizer" in k else v.to(dtype)).detach().cpu().contiguous().clone()
         for k, v in model.state_dict().items()
@@ -115,12 +114,10 @@ def _read(folder: Path) -> TCDiffPP | EDGE | Lodge:
     if stored["class"] not in _CLASSES:
         raise ValueError(f"class {stored['class']!r} is not one of {', '.join(_CLASSES)}")
     model_class, config_class = _CLASSES[stored["class"]]
-    make = model_class
-    if stored["class"] != "Lodge":
-        if "extensions" not in stored:
-            raise ValueError("config.json names no extensions: an older dancediff wrote it")
-        names = _checked("extensions", stored["extensions"], tuple)
-        make = partial(build, model_class, extensions=names)
+    if "extensions" not in stored:
+        raise ValueError("config.json names no extensions: an older dancediff wrote it")
+    names = _checked("extensions", stored["extensions"], tuple)
+    make = partial(build, model_class, extensions=names)
     config = _config(stored["config"], config_class())
     tensors = {
         prefix + key: value

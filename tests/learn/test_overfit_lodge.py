@@ -11,9 +11,10 @@ import torch
 
 from dancediff.data.choreographed import make_choreographed
 from dancediff.diffusion.conditions import Conditions
+from dancediff.extensions.lodge_stages import ExtendedLocalDenoiser
 from dancediff.motion.representation import at_origin
 from dancediff.papers.lodge.foot_refine import joints_of
-from dancediff.papers.lodge.local_diffusion import LocalConfig, LocalDenoiser
+from dancediff.papers.lodge.local_diffusion import LocalConfig
 from dancediff.papers.lodge.losses import LodgeWeights
 from dancediff.training.config import TrainConfig, TrainingExtensions
 from dancediff.training.lodge import fit_stage
@@ -24,7 +25,7 @@ from dancediff.training.trainer import Trainer
 pytestmark = pytest.mark.slow
 
 FRAMES, STEPS, BATCH = 40, 400, 8
-SIZES = {"d_model": 64, "num_layers": 2, "num_heads": 2, "ff_dim": 128}
+SIZES = {"d_model": 64, "num_layers": 2, "num_heads": 2, "ff_dim": 128, "dropout": 0.0}
 
 
 class FewClips:
@@ -49,7 +50,8 @@ def learn(solos, folder, *, same_music):
     """Two clips that differ in their music and share a genre, or the other way round."""
     genres = tuple(sorted({solo.genre for solo in solos}))
     torch.manual_seed(0)
-    model = LocalDenoiser(LocalConfig(**SIZES, num_frames=FRAMES, genres=genres, style_noise=8))
+    sizes = LocalConfig(**SIZES, num_frames=FRAMES, genres=genres, style_noise=8)
+    model = ExtendedLocalDenoiser(sizes, ["preconditioning", "style_film"])
     extensions = TrainingExtensions(metre_unit=True)
     fit_stage(model, WindowSampler(solos, SoloCut(FRAMES, genres)), extensions)
     part = slice(30, 30 + FRAMES)

@@ -12,6 +12,7 @@ from torch import nn
 from dancediff.diffusion.conditions import Conditions
 from dancediff.diffusion.samplers import sample, sampling_times
 from dancediff.diffusion.schedule import cosine_abar
+from dancediff.extensions.lodge_stages import ExtendedLocalDenoiser
 from dancediff.motion.skeleton import FOOT_JOINTS
 from dancediff.papers.lodge.cue_guidance import CueGuidance, guided_steps
 from dancediff.papers.lodge.foot_refine import FootRefine, contact_score, foot_features
@@ -21,6 +22,7 @@ from dancediff.papers.lodge.losses import l_focus, l_jacc, l_jvel
 from dancediff.papers.lodge.style import MappingNetwork
 
 SIZES = {"d_model": 16, "num_heads": 2, "num_layers": 1, "ff_dim": 32, "num_frames": 20}
+SIZES |= {"style_noise": 64, "dropout": 0.0}
 
 
 def network_inputs(x):
@@ -28,9 +30,11 @@ def network_inputs(x):
     return x_t, t, Conditions(M, style=style)
 
 
-def make(**options):
+def make(extensions=(), **options):
     torch.manual_seed(0)
-    return LocalDenoiser(LocalConfig(**SIZES | options)).eval()
+    sizes = LocalConfig(**SIZES | options)
+    model = ExtendedLocalDenoiser(sizes, extensions) if extensions else LocalDenoiser(sizes)
+    return model.eval()
 
 
 def inputs(model, b=2):
@@ -46,8 +50,8 @@ class ReleasedRefine(FootRefine):
         return self.out(self.embed(x_raw))
 
 
-@pytest.mark.parametrize("precondition", [True, False])
-def test_foot_refine_reacts_to_feet(precondition):
+@pytest.mark.parametrize("extensions", [("preconditioning",), ()])
+def test_foot_refine_reacts_to_feet(extensions):
     def reacts(model):
         x = inputs(model)
         x_raw, x_hat = model(*network_inputs(x))
@@ -56,7 +60,7 @@ def test_foot_refine_reacts_to_feet(precondition):
         assert torch.equal(other_raw, x_raw)
         return bool((other - x_hat).abs().max() > 1e-5)
 
-    model, released = make(precondition=precondition), make(precondition=precondition)
+    model, released = make(extensions), make(extensions)
     released.foot_refine = ReleasedRefine(16, num_heads=2, ff_dim=32)
     assert reacts(model)
     assert not reacts(released)
@@ -143,7 +147,7 @@ def test_batch_of_one():
         steps=50,
         pin=cues,
     )
-    assert torch.equal(x[cues.hard], cues.value[cues.hard]) and x.isfinite().all()
+    assert torch.equal(x[cues.hard], cues.y[cues.hard]) and x.isfinite().all()
 
 
 def test_verdicts_are_not_functions_of_one_number():
@@ -199,7 +203,7 @@ def test_a_primitive_stands_beside_its_own_music():
 
 def test_local_stage_refuses_a_length_it_cannot_do():
     """Released: the fine-tuning config asks for 1024 frames of a network for 256."""
-    assert LocalConfig.paper().num_frames == 256
+    assert LocalConfig().num_frames == 256
     model = make()
     _, t, _, style = inputs(model)
     with pytest.raises(ValueError, match=r"x_t has shape \(2, 80, 139\); expected \(2, 20, 139\)"):

@@ -9,14 +9,16 @@ import pytest
 import torch
 
 from dancediff.data.choreographer.choreograph import choreograph
+from dancediff.extensions.root_stitching import stitch
 from dancediff.motion.beats import motion_beats
 from dancediff.motion.contact import CONTACT_HEIGHT, foot_contact
 from dancediff.motion.mirror import mirror_features
 from dancediff.motion.representation import LODGE, Normalizer, joints_of, unpack
 from dancediff.motion.skeleton import FOOT_JOINTS, SMPL24
-from dancediff.papers.lodge.choreography import make_cues
+from dancediff.papers.lodge.choreography import arrange
+from dancediff.papers.lodge.cue_guidance import cue_channels
 from dancediff.papers.lodge.primitives import DISCRETE, LAYOUT, primitive_frames, primitives_of
-from dancediff.papers.lodge.stitch import plan, stitch
+from dancediff.papers.lodge.segments import segments_of
 
 FIXED = [32, 64, 160, 192]  # middles of 28:36, 60:68, 156:164, 188:196
 
@@ -34,7 +36,7 @@ def normalizer(clip):
 
 
 def cues_of(clip, **options):
-    return make_cues(primitives_of(clip)[0][None], plan(1024), **options)
+    return arrange(primitives_of(clip)[0][None], segments_of(1024), **options)
 
 
 def test_l02_soft_cues_are_on_beats(clip):
@@ -74,8 +76,8 @@ def test_l13_thirteen_primitives_in_training_as_in_dancing(clip):
     cues_of(clip)  # what training makes is what dancing takes
     released_in_training = 3 * 1024 // 128 + 1
     assert released_in_training == 25
-    with pytest.raises(ValueError, match="this plan needs"):
-        make_cues(torch.zeros(1, released_in_training, 8, 139), plan(1024))
+    with pytest.raises(ValueError, match="these segments need"):
+        arrange(torch.zeros(1, released_in_training, 8, 139), segments_of(1024))
 
 
 def test_l14_hard_primitives_lie_across_the_borders(clip):
@@ -112,7 +114,7 @@ def test_l16_two_soft_primitives_in_each_local(clip):
 
 def test_l18_the_root_is_never_constrained(clip):
     """Paper: all channels. Ours, as released: contacts and rotations; `stitch` does the root."""
-    channels = cues_of(clip).channels
+    channels = cue_channels()
     assert (~channels).nonzero().flatten().tolist() == [4, 5, 6]
 
 
@@ -152,8 +154,8 @@ def test_a_clip_is_not_damaged_by_taking_its_primitives(clip):
 def test_cues_are_mirrored_in_metres(clip, normalizer):
     """Released: normalised vectors are mirrored, as if every range were symmetric."""
     primitives = primitives_of(clip)[0]
-    cues = make_cues(primitives[None], plan(1024)).normalized(normalizer)
-    at = int(cues.positions[0, 1])
+    made = arrange(primitives[None], segments_of(1024))
+    cues, at = made.cues().normalized(normalizer), int(made.positions[0, 1])
     ours = normalizer.unnormalize(cues.value[0, at - 4 : at + 4])
     released = normalizer.unnormalize(mirror_features(normalizer.normalize(primitives[1]), LODGE))
     truth = joints_of(mirror_features(primitives[1], LODGE), LODGE)
@@ -166,10 +168,10 @@ def test_cues_are_mirrored_in_metres(clip, normalizer):
 def test_songs_of_any_length_are_danced_to_their_end():
     """Released: what is left after the last 256 frames is dropped, songs under 1024 refused."""
     for frames in (40, 700, 1100, 2047):
-        p = plan(frames)
+        p = segments_of(frames)
         x = stitch(torch.zeros(len(p.locals), 256, 139))[: p.frames]
         assert len(x) == frames and frames // 256 < len(p.locals)
-        make_cues(torch.zeros(len(p.globals), 13, 8, 139), p)
+        arrange(torch.zeros(len(p.globals), 13, 8, 139), p)
 
 
 def test_discrete_primitives_have_as_many_frames_further_apart(clip):
@@ -177,7 +179,7 @@ def test_discrete_primitives_have_as_many_frames_further_apart(clip):
     (dense, near), (thin, far) = primitives_of(clip), primitives_of(clip, layout=DISCRETE)
     assert dense.shape == thin.shape
     assert (near.diff(dim=1) == 1).all() and (far.diff(dim=1) == 4).all()
-    p = plan(1024, DISCRETE)
-    cues = make_cues(thin[None], p)
-    assert cues.soft.sum() == cues_of(clip).soft.sum()
+    p = segments_of(1024, DISCRETE)
+    cues = arrange(thin[None], p).cues()
+    assert cues.soft.sum() == cues_of(clip).cues().soft.sum()
     assert cues.hard[0, :13:4].all() and not cues.hard[0, 1:4].any()

@@ -3,28 +3,26 @@
 The numbers are those of the lines of docs/differences.md on Lodge.
 """
 
-import inspect
-
 import pytest
 import torch
 from safetensors.torch import load_file
 
 from dancediff.data.take import DanceTake
+from dancediff.generation.request import default_of
 from dancediff.metrics.rows import ALIKE, METRICS
 from dancediff.motion.representation import with_hands
-from dancediff.papers.lodge.global_diffusion import GlobalConfig, GlobalDenoiser
 from dancediff.papers.lodge.local_diffusion import LocalConfig
 from dancediff.papers.lodge.losses import l_critic, l_genre
-from dancediff.papers.lodge.model import Lodge, LodgeConfig
-from dancediff.papers.lodge.parallel import GLOBALS, Sampling, sample_rows, style_tokens
+from dancediff.papers.lodge.model import Lodge
+from dancediff.papers.lodge.parallel import GLOBALS, ParallelSampler
 from dancediff.training import lodge
+from tiny_lodge import GLOBAL, LOCAL, ask, tiny_lodge
 
-TINY = {"d_model": 16, "num_heads": 2, "num_layers": 1, "ff_dim": 32}
 GENRES = ("hiphop", "salsa")
 TABLES = {
     "data": {"windows_per_batch": 2},
-    "global_stage": TINY | {"music_frames": 256, "local_frames": 64, "genres": GENRES},
-    "local_stage": TINY | {"num_frames": 64, "genres": GENRES},
+    "global_stage": GLOBAL,
+    "local_stage": LOCAL | {"genres": GENRES},
     "train": {"steps": 4, "warmup": 0},
 }
 
@@ -40,16 +38,21 @@ def solos():
 
 
 def test_l03_as_many_steps_in_each_stage():
-    model = Lodge(
-        LodgeConfig(
-            GlobalConfig(**TINY, music_frames=256, local_frames=64),
-            LocalConfig(**TINY, num_frames=64),
-        )
-    )
-    usual = inspect.signature(model.generate).parameters
-    assert [usual[name].default for name in ("sampler", "steps")] == ["dpm", 20]
-    assert Sampling("dpm", 20).calls(rows=7) == 20
-    assert Sampling("ddim", 50).calls(rows=7) == 50
+    assert [default_of("lodge", name) for name in ("sampler", "steps")] == ["dpm", 20]
+    assert [default_of("lodge", name, "paper") for name in ("sampler", "steps")] == ["ddim", 50]
+    model, calls = tiny_lodge(()), {"global_stage": 0, "local_stage": 0}
+
+    def count(name):
+        def hook(module, args, out):
+            calls[name] += 1
+
+        return hook
+
+    for name in calls:
+        getattr(model, name).register_forward_hook(count(name))
+    M = torch.rand(256, 35, generator=torch.Generator().manual_seed(0))
+    ParallelSampler(model.global_stage, model.local_stage, ask(steps=7)).dance(M, 200)
+    assert calls == {"global_stage": 7, "local_stage": 7}
 
 
 def test_l09_adan_at_1e_4_can_be_asked_for(solos, tmp_path):
@@ -58,8 +61,8 @@ def test_l09_adan_at_1e_4_can_be_asked_for(solos, tmp_path):
     settings = {"train": asked, "train_fine_tune": {"steps": 0}}
     trained = lodge.train_lodge(TABLES | settings, tmp_path, solos=solos)
     torch.manual_seed(0)
-    start = lodge.LocalDenoiser(LocalConfig(**TABLES["local_stage"]))
-    moved = trained.local_stage.trunk.embed.weight - start.trunk.embed.weight
+    start = lodge.build(Lodge, lodge.sizes_of(TABLES)).local_stage
+    moved = trained.local_stage.decoder.embed.weight - start.decoder.embed.weight
     assert 0 < moved.abs().max() < 1e-3
 
 
@@ -78,9 +81,9 @@ def test_l21_the_averaged_weights_are_danced_with(solos, tmp_path):
     model = lodge.train_lodge(TABLES, tmp_path, solos=solos)
     for stage, part in (("global", model.global_stage), ("fine_tune", model.local_stage)):
         kept = load_file(tmp_path / stage / "checkpoint.safetensors")
-        weight = part.trunk.embed.weight
-        assert torch.equal(weight, kept["ema.trunk.embed.weight"])
-        assert not torch.equal(weight, kept["model.trunk.embed.weight"])
+        weight = part.decoder.embed.weight
+        assert torch.equal(weight, kept["ema.decoder.embed.weight"])
+        assert not torch.equal(weight, kept["model.decoder.embed.weight"])
 
 
 def test_l22_diversity_is_right_where_the_reference_has_it():
@@ -105,20 +108,20 @@ def test_l23_fine_tuning_sees_whole_locals(solos, tmp_path, monkeypatch):
     lodge.train_lodge(TABLES, tmp_path, solos=solos)
     assert shapes == {"global": (104, 139), "local": (64, 139), "fine_tune": (64, 139)}
     assert started_from["fine_tune"] is started_from["local"]
-    paper = LocalConfig.paper()
-    assert paper.num_frames == 256
+    assert LocalConfig().num_frames == 256
 
 
 def test_l24_guidance_is_off_in_the_last_tenth_of_ddpm():
-    model = GlobalDenoiser(
-        GlobalConfig(**TINY, music_frames=64, local_frames=32, num_steps=20, genres=GENRES)
-    ).eval()
-    seen = []
-    model.register_forward_hook(lambda module, args, out: seen.append((int(args[1][0]), len(out))))
-    how = Sampling(sampler="ddpm")
-    sample_rows(model, torch.rand(1, 64, 35), style_tokens(model, 0, 1, how), how, GLOBALS)
+    model = tiny_lodge((), first={"num_steps": 20}, second={"num_steps": 20})
+    stage, seen = model.global_stage, []
+    stage.register_forward_hook(lambda module, args, out: seen.append((int(args[1][0]), len(out))))
+
+    def run(**options):
+        seen.clear()
+        sampler = ParallelSampler(stage, model.local_stage, ask(**options))
+        sampler.sample(stage, GLOBALS, torch.rand(1, 256, 35), 0)
+
+    run(sampler="ddpm")
     assert seen == [(t, 2 if t >= 2 else 1) for t in range(19, -1, -1)]  # with and without music
-    seen.clear()
-    how = Sampling(sampler="ddim", steps=10)
-    sample_rows(model, torch.rand(1, 64, 35), style_tokens(model, 0, 1, how), how, GLOBALS)
+    run(sampler="ddim", steps=10)
     assert [rows for _, rows in seen] == [2] * 10

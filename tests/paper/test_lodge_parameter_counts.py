@@ -5,9 +5,11 @@ Nothing here is read off the modules but what is compared.
 
 import torch
 
+from dancediff.extensions.build import build
 from dancediff.papers.lodge.genre_discriminator import DiscriminatorConfig, GenreDiscriminator
 from dancediff.papers.lodge.global_diffusion import GlobalConfig, GlobalDenoiser
 from dancediff.papers.lodge.local_diffusion import LocalConfig, LocalDenoiser
+from dancediff.papers.lodge.model import Lodge, LodgeConfig
 
 D, FF, MUSIC, MOTION, GENRES = 512, 1024, 35, 139, 16
 
@@ -57,46 +59,47 @@ CRITIC = (
 
 def test_global_diffusion():
     assert LAYER == 4_730_368
-    assert count(GlobalDenoiser, GlobalConfig.paper()) == trunk(1024) == 47_459_979
+    assert count(GlobalDenoiser, GlobalConfig()) == trunk(1024) == 47_459_979
 
 
 def test_local_diffusion():
     assert mapping(256, D, D) == 8_799_232
     total = trunk(256) + mapping(256, D, D) + REFINE
-    assert count(LocalDenoiser, LocalConfig.paper()) == total == 60_765_462
+    assert count(LocalDenoiser, LocalConfig()) == total == 60_765_462
 
 
 def test_the_layer_is_in_the_foot_refine_block():
     """The released code has the same total: nine layers in the trunk, none in the block."""
-    without = count(LocalDenoiser, LocalConfig.paper(foot_refine=False))
+    without = count(LocalDenoiser, LocalConfig(foot_refine=False))
     assert without == trunk(256) + mapping(256, D, D)
     assert 60_765_462 - without == REFINE > LAYER
     with torch.device("meta"):
-        model = LocalDenoiser(LocalConfig.paper())
-    assert len(model.trunk.layers) == 8
+        model = LocalDenoiser(LocalConfig())
+    assert len(model.decoder.layers) == 8
     assert sum(p.numel() for p in model.foot_refine.layer.parameters()) == LAYER
 
 
 def test_discriminator():
-    released = count(GenreDiscriminator, DiscriminatorConfig.paper(head_hidden=1))
+    released = count(GenreDiscriminator, DiscriminatorConfig(head_hidden=1))
     assert mapping(D, 1, 1) == 579
     assert released == CRITIC + 579 == 9_544_259
-    wide = count(GenreDiscriminator, DiscriminatorConfig.paper())
+    wide = count(GenreDiscriminator, DiscriminatorConfig())
     assert wide - released == mapping(D, 1, D) - 579 == 4_735_437
 
 
 def test_what_the_switches_cost():
-    paper = GlobalConfig.paper
+    paper = GlobalConfig
     full = count(GlobalDenoiser, paper())
     assert count(GlobalDenoiser, paper(pool=4)) == trunk(256, music=4 * MUSIC)
     assert full - count(GlobalDenoiser, paper(music_frames=512)) == 512 * D
-    linear_guess_and_noise = 2 * MOTION * D
-    assert count(GlobalDenoiser, paper(precondition=True)) - full == linear_guess_and_noise
-    embedded = count(LocalDenoiser, LocalConfig.paper(style="embedding"))
-    assert 60_765_462 - embedded == mapping(256, D, D) - GENRES * D
 
 
-def test_small_models_fit_into_the_package():
-    """At most 20 MB together in half precision; the discriminator is not packaged."""
-    small = count(GlobalDenoiser, GlobalConfig()) + count(LocalDenoiser, LocalConfig())
-    assert 2 * small < 20e6
+def test_what_extensions_cost():
+    def of(*names):
+        return count(lambda config: build(Lodge, config, names), LodgeConfig())
+
+    plain, linear_guess_and_noise = of(), 2 * MOTION * D
+    assert plain == 47_459_979 + 60_765_462
+    assert of("style_film") == plain
+    assert of("preconditioning") - plain == 2 * linear_guess_and_noise
+    assert of("global_style") - plain == mapping(256, D, D)

@@ -10,11 +10,12 @@ from dancediff.diffusion.long_sampling import SEAMS
 from dancediff.diffusion.pinning import MODES
 from dancediff.diffusion.samplers import SAMPLERS
 from dancediff.diffusion.schedule import cosine_abar
+from dancediff.extensions.root_stitching import stitch
 from dancediff.generation.pipeline import pipeline_of
 from dancediff.motion.representation import LODGE
-from dancediff.papers.lodge.choreography import make_cues
+from dancediff.papers.lodge.choreography import arrange
 from dancediff.papers.lodge.primitives import Layout
-from dancediff.papers.lodge.stitch import plan, stitch
+from dancediff.papers.lodge.segments import segments_of
 from dancediff.papers.tcdiffpp.long_group_sampling import LongGroupSampler
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 
@@ -169,7 +170,7 @@ def layouts(draw):
 @given(layouts(), st.integers(1, 3000))
 def test_a_plan_has_every_frame_once(layout, frames):
     N, n = layout.global_frames, layout.local_frames
-    segments = plan(frames, layout)
+    segments = segments_of(frames, layout)
     assert [*segments.locals] == [*range(0, frames, n)]
     covered = {start + k for start in segments.globals for k in range(0, N, n)}
     assert covered >= set(segments.locals)  # every local lies in a global
@@ -187,15 +188,16 @@ def test_a_plan_has_every_frame_once(layout, frames):
 @often
 @given(layouts(), st.integers(1, 1500), st.integers(0, 4), seeds, st.booleans(), st.booleans())
 def test_neighbours_are_told_the_same_at_their_border(layout, frames, every, seed, mirror, align):
-    segments = plan(frames, layout)
+    segments = segments_of(frames, layout)
     shape = (len(segments.globals), layout.num_primitives, layout.length, LODGE.dim)
     primitives = torch.randn(shape, generator=generator(seed))
     beats = range(0, frames, 7 * every) if every else []
-    cues = make_cues(primitives, segments, beats=beats, mirror=mirror, beat_align=align)
+    made = arrange(primitives, segments, beats=beats, mirror=mirror, beat_align=align)
+    cues = made.cues()
     L, n, half = len(segments.locals), layout.local_frames, layout.length // 2
     assert cues.value.shape == (L, n, LODGE.dim)
     assert torch.equal(cues.hard.nonzero()[:, 1].reshape(L, -1), edge_frames(layout).expand(L, -1))
-    assert (cues.soft.sum(1) == cues.positions.shape[1] * layout.length).all()  # none overlap
+    assert (cues.soft.sum(1) == made.positions.shape[1] * layout.length).all()  # none overlap
     assert not (cues.hard & cues.soft).any()
     tails = cues.value[:-1][cues.hard[:-1]].reshape(L - 1, 2 * half, LODGE.dim)[:, half:]
     heads = cues.value[1:][cues.hard[1:]].reshape(L - 1, 2 * half, LODGE.dim)[:, :half]

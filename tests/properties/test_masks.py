@@ -7,9 +7,8 @@ from hypothesis import strategies as st
 from dancediff.diffusion.conditions import Conditions
 from dancediff.extensions.build import EXTENSIONS, build
 from dancediff.extensions.registry import REGISTRY
-from dancediff.papers.lodge.global_diffusion import GlobalConfig, GlobalDenoiser
-from dancediff.papers.lodge.local_diffusion import LocalConfig, LocalDenoiser
 from dancediff.papers.tcdiffpp.model import COMPONENTS, TCDiffPP, TCDiffPPConfig
+from tiny_lodge import tiny_lodge
 
 often = settings(deadline=None, derandomize=True, max_examples=30)
 seeds = st.integers(0, 2**32 - 1)
@@ -112,33 +111,31 @@ def test_groups_of_a_batch_do_not_meet(chosen, seed, n, f):
         close(a[1:2], b)
 
 
-def solo_model(stage, seed, chosen):
-    sizes = {"local": {"num_frames": 16}, "global": {"music_frames": 64, "local_frames": 32}}
-    make = {"local": (LocalDenoiser, LocalConfig), "global": (GlobalDenoiser, GlobalConfig)}[stage]
+def solo_model(stage, seed, extensions, **chosen):
+    first = {"music_frames": 64, "local_frames": 64}
+    sizes = {"first": TINY | first, "second": TINY | {"num_frames": 64, "style_noise": 8}}
+    sizes["first" if stage == "global_stage" else "second"] |= chosen
     with torch.random.fork_rng():
-        torch.manual_seed(seed)
-        return loud(make[0](make[1](**TINY, **sizes[stage], **chosen)), seed)
+        return loud(getattr(tiny_lodge(extensions, **sizes), stage), seed)
 
 
 @often
-@given(st.sampled_from(["local", "global"]), st.booleans(), st.booleans(), seeds, st.booleans())
+@given(st.booleans(), st.booleans(), seeds, st.booleans(), st.booleans())
 @torch.no_grad()
-def test_lodge_does_not_hear_dropped_music(stage, film, known, seed, switch):
-    chosen = {"style_film": film, "precondition": known}
-    if stage == "local":
-        chosen |= {"beat_waves": switch, "foot_refine": not switch, "non_local": known and switch}
-    else:
-        chosen |= {"variant": "discrete" if switch else "continuous"}
-    model = solo_model(stage, seed, chosen)
-    frames = model.config.num_frames
-    M = normal(seed, 3, 16 if stage == "local" else 64, 35)
+def test_dropped_music_makes_no_difference_to_lodge(film, known, seed, switch, first):
+    stage = "global_stage" if first else "local_stage"
+    extensions = ["global_style"] + ["style_film"] * film + ["preconditioning"] * known
+    extensions += ["beat_phase"] * switch + ["non_local_filter"] * (known and switch)
+    chosen = {"variant": "discrete" if switch else "continuous"} if first else {}
+    model = solo_model(stage, seed, extensions, **chosen)
+    M = normal(seed, 3, 64, 35)
     M[..., 33:] = (M[..., 33:] > 0.5).float()
-    x_t, style = normal(seed + 1, 3, frames, 139), normal(seed + 2, 3, 8)
-    t, keep = torch.tensor([3, 500, 990]), torch.tensor([True, False, False])
+    x_t, style = normal(seed + 1, 3, model.config.num_frames, 139), normal(seed + 2, 3, 8)
+    t, mask = torch.tensor([3, 500, 990]), torch.tensor([True, False, False])
     other = M + 3 * normal(seed + 3, *M.shape)
 
     def run(M, x_t=x_t):
-        guess = model(x_t, t, Conditions(M, style=style, music_mask=keep))
+        guess = model(x_t, t, Conditions(M, style=style, music_mask=mask))
         return guess if isinstance(guess, tuple) else (guess,)
 
     for a, b in zip(run(M), run(other), strict=True):

@@ -17,6 +17,7 @@ from dancediff.extensions.build import EXTENSIONS, build
 from dancediff.extensions.collision_avoidance import CollisionAvoidance
 from dancediff.extensions.floor_contact import stand_on_floor
 from dancediff.extensions.foot_contact_projection import foot_contact_hook, plant_feet
+from dancediff.extensions.group_relations import Group
 from dancediff.extensions.speed_limit import limit_travel, limit_turns
 from dancediff.generation.pipeline import pipeline_of
 from dancediff.metrics.collision import tif
@@ -43,7 +44,6 @@ from dancediff.motion.rotation import (
 from dancediff.music.features import MusicNormalizer, music_features
 from dancediff.music.song import Music
 from dancediff.papers.edge.model import EDGE, EDGEConfig
-from dancediff.papers.lodge.group import Group
 from dancediff.papers.lodge.losses import LodgeWeights, l_jacc, l_jvel, lodge_losses
 from dancediff.papers.lodge.primitives import LAYOUT, Layout, primitives_of
 from dancediff.papers.tcdiffpp.losses import LossWeights, l_vel, pair_distances, tcdiffpp_losses

@@ -101,7 +101,7 @@ SAID = [
     (
         "docs/differences.md",
         r"is then (\d+) beats late",
-        "dancediff.papers.lodge.group.CANON_BEATS",
+        "dancediff.extensions.group_relations.CANON_BEATS",
     ),
     ("docs/metrics_swaps.md", r"faster than ([\d.]+) m/s", f"{SWAPS}.JUMP_SPEED"),
     ("docs/metrics_rhythm.md", r"σ = ([\d.]+) s", f"{RHYTHM}.SIGMA"),

@@ -22,11 +22,13 @@ seconds = 9.0
 windows_per_batch = 2
 [model]
 class = "Lodge"
+extensions = ["preconditioning"]
 [global_stage]
 d_model = 16
 num_heads = 2
 num_layers = 1
 ff_dim = 32
+dropout = 0.0
 music_frames = 128
 local_frames = 64
 [local_stage]
@@ -34,7 +36,10 @@ d_model = 16
 num_heads = 2
 num_layers = 1
 ff_dim = 32
+dropout = 0.0
 num_frames = 64
+genres = ["hiphop", "popping", "locking", "house", "waacking", "jazz", "salsa", "contemporary",
+          "bollywood", "kpop"]
 [train]
 steps = 2
 warmup = 0
@@ -92,7 +97,7 @@ def test_songs_and_dances_belong_together(config):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("[variants.full]\nmodel = { fp = false }\n", "'model' has no 'fp'"),
+        ("[variants.full]\ndata = { songs = 3 }\n", "'full' changes 'data'"),
         ("[variants.full]\nlocal_stage = { feet = 1 }\n", "'local_stage' has no 'feet'"),
         ("[variants.full]\ntrain_local = { lr = -1.0 }\n", "'train_local': lr=-1.0"),
         ("[variants.full]\nsample = { softness = 1 }\n", "'sample': softness=1 is no option"),

@@ -7,7 +7,7 @@ from torch.nn.functional import linear, softplus
 from dancediff.diffusion.conditions import Conditions
 from dancediff.extensions.ssd import batch_invariant_softplus
 from dancediff.nn.conditioning import BatchInvariantLinear
-from dancediff.papers.lodge.local_diffusion import LocalConfig, LocalDenoiser
+from tiny_lodge import tiny_lodge
 
 
 @pytest.mark.parametrize("b", [1, 2, 3, 7, 15])
@@ -42,7 +42,8 @@ def test_softplus_is_the_same_in_every_batch(f):
 def test_a_segment_is_guessed_the_same_in_every_batch():
     """Of layers that see all frames, too: the whole local network, to the last bit."""
     torch.manual_seed(0)
-    model = LocalDenoiser(LocalConfig(d_model=64, num_layers=2, beat_waves=True)).eval()
+    sizes = {"d_model": 64, "num_heads": 4, "num_layers": 2, "ff_dim": 512}
+    model = tiny_lodge(second=sizes, frames=256).local_stage
     x, M = torch.randn(16, 256, 139), torch.randn(16, 256, 35)
     style, t = torch.randn(16, 64), torch.full((16,), 500)
 

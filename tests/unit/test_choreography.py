@@ -2,17 +2,13 @@ import pytest
 import torch
 
 from dancediff.data.choreographer.structure import Section
+from dancediff.extensions.song_structure import repeat_sections
 from dancediff.motion.mirror import mirror_features
 from dancediff.motion.representation import LODGE, Normalizer
-from dancediff.papers.lodge.choreography import (
-    arrange,
-    chain,
-    cue_positions,
-    make_cues,
-    repeat_sections,
-)
+from dancediff.papers.lodge.choreography import Arrangement, arrange, chain, cue_positions
+from dancediff.papers.lodge.cue_guidance import cue_channels
 from dancediff.papers.lodge.primitives import DISCRETE, LAYOUT, Layout
-from dancediff.papers.lodge.stitch import plan
+from dancediff.papers.lodge.segments import segments_of
 
 
 def numbered(G, layout=LAYOUT):
@@ -28,36 +24,40 @@ def random_primitives(G=1, layout=LAYOUT):
     return torch.randn(G, layout.num_primitives, 8, 139, generator=g)
 
 
+def make_cues(primitives, segments, **options):
+    return arrange(primitives, segments, **options).cues()
+
+
 def mirrored(x):
     return mirror_features(x, LODGE)
 
 
 def test_chain_keeps_the_border_of_the_global_before():
-    row = chain(numbered(3), plan(3 * 1024))[:, 0, 0]
+    row = chain(numbered(3), segments_of(3 * 1024))[:, 0, 0]
     assert len(row) == 37
     assert row[[0, 12, 13, 24, 25, 36]].tolist() == [0, 120, 1010, 1120, 2010, 2120]
 
 
 def test_chain_takes_the_end_of_a_partial_last_global():
     for new in (1, 2, 3):
-        row = chain(numbered(2), plan((4 + new) * 256))[:, 0, 0]
+        row = chain(numbered(2), segments_of((4 + new) * 256))[:, 0, 0]
         assert len(row) == 3 * (4 + new) + 1
         # after the last hard primitive of the first: the soft ones of its last locals
         assert row[12:].tolist() == [120] + [1000 + 10 * p for p in range(13 - 3 * new, 13)]
 
 
 def test_chain_of_a_short_song_takes_the_start_of_its_only_global():
-    assert chain(numbered(1), plan(300))[:, 0, 0].tolist() == [0, 10, 20, 30, 40, 50, 60]
+    assert chain(numbered(1), segments_of(300))[:, 0, 0].tolist() == [0, 10, 20, 30, 40, 50, 60]
 
 
 def test_primitives_of_another_plan_are_refused():
     for wrong in (numbered(2), numbered(1)[:, :10], numbered(1)[0]):
-        with pytest.raises(ValueError, match="this plan needs"):
-            chain(wrong, plan(1024))
+        with pytest.raises(ValueError, match="these segments need"):
+            chain(wrong, segments_of(1024))
 
 
 def test_both_sides_of_a_seam_hold_half_of_one_primitive():
-    cues = make_cues(numbered(2), plan(2048), mirror=False)
+    cues = make_cues(numbered(2), segments_of(2048), mirror=False)
     for j in range(7):
         seam = torch.cat([cues.value[j, -4:, 0], cues.value[j + 1, :4, 0]])
         assert (seam.diff() == 1).all()
@@ -67,34 +67,35 @@ def test_both_sides_of_a_seam_hold_half_of_one_primitive():
 
 
 def test_masks_count_what_the_paper_counts():
-    cues = make_cues(random_primitives(), plan(1024))
-    entries = (cues.hard | cues.soft)[..., None] & cues.channels
+    cues = make_cues(random_primitives(), segments_of(1024))
+    entries = (cues.hard | cues.soft)[..., None] & cue_channels()
     assert entries.sum((1, 2)).tolist() == [(4 + 4 + 4 * 8) * 136] * 4
     assert not (cues.hard & cues.soft).any()
     assert cues.hard.nonzero()[:8, 1].tolist() == [0, 1, 2, 3, 252, 253, 254, 255]
     assert (cues.value[~(cues.hard | cues.soft)] == 0).all()
-    two = make_cues(random_primitives(), plan(1024), mirror=False)
-    assert two.soft.sum(1).tolist() == [16] * 4 and two.positions.shape == (4, 2)
+    two = arrange(random_primitives(), segments_of(1024), mirror=False)
+    assert two.cues().soft.sum(1).tolist() == [16] * 4 and two.positions.shape == (4, 2)
 
 
 def test_soft_cues_come_twice_the_second_time_mirrored():
     primitives = random_primitives()
-    cues = make_cues(primitives, plan(1024))
+    made = arrange(primitives, segments_of(1024))
+    cues = made.cues()
     for j in range(4):
         s, s2 = primitives[0, 3 * j + 1], primitives[0, 3 * j + 2]
         wanted = [s, mirrored(s), s2, mirrored(s2)]
-        for at, cue in zip(cues.positions[j].tolist(), wanted, strict=True):
+        for at, cue in zip(made.positions[j].tolist(), wanted, strict=True):
             assert torch.equal(cues.value[j, at - 4 : at + 4], cue)
 
 
 def test_cues_are_put_on_beats():
     beats = list(range(11, 2048, 17))
-    cues = make_cues(random_primitives(2), plan(2048), beats=beats)
-    frames = cues.positions + torch.arange(0, 2048, 256)[:, None]
+    made = arrange(random_primitives(2), segments_of(2048), beats=beats)
+    frames = made.positions + torch.arange(0, 2048, 256)[:, None]
     assert set(frames.flatten().tolist()) <= set(beats)
-    fixed = make_cues(random_primitives(2), plan(2048), beats=beats, beat_align=False)
+    fixed = arrange(random_primitives(2), segments_of(2048), beats=beats, beat_align=False)
     assert fixed.positions.tolist() == [[32, 64, 160, 192]] * 8
-    mixed = make_cues(random_primitives(2), plan(2048), beats=[300, 350, 400, 450])
+    mixed = arrange(random_primitives(2), segments_of(2048), beats=[300, 350, 400, 450])
     assert mixed.positions[:2].tolist() == [[32, 64, 160, 192], [44, 94, 144, 194]]
 
 
@@ -116,7 +117,7 @@ def test_cues_never_touch_each_other_or_the_ends(layout, count):
     "layout", [DISCRETE, Layout(512, 128), Layout(1024, 128), Layout(256, 128)]
 )
 def test_other_layouts_have_cues_too(layout):
-    cues = make_cues(random_primitives(1, layout), plan(layout.global_frames, layout))
+    cues = make_cues(random_primitives(1, layout), segments_of(layout.global_frames, layout))
     assert cues.hard.sum(1).unique().tolist() == [8]
     assert cues.soft.sum(1).unique().tolist() == [32]
     n = layout.local_frames
@@ -127,11 +128,11 @@ def test_other_layouts_have_cues_too(layout):
 
 
 def test_a_section_that_returns_gets_the_mirrored_cues():
-    p, primitives = plan(2048), random_primitives(2)
+    p, primitives = segments_of(2048), random_primitives(2)
     sections = [Section(0, 512, "a", 0), Section(512, 1024, "b", 0), Section(1024, 1536, "a", 1)]
     sections.append(Section(1536, 2048, "a", 2))
-    plain = make_cues(primitives, p, beat_align=False)
-    cues = make_cues(primitives, p, beat_align=False, sections=sections)
+    made = arrange(primitives, p, beat_align=False)
+    plain, cues = made.cues(), repeat_sections(made, p, sections).cues()
     assert torch.equal(cues.value[:4], plain.value[:4])
     for j in range(2):
         for at in (32, 64, 160, 192):
@@ -139,8 +140,9 @@ def test_a_section_that_returns_gets_the_mirrored_cues():
             assert torch.equal(cues.value[4 + j, part], mirrored(plain.value[j, part]))
             assert torch.equal(cues.value[6 + j, part], plain.value[j, part])  # third time
     assert torch.equal(cues.value[:, :4], plain.value[:, :4])  # hard cues stay
-    unmirrored = make_cues(primitives, p, beat_align=False, sections=sections, mirror=False)
-    once = make_cues(primitives, p, beat_align=False, mirror=False)
+    once = arrange(primitives, p, beat_align=False, mirror=False)
+    unmirrored = repeat_sections(once, p, sections, mirror=False).cues()
+    once = once.cues()
     assert torch.equal(unmirrored.value[4, 28:36], once.value[0, 28:36])
 
 
@@ -149,18 +151,19 @@ def test_a_longer_return_starts_the_material_again_and_an_empty_section_gives_no
     soft = soft + torch.arange(8.0).view(4, 2, 1, 1)
     positions = torch.tensor([[64, 192]] * 4)
     sections = [Section(0, 256, "a", 0), Section(256, 300, "b", 0), Section(300, 1024, "a", 2)]
-    again = repeat_sections(soft, positions, plan(1024), sections)
+    made = Arrangement(soft[:, 0, :4], soft, soft[:, 0, 4:], positions, LAYOUT)
+    again = repeat_sections(made, segments_of(1024), sections).soft
     # 148, 276, 404, ... frames after 300: 148, 20, 148, 20 after the start of a
     assert torch.equal(again[1:].flatten(0, 1)[1:3], soft[0].flip(0))
     assert torch.equal(again[0], soft[0])
     empty = [Section(0, 20, "a", 0), Section(20, 1024, "a", 1)]
-    assert torch.equal(repeat_sections(soft, positions, plan(1024), empty), soft)
+    assert torch.equal(repeat_sections(made, segments_of(1024), empty).soft, soft)
 
 
 def test_cues_for_the_network_are_scaled_and_cut():
     primitives = random_primitives()
     norm = Normalizer(torch.full((139,), -2.0), torch.full((139,), 6.0))
-    cues = make_cues(primitives, plan(1024))
+    cues = make_cues(primitives, segments_of(1024))
     scaled = cues.normalized(norm)
     cued = cues.hard | cues.soft
     assert torch.allclose(scaled.value[cued], (cues.value[cued] - 2) / 4, atol=1e-6)
@@ -168,10 +171,9 @@ def test_cues_for_the_network_are_scaled_and_cut():
 
 
 def test_cues_of_some_locals_are_those_of_all():
-    whole = make_cues(random_primitives(2), plan(2048), beats=range(0, 2048, 14))
-    arrangement = arrange(random_primitives(2), plan(2048), beats=range(0, 2048, 14))
+    whole = make_cues(random_primitives(2), segments_of(2048), beats=range(0, 2048, 14))
+    arrangement = arrange(random_primitives(2), segments_of(2048), beats=range(0, 2048, 14))
     part = arrangement.cues(slice(3, 5))
     assert part.value.shape == (2, 256, 139) and part.hard.any() and part.soft.any()
-    for name in ("value", "hard", "soft", "positions"):
+    for name in ("value", "hard", "soft"):
         assert torch.equal(getattr(part, name), getattr(whole, name)[3:5]), name
-    assert torch.equal(part.channels, whole.channels)

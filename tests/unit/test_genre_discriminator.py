@@ -1,16 +1,19 @@
 import pytest
 import torch
 
+from dancediff.genre import GENRES
 from dancediff.papers.lodge.genre_discriminator import (
     DiscriminatorConfig,
     GenreDiscriminator,
     PlacedAttention,
 )
+from dancediff.training.lodge_losses import near
 
 
 def make(**options):
     torch.manual_seed(0)
-    sizes = {"d_model": 16, "num_heads": 2, "ff_dim": 32, "num_frames": 20, "head_hidden": 16}
+    sizes = {"d_model": 16, "num_heads": 2, "ff_dim": 32, "num_frames": 20, "num_layers": 2}
+    sizes |= {"head_hidden": 16, "genres": GENRES}
     return GenreDiscriminator(DiscriminatorConfig(**sizes | options))
 
 
@@ -62,8 +65,8 @@ def test_it_can_tell_fast_from_slow_if_it_starts_nearby(nearby):
     """Every pose comes up in both genres; only how fast they follow one another differs."""
     torch.manual_seed(0)
     D = make(genres=("slow", "fast"), num_layers=1)
-    if not nearby:
-        torch.nn.init.zeros_(D.attentions[0].places)
+    if nearby:
+        D.attentions[0].places.data.copy_(near(20))
     optimizer = torch.optim.AdamW(D.parameters(), lr=3e-3)
     f = torch.arange(20.0)[None, :, None]
 

@@ -1,3 +1,5 @@
+"""The first stage, plain and with extensions."""
+
 import json
 from dataclasses import asdict
 
@@ -6,30 +8,24 @@ import torch
 
 from dancediff.diffusion.conditions import Conditions
 from dancediff.diffusion.guidance import guided
+from dancediff.extensions.preconditioning import preconditioning_of
 from dancediff.papers.lodge.global_diffusion import GlobalConfig, GlobalDenoiser, token_frames
+from tiny_lodge import tiny_lodge
 
-SMALL = {"d_model": 16, "num_heads": 2, "num_layers": 1, "ff_dim": 32}
-
-
-def network_inputs(x):
-    x_t, t, M, style = x
-    return x_t, t, Conditions(M, style=style)
+OURS = ("preconditioning", "style_film", "global_style")
 
 
-def make(**options):
-    torch.manual_seed(0)
-    sizes = SMALL | {"music_frames": 64, "local_frames": 32}
-    return GlobalDenoiser(GlobalConfig(**sizes | options)).eval()
+def make(extensions=OURS, **sizes):
+    return tiny_lodge(extensions, first=sizes).global_stage
 
 
 def inputs(model, b=2):
     torch.manual_seed(1)
-    c = model.config
+    c, style = model.config, None
     x_t, M = torch.randn(b, c.num_frames, 139), torch.randn(b, c.music_frames, 35)
-    style = None
-    if c.genres:
-        style = model.style(torch.arange(b), torch.randn(b, c.style_noise)).detach()
-    return x_t, torch.tensor([20, 800])[:b], M, style
+    if model.style is not None:
+        style = model.style(torch.arange(b), torch.randn(b, 64))
+    return x_t, torch.tensor([20, 800])[:b], Conditions(M, style=style)
 
 
 @pytest.mark.parametrize(
@@ -50,86 +46,79 @@ def test_tokens_stand_where_they_are_danced():
     assert token_frames(GlobalConfig(variant="discrete")).tolist() == list(range(0, 1024, 4))
 
 
-@pytest.mark.parametrize(
-    "options",
-    [
-        {},
-        {"pool": 4},
-        {"genres": ()},
-        {"precondition": False},
-        {"variant": "discrete"},
-        {"style": "embedding"},
-        {"style_film": False},
-    ],
-    ids=str,
-)
-def test_every_switch_runs_and_learns(options):
-    model = make(**options).train()
-    x_t, t, M, _ = inputs(model)
-    style = None
-    if model.style is not None:
-        style = model.style(torch.tensor([0, 3]), torch.randn(2, 64))
-    y = model(x_t, t, Conditions(M, style=style, music_mask=torch.tensor([True, False])))
+@pytest.mark.parametrize("extensions", [(), OURS, ("preconditioning",), ("global_style",)], ids=str)
+@pytest.mark.parametrize("sizes", [{}, {"pool": 4}, {"variant": "discrete"}], ids=str)
+def test_every_switch_runs_and_learns(extensions, sizes):
+    model = make(extensions, **sizes).train()
+    x_t, t, conditions = inputs(model)
+    y = model(x_t, t, conditions.with_mask(torch.tensor([True, False])))
     assert y.shape == x_t.shape
     y.square().sum().backward()
     assert all(p.grad is not None and p.grad.isfinite().all() for p in model.parameters())
 
 
+def test_without_extensions_it_is_the_papers():
+    assert type(make(())) is GlobalDenoiser
+    assert not make(("beat_phase",)).parts  # which is for the second stage
+
+
 def test_every_primitive_has_a_spectrum_of_its_own_length():
     model = make()
-    assert model.spread.shape == (8, 139)
-    x = torch.randn(50, 56, 139)
-    x = x + 5 * torch.randn(50, 7, 1, 139).expand(50, 7, 8, 139).flatten(1, 2)  # apart by 5
-    model.fit_precondition([x])
-    assert model.spread[0].mean() > 5 * 8**0.5 * 0.9
-    torch.testing.assert_close(model.spread[1:].mean(), torch.tensor(1.0), atol=0.1, rtol=0)
-    assert make(variant="discrete").spread.shape == (16, 139)
-    assert make(precondition=False).spread is None
+    spectrum = preconditioning_of(model)
+    assert spectrum.spread.shape == (8, 139)
+    x = torch.randn(50, 104, 139)
+    x = x + 5 * torch.randn(50, 13, 1, 139).expand(50, 13, 8, 139).flatten(1, 2)  # apart by 5
+    spectrum.fit([model.clips(x).flatten(0, 1)])
+    assert spectrum.spread[0].mean() > 5 * 8**0.5 * 0.9
+    torch.testing.assert_close(spectrum.spread[1:].mean(), torch.tensor(1.0), atol=0.1, rtol=0)
+    assert preconditioning_of(make(variant="discrete")).spread.shape == (64, 139)
+    assert preconditioning_of(make(())) is None
 
 
 def test_what_a_primitive_is_guessed_to_be_without_a_network_is_its_own_affair():
     model = make()
-    for weights in model.trunk.out.parameters():
+    for weights in model.decoder.out.parameters():
         torch.nn.init.zeros_(weights)
-    x_t, t, M, style = inputs(model)
+    x_t, t, conditions = inputs(model)
     other = x_t.clone()
     other[:, 8:] += 1
-    a, b = model(x_t, t, Conditions(M, style=style)), model(other, t, Conditions(M, style=style))
+    a, b = model(x_t, t, conditions), model(other, t, conditions)
     torch.testing.assert_close(a[:, :8], b[:, :8])
     assert (a[:, 8:] - b[:, 8:]).abs().min() > 0
+    torch.testing.assert_close(model.linear_guess(x_t, t, conditions), a)
 
 
-def test_music_and_style_are_heard():
-    model = make()
-    x_t, t, M, style = inputs(model)
-    y = model(x_t, t, Conditions(M, style=style))
-    assert (model(x_t, t, Conditions(M.flip(1), style=style)) - y).abs().max() > 1e-4
-    assert (model(x_t, t, Conditions(M, style=style.flip(0))) - y).abs().max() > 1e-4
+@pytest.mark.parametrize("extensions", [(), OURS], ids=str)
+def test_music_matters_and_dropped_music_does_not(extensions):
+    model = make(extensions)
+    x_t, t, conditions = inputs(model)
+    other = Conditions(conditions.music.flip(1), style=conditions.style)
+    y, none = model(x_t, t, conditions), torch.zeros(2, dtype=torch.bool)
+    assert (model(x_t, t, other) - y).abs().max() > 1e-4
+    a, b = (model(x_t, t, c.with_mask(none)) for c in (conditions, other))
+    torch.testing.assert_close(a, b)
 
 
-def test_style_is_heard_without_music():
-    model = make()
-    x_t, t, M, style = inputs(model)
-    none = torch.zeros(2, dtype=torch.bool)
-    y = model(x_t, t, Conditions(M, style=style, music_mask=none))
-    torch.testing.assert_close(
-        model(x_t, t, Conditions(torch.randn_like(M), style=style, music_mask=none)), y
-    )
-    assert (
-        model(x_t, t, Conditions(M, style=style.flip(0), music_mask=none)) - y
-    ).abs().max() > 1e-4
+@pytest.mark.parametrize("film", [True, False])
+def test_the_genre_matters_with_music_and_without(film):
+    model = make(("style_film", "global_style") if film else ("global_style",))
+    x_t, t, conditions = inputs(model)
+    z = torch.randn(1, 64).expand(2, -1)
+    styles = [model.style(torch.full((2,), genre), z) for genre in (0, 6)]
+    for mask in (None, torch.zeros(2, dtype=torch.bool)):
+        a, b = (model(x_t, t, Conditions(conditions.music, None, s, mask)) for s in styles)
+        assert (a - b).abs().max() > 1e-4
 
 
 def test_guidance_takes_it():
     model = make()
-    x_t, _, M, style = inputs(model)
-    denoise = guided(model.denoise, Conditions(M, style=style), 1.0)
-    same = model(x_t, torch.full((2,), 300), Conditions(M, style=style))
-    torch.testing.assert_close(denoise(x_t, 300), same)
+    x_t, _, conditions = inputs(model)
+    same = model(x_t, torch.full((2,), 300), conditions)
+    torch.testing.assert_close(guided(model.denoise, conditions, 1.0)(x_t, 300), same)
 
 
 def test_config_survives_json():
-    config = GlobalConfig(genres=("a", "b"))
+    config = GlobalConfig(pool=2)
     assert GlobalConfig(**json.loads(json.dumps(asdict(config)))) == config
 
 
@@ -139,15 +128,14 @@ def test_errors():
     with pytest.raises(ValueError, match="local_frames=200 must divide music_frames=1024"):
         GlobalConfig(local_frames=200)
     model = make()
-    x_t, t, M, style = inputs(model)
+    x_t, t, c = inputs(model)
     for name, arguments in {
-        "x_t": (x_t[:, :-1], t, M, style),
-        "t": (x_t, t[:1], M, style),
-        "M": (x_t, t, M[:, :-1], style),
-        "style": (x_t, t, M, None),
+        "x_t": (x_t[:, :-1], t, c),
+        "t": (x_t, t[:1], c),
+        "music": (x_t, t, Conditions(c.music[:, :-1], style=c.style)),
+        "style": (x_t, t, Conditions(c.music)),
     }.items():
         with pytest.raises(ValueError, match=f"^{name} has shape"):
-            model(*network_inputs(arguments))
-    bare = make(genres=())
+            model(*arguments)
     with pytest.raises(ValueError, match=r"^style has shape"):
-        bare(x_t, t, Conditions(M, style=style))
+        make(())(x_t, t, c)

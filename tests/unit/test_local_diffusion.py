@@ -1,116 +1,125 @@
+"""The second stage, plain and with extensions."""
+
 import json
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import pytest
 import torch
 
 from dancediff.diffusion.conditions import Conditions
+from dancediff.extensions.build import check_extensions
 from dancediff.motion.representation import Normalizer
 from dancediff.papers.lodge.foot_refine import joints_of
 from dancediff.papers.lodge.local_diffusion import LocalConfig, LocalDenoiser
+from dancediff.papers.lodge.model import Lodge
+from tiny_lodge import tiny_lodge
+
+OURS = ("preconditioning", "style_film", "beat_phase", "non_local_filter")
 
 
-def network_inputs(x):
-    x_t, t, M, style = x
-    return x_t, t, Conditions(M, style=style)
-
-
-def make(**options):
-    torch.manual_seed(0)
-    sizes = {"d_model": 16, "num_heads": 2, "num_layers": 2, "ff_dim": 32, "num_frames": 20}
-    return LocalDenoiser(LocalConfig(**sizes | options)).eval()
+def make(extensions=OURS, **sizes):
+    first = {"music_frames": 64, "local_frames": 64}  # of no interest here
+    return tiny_lodge(extensions, first=first, second=sizes).local_stage
 
 
 def inputs(model, b=2):
     torch.manual_seed(1)
-    f = model.config.num_frames
+    M = torch.randn(b, 64, 35)
+    M[:, :, 33:] = 0
+    M[:, ::15, 34] = 1
     style = model.style(torch.arange(b), torch.randn(b, model.config.style_noise)).detach()
-    return torch.randn(b, f, 139), torch.tensor([20, 800])[:b], torch.randn(b, f, 35), style
+    return torch.randn(b, 64, 139), torch.tensor([20, 800])[:b], Conditions(M, style=style)
 
 
 @pytest.mark.parametrize(
-    "options",
-    [
-        {},
-        {"foot_refine": False},
-        {"precondition": False},
-        {"style": "embedding"},
-        {"style_film": False},
-        {"genres": ("waltz", "tango")},
-        {"beat_waves": True, "non_local": True},
-    ],
-    ids=str,
+    "extensions", [(), OURS, *[(name,) for name in OURS[:3]], (OURS[0], OURS[3])], ids=str
 )
-def test_every_switch_runs_and_learns(options):
-    model = make(**options).train()
-    if model.non_local is not None:  # starts at zero, which stops the gradient of its weights
-        torch.nn.init.normal_(model.non_local.mix.weight)
-    x_t, t, M, _ = inputs(model)
+@pytest.mark.parametrize("foot_refine", [True, False])
+def test_every_switch_runs_and_learns(extensions, foot_refine):
+    model = make(extensions, foot_refine=foot_refine, genres=("waltz", "tango")).train()
+    if "non_local_filter" in extensions:  # starts at zero, which stops the gradient of its weights
+        torch.nn.init.normal_(model.parts.non_local_filter.mix.weight)
+    x_t, t, conditions = inputs(model)
     style = model.style(torch.tensor([0, 1]), torch.randn(2, 64))
-    x_raw, x_hat = model(x_t, t, Conditions(M, style=style, music_mask=torch.tensor([True, False])))
+    conditions = replace(conditions, style=style, music_mask=torch.tensor([True, False]))
+    x_raw, x_hat = model(x_t, t, conditions)
     assert x_hat.shape == x_raw.shape == x_t.shape
     (x_raw.square().sum() + x_hat.square().sum()).backward()
     assert all(p.grad is not None and p.grad.isfinite().all() for p in model.parameters())
 
 
+def test_without_extensions_it_is_the_papers():
+    assert type(make(())) is LocalDenoiser
+
+
+def test_what_is_denoised_is_the_guess_with_refined_feet():
+    model = make(())
+    for weights in model.foot_refine.out.parameters():
+        weights.data.mul_(100)
+    x = inputs(model)
+    x_raw, x_hat = model(*x)
+    assert torch.equal(model.denoise(*x), x_hat) and (x_hat - x_raw).abs().max() > 0.1
+
+
 def test_without_the_block_both_guesses_are_one():
-    model = make(foot_refine=False)
-    x_raw, x_hat = model(*network_inputs(inputs(model)))
+    x_raw, x_hat = (model := make(foot_refine=False))(*inputs(model))
     assert torch.equal(x_raw, x_hat)
 
 
-def test_correction_is_small_before_training_and_not_nothing():
-    for precondition in (True, False):
-        model = make(precondition=precondition)
-        x_raw, x_hat = model(*network_inputs(inputs(model)))
-        assert 1e-6 < (x_hat - x_raw).abs().max() < 0.1
+@pytest.mark.parametrize("extensions", [OURS, ()], ids=str)
+def test_correction_is_small_before_training_and_not_nothing(extensions):
+    model = make(extensions)
+    x_raw, x_hat = model(*inputs(model))
+    assert 1e-6 < (x_hat - x_raw).abs().max() < 0.1
 
 
 def test_feet_are_computed_in_metres():
-    model = make()
-    x, floor = torch.rand(1, 20, 139), 0.3
-    physical = make(floor=floor)
+    model, physical = make(), make()
+    x = torch.rand(1, 64, 139)
     physical.normalizer = Normalizer(-2 * torch.ones(139), 3 * torch.ones(139))
-    height = physical.feet(x).reshape(1, 20, 4, 4, 3)[:, :, 2, :, 1]
+    height = physical.feet(x).reshape(1, 64, 4, 4, 3)[:, :, 2, :, 1]
     _, _, joints = joints_of(physical.normalizer.unnormalize(x))
-    torch.testing.assert_close(height, joints[..., (7, 8, 10, 11), 1] - floor)
+    torch.testing.assert_close(height, joints[..., (7, 8, 10, 11), 1])
     assert (model.feet(x) - physical.feet(x)).abs().max() > 0.1
 
 
 def test_correction_keeps_to_the_spectrum_of_dance():
-    model = make()
-    model.precondition.spread.fill_(2e-4)  # data that hardly move
-    model.precondition.spread[0] = 0.5
+    model = make(("preconditioning",))
+    spread = model.parts.preconditioning.preconditioning.spread
+    spread.fill_(2e-4)  # data that hardly move
+    spread[0] = 0.5
     for weights in model.foot_refine.out.parameters():
         weights.data.mul_(100)
-    x_t, t, M, style = inputs(model)
-    x_raw, x_hat = model(x_t, t, Conditions(M, style=style))
+    x_raw, x_hat = model(*inputs(model))
     delta = x_hat - x_raw
     assert delta.mean(1).abs().max() > 100 * delta.diff(dim=1).abs().max()
 
 
-def test_style_is_heard_without_music_and_music_is_not():
-    for film in (True, False):
-        model = make(style_film=film)
-        x_t, t, M, style = inputs(model)
-        none = torch.zeros(2, dtype=torch.bool)
-        y = model(x_t, t, Conditions(M, style=style, music_mask=none))[1]
-        torch.testing.assert_close(
-            model(x_t, t, Conditions(torch.randn_like(M), style=style, music_mask=none))[1], y
+@pytest.mark.parametrize("extensions", [(), ("style_film",), OURS], ids=str)
+def test_the_genre_matters_without_music_and_dropped_music_does_not(extensions):
+    model = make(extensions)
+    x_t, t, conditions = inputs(model)
+    dropped = conditions.with_mask(torch.zeros(2, dtype=torch.bool))
+    y = model.denoise(x_t, t, dropped)
+    other = replace(dropped, music=torch.randn_like(dropped.music))
+    torch.testing.assert_close(model.denoise(x_t, t, other), y)
+    z = torch.randn(1, 64).expand(2, -1)
+    for given in (conditions, dropped):
+        a, b = (
+            model.denoise(x_t, t, replace(given, style=model.style(torch.full((2,), g), z)))
+            for g in (0, 6)
         )
-        assert (
-            model(x_t, t, Conditions(M, style=style.flip(0), music_mask=none))[1] - y
-        ).abs().max() > 1e-4
-        assert (model(x_t, t, Conditions(M, style=style))[1] - y).abs().max() > 1e-4
+        assert (a - b).abs().max() > 1e-4
+    assert (model.denoise(x_t, t, conditions) - y).abs().max() > 1e-4
 
 
 def test_rows_do_not_see_each_other():
     model = make()
-    x_t, t, M, style = inputs(model)
-    both = model(x_t, t, Conditions(M, style=style))[1]
+    x_t, t, c = inputs(model)
+    both = model.denoise(x_t, t, c)
     for k in range(2):
         one = slice(k, k + 1)
-        alone = model(x_t[one], t[one], Conditions(M[one], style=style[one]))[1]
+        alone = model.denoise(x_t[one], t[one], Conditions(c.music[one], style=c.style[one]))
         torch.testing.assert_close(alone, both[one], atol=1e-5, rtol=1e-5)
 
 
@@ -118,17 +127,9 @@ def test_bfloat16_is_close():
     model = make()
     x = inputs(model)
     with torch.autocast("cpu", torch.bfloat16):
-        y = model(*network_inputs(x))[1]
+        y = model.denoise(*x)
     assert y.dtype == torch.float32
-    torch.testing.assert_close(y, model(*network_inputs(x))[1], atol=0.05, rtol=0.05)
-
-
-def test_fitted_spectrum_is_reported():
-    model, x = make(), torch.randn(40, 20, 139)
-    model.fit_precondition([x[:10], x[10:]], weights=[1.0, 1.0])
-    assert model.spread.shape == (20, 139)
-    torch.testing.assert_close(model.spread[1:].mean(), torch.tensor(1.0), atol=0.05, rtol=0)
-    assert make(precondition=False).spread is None
+    torch.testing.assert_close(y, model.denoise(*x), atol=0.05, rtol=0.05)
 
 
 def test_config_survives_json():
@@ -141,43 +142,36 @@ def test_errors():
         with pytest.raises(ValueError, match="genres="):
             LocalConfig(genres=genres)
     model = make()
-    x_t, t, M, style = inputs(model)
+    x_t, t, c = inputs(model)
     for name, arguments in {
-        "x_t": (x_t[..., :-1], t, M, style),
-        "t": (x_t, t[:1], M, style),
-        "M": (x_t, t, M[:, :-1], style),
-        "style": (x_t, t, M, style[:, :-1]),
+        "x_t": (x_t[..., :-1], t, c),
+        "t": (x_t, t[:1], c),
+        "music": (x_t, t, replace(c, music=c.music[:, :-1])),
+        "style": (x_t, t, replace(c, style=c.style[:, :-1])),
     }.items():
         with pytest.raises(ValueError, match=f"^{name} has shape"):
-            model(*network_inputs(arguments))
+            model(*arguments)
+    with pytest.raises(ValueError, match="'non_local_filter' needs 'preconditioning'"):
+        check_extensions(Lodge, None, ["non_local_filter"])
+    with pytest.raises(ValueError, match="'wings' is not one of those of Lodge"):
+        check_extensions(Lodge, None, ["wings"])
 
 
-def test_beat_waves_are_heard_with_the_music_and_only_then():
-    model = make(beat_waves=True)
-    M = torch.zeros(2, 20, 35)
-    M[0, [4, 12], 34] = 1  # the second song has no beat
-    heard = model.hear_beats(M, torch.tensor([True, True]))
-    assert heard[0].abs().amax(-1).min() > 0 and not heard[1].any()
-    assert not model.hear_beats(M, torch.tensor([False, True])).any()
-    assert make().hear_beats(M) is None
-    assert not LocalConfig.paper().beat_waves
-
-
-def test_beat_waves_reach_the_guess():
-    model = make(beat_waves=True)
-    x_t, t, M, style = inputs(model)
-    before = model(x_t, t, Conditions(M, style=style))[1]
+def test_beat_phase_reaches_the_guess_with_the_music_and_only_then():
+    model = make(("beat_phase",))
+    x_t, t, conditions = inputs(model)
+    mask = torch.tensor([True, False])
+    before = model.denoise(x_t, t, conditions.with_mask(mask))
     with torch.no_grad():
-        model.embed_beat.weight.zero_()
-    assert (model(x_t, t, Conditions(M, style=style))[1] - before).abs().max() > 1e-5
+        model.parts.beat_phase.embed_waves.weight.zero_()
+    change = (model.denoise(x_t, t, conditions.with_mask(mask)) - before).abs().amax((1, 2))
+    assert change[0] > 1e-5 and change[1] == 0
 
 
-def test_non_local_filter_needs_the_linear_guess_and_changes_the_raw_one():
-    with pytest.raises(ValueError, match="non_local=True averages the linear guess"):
-        make(non_local=True, precondition=False)
-    model = make(non_local=True)
+def test_non_local_filter_changes_the_raw_guess():
+    model = make(("preconditioning", "non_local_filter"))
     x = inputs(model)
-    before, _ = model(*network_inputs(x))
-    torch.nn.init.normal_(model.non_local.mix.bias)
-    after, _ = model(*network_inputs(x))
+    before, _ = model(*x)
+    torch.nn.init.normal_(model.parts.non_local_filter.mix.bias)
+    after, _ = model(*x)
     assert (after - before).abs().amax((1, 2)).min() > 1e-3

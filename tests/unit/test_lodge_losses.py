@@ -5,7 +5,6 @@ from dancediff.motion.representation import Normalizer, pack
 from dancediff.motion.rotation import axis_angle_to_matrix
 from dancediff.papers.lodge.losses import (
     LodgeWeights,
-    l_contact,
     l_critic,
     l_diversity,
     l_focus,
@@ -78,19 +77,6 @@ def test_relative_joints_do_not_ask_where_the_dancer_stands():
         weights = LodgeWeights.local(relative=relative)
         joint = lodge_losses(moved, x, NORM, weights=weights)["joint"]
         assert (joint < 1e-10) == relative
-
-
-def test_contact_by_label_by_share_and_by_height():
-    joints = torch.zeros(2, 24, 3)
-    joints[:, :, 1] = 0.06  # ankles count as low, toes do not
-    joints[1, :, 0] = 0.1  # 3 m/s to the side
-    claim = torch.tensor([0.8, 0.4, 0.0, 0.0]).expand(2, 4)
-    one = 9.0 / 12  # one of four feet, one of three axes
-    assert l_contact(joints, claim).item() == pytest.approx(one)
-    assert l_contact(joints, claim, by="soft").item() == pytest.approx((0.64 + 0.16) * one)
-    assert l_contact(joints, claim, by="height").item() == pytest.approx(2 * one)
-    with pytest.raises(ValueError, match="by='touch'"):
-        l_contact(joints, claim, by="touch")
 
 
 def test_slide_asks_the_truth_which_feet_are_planted():

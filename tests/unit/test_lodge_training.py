@@ -15,15 +15,16 @@ from dancediff.data.windows import SoloCut, WindowSampler
 from dancediff.diffusion.schedule import cosine_abar
 from dancediff.extensions.level_weights import level_weights
 from dancediff.extensions.metre_unit import FLOOR_UNIT
+from dancediff.extensions.preconditioning import preconditioning_of
 from dancediff.motion.mirror import mirror_features
 from dancediff.motion.representation import LODGE, Normalizer, with_hands
 from dancediff.music.features import CHROMA
 from dancediff.papers.lodge.genre_discriminator import DiscriminatorConfig
-from dancediff.papers.lodge.global_diffusion import GlobalConfig, GlobalDenoiser
-from dancediff.papers.lodge.local_diffusion import LocalConfig, LocalDenoiser
-from dancediff.papers.lodge.losses import LodgeWeights, lodge_losses
+from dancediff.papers.lodge.global_diffusion import GlobalConfig
+from dancediff.papers.lodge.losses import LodgeWeights, l_genre, lodge_losses
 from dancediff.papers.lodge.model import Lodge
 from dancediff.papers.lodge.primitives import LAYOUT, Layout, primitives_of
+from dancediff.training import lodge as lodge_training
 from dancediff.training.checkpoint import load_extra
 from dancediff.training.config import TrainConfig, TrainingExtensions
 from dancediff.training.lodge import (
@@ -36,9 +37,9 @@ from dancediff.training.lodge_data import PrimitiveCut, long_enough, prepared_so
 from dancediff.training.lodge_losses import Critic, LodgeObjective
 from dancediff.training.run import train_from_config
 from dancediff.training.tables import read_toml
+from tiny_lodge import GLOBAL, LOCAL, PACKAGED, TINY, tiny_lodge
 
 GENRES = ("hiphop", "salsa")
-TINY = {"d_model": 16, "num_heads": 2, "num_layers": 1, "ff_dim": 32}
 SMALL = Layout(256, 64)
 
 
@@ -194,13 +195,13 @@ def test_a_folder_without_such_genres_is_refused(tmp_path):
 
 def test_statistics_fit_what_the_stage_sees(solos):
     data = windows(solos, mirror=0.5)
-    model = LocalDenoiser(LocalConfig(**TINY, num_frames=64, genres=GENRES))
+    model = tiny().local_stage
     fit_stage(model, data)
     for number in range(5):
         x = model.normalizer.normalize(data.batch(number)[0])
         assert x.abs().max() < 1.3
     assert model.normalizer.low[4] < 0 < model.normalizer.high[4] < 1, "root from the origin"
-    assert model.spread.std() > 0.01
+    assert preconditioning_of(model).spread.std() > 0.01
     far = windows([replace(solos[0], dance=9 * solos[0].x)])
     fit_stage(model, far, TrainingExtensions(metre_unit=True))
     on_floor = [LODGE.root.start, LODGE.root.start + 2]
@@ -208,13 +209,13 @@ def test_statistics_fit_what_the_stage_sees(solos):
     assert model.normalizer.normalize(far.batch(0)[0])[..., on_floor].max() > 3
     fit_stage(model, data, TrainingExtensions(masked_music=("chroma",)))
     assert model.music_normalizer.normalize(solos[0].songs[0])[:, CHROMA].abs().max() < 1e-4
-    coarse = GlobalDenoiser(GlobalConfig(**TINY, music_frames=256, local_frames=64, genres=GENRES))
+    coarse = tiny().global_stage
     fit_stage(coarse, windows(solos, num_frames=256, layout=SMALL))
-    assert coarse.spread.shape == (8, 139)
+    assert preconditioning_of(coarse).spread.shape == (8, 139)
 
 
 def test_fine_tuning_sees_clean_borders(solos):
-    model = LocalDenoiser(LocalConfig(**TINY, num_frames=64, genres=GENRES))
+    model = tiny().local_stage
     config = TrainConfig(weights=LodgeWeights.fine_tune())
     batch, seen = windows(solos).batch(0), []
 
@@ -238,16 +239,14 @@ def test_weights_of_levels_scale_every_term():
     four = lodge_losses(x, y, norm, weights=weights, x_raw=y, weight=torch.full((2,), 4.0))
     for name, value in plain.items():
         assert torch.allclose(four[name], 4 * value, rtol=1e-4), name
-    with pytest.raises(ValueError, match="height"):
-        lodge_losses(*(x, y, norm), weights=LodgeWeights(contact_by="height"), weight=torch.ones(2))
 
 
 def test_levels_count_as_often_as_they_are_drawn_too_rarely(solos):
     """Both stages: a row's weight makes up for the odds of its level."""
-    model = LocalDenoiser(LocalConfig(**TINY, num_frames=64, genres=GENRES))
+    model = tiny().local_stage
     data, even = windows(solos), TrainConfig(weights=LodgeWeights.local())
     fit_stage(model, data)
-    levels = level_weights(model.precondition.error(model.abar), 0.5)
+    levels = level_weights(preconditioning_of(model).error(model.abar), 0.5)
     seen = []
 
     def forward(x_t, t, conditions):
@@ -264,6 +263,10 @@ def test_levels_count_as_often_as_they_are_drawn_too_rarely(solos):
     )
     weight = levels[seen[0]].sqrt() * levels.sqrt().mean()
     assert one["recon"].item() == pytest.approx((weight * plain["recon"]).item(), rel=1e-4)
+
+
+def tiny():
+    return tiny_lodge(second={"genres": GENRES})
 
 
 def critic(**options):
@@ -287,13 +290,33 @@ def test_the_discriminator_learns_every_second_time_and_only_from_its_own_loss()
         terms = c.terms(x_hat, x_0, M, genre, number, g)
         assert ("critic" in terms) == bool(number % 2)
     assert terms["critic"] < 0.5, "black from white must be told apart; it starts near 1"
+    with torch.no_grad():
+        assert (c.D(x_0, M, genre) > c.D(x_hat, M, genre)).all(), "true dances are the real ones"
+
+
+def test_the_generator_gains_by_what_the_discriminator_calls_real(solos):
+    """Eq. 9 enters the total with its weight; a better verdict makes it smaller."""
+    model = tiny().local_stage
+    config, batch, totals = TrainConfig(weights=LodgeWeights.local()), windows(solos).batch(0), {}
+
+    class Verdict:
+        def __init__(self, made):
+            self.made = made
+
+        def terms(self, *batch):
+            return {"genre": l_genre(torch.tensor([self.made]))}
+
+    for made in (0.0, 3.0):
+        objective = LodgeObjective(model.train(), config, critic=Verdict(made))
+        totals[made] = objective.losses(model, batch, 0)["total"].item()
+    assert totals[3.0] - totals[0.0] == pytest.approx(-3.0 * config.weights.genre, rel=1e-2)
 
 
 TABLES = {
     "data": {"windows_per_batch": 2, "mirror": 0.5},
-    "model": {"class": "Lodge"},
-    "global_stage": TINY | {"music_frames": 256, "local_frames": 64, "genres": list(GENRES)},
-    "local_stage": TINY | {"num_frames": 64, "genres": list(GENRES)},
+    "model": {"class": "Lodge", "extensions": list(PACKAGED)},
+    "global_stage": GLOBAL,
+    "local_stage": LOCAL | {"genres": list(GENRES)},
     "train": {"steps": 2, "warmup": 1},
     "train_fine_tune": {"steps": 3},
 }
@@ -423,3 +446,36 @@ def test_stages_can_be_trained_one_at_a_time(solos, tmp_path):
     (tmp_path / "parts" / "global" / "checkpoint.safetensors").write_bytes(b"damaged")
     with pytest.raises(ValueError, match=r"checkpoint\.safetensors is no checkpoint"):
         train_lodge(tables, tmp_path / "parts", solos=solos, overwrite=True)
+
+
+def test_fine_tuning_alone_has_clean_borders(solos, tmp_path):
+    """Eq. 10 is the input of the last training and of no other."""
+    given = {}
+
+    class Watched(lodge_training.LodgeObjective):
+        def losses(self, model, batch, number):
+            given[self.clean] = True
+            return super().losses(model, batch, number)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(lodge_training, "LodgeObjective", Watched)
+        for stage, clean in (("global", False), ("local", False), ("fine_tune", True)):
+            off = {f"train_{k}": {"steps": 0} for k in ("global", "local", "fine_tune")}
+            tables = TABLES | off | {f"train_{stage}": {"steps": 1}}
+            train_lodge(tables, tmp_path / stage, solos=solos)
+            assert given == {clean: True}, stage
+            given.clear()
+
+
+@pytest.mark.parametrize(
+    ("table", "message"),
+    [
+        ({"model": {"extensions": ["wings"]}}, "'model'.*'wings' is not one of"),
+        ({"model": {"extensions": ["non_local_filter"]}}, "needs 'preconditioning'"),
+        ({"local_stage": {"beat_waves": True}}, "beat_waves=True is now .*beat_phase"),
+        ({"global_stage": {"precondition": True}}, "precondition=True is now .*preconditioning"),
+    ],
+)
+def test_switches_that_are_extensions_now_are_named(table, message):
+    with pytest.raises(ValueError, match=message):
+        check_lodge_tables(TABLES | table, "here")

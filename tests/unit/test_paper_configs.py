@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 
 from dancediff import hub
-from dancediff.genre import FINEDANCE
 from dancediff.music.synth import synth_song
 from dancediff.papers.edge.model import EDGEConfig
 from dancediff.papers.lodge.genre_discriminator import DiscriminatorConfig
@@ -25,7 +24,7 @@ from dancediff.training.tables import read_toml
 CONFIGS = Path(__file__).parents[2] / "configs"
 SMALL = {"d_model": 16, "num_heads": 2, "num_layers": 1, "ff_dim": 32}
 QUICK = {"steps": 20, "save_every": 20, "evaluate_every": 10, "evaluate_batches": 1}
-PAPER = {"sampler": "ddim", "steps": 50, "eta": 1.0, "guidance": 2.0, "foot_contact": False}
+PAPER = {"sampler": "ddim", "steps": 50, "eta": 1.0, "guidance": 2.0, "feet": "free"}
 GENRES = ["hiphop", "salsa", "jazz"]
 
 
@@ -81,12 +80,9 @@ def test_groups(name, sizes, optimizer, lr, tmp_path):
 def test_lodge(tmp_path):
     raw = read_toml(CONFIGS / "lodge_paper.toml")
     tables = check_lodge_tables(raw, "lodge_paper")
-    assert GlobalConfig(**tables["global_stage"]) == GlobalConfig.paper()
-    assert LocalConfig(**tables["local_stage"]) == LocalConfig.paper()
-    assert (
-        DiscriminatorConfig(**tables["discriminator"], genres=FINEDANCE)
-        == DiscriminatorConfig.paper()
-    )
+    assert GlobalConfig(**tables["global_stage"]) == GlobalConfig()
+    assert LocalConfig(**tables["local_stage"]) == LocalConfig()
+    assert DiscriminatorConfig(**tables["discriminator"]) == DiscriminatorConfig()
     for stage in ("global", "local", "fine_tune"):
         settings = stage_config(tables, stage)
         assert settings.extensions == TrainingExtensions()
@@ -115,6 +111,6 @@ def dances_as_the_paper_says(model, folder: Path, **options) -> None:
     """The model folder loads, and its model dances with the preset "paper"."""
     hub.save_model(model, folder / "model", card="tiny")
     song, _ = synth_song(3, seconds=4.0)
-    dance = hub.load(folder / "model").generate(song, preset="paper", **options)
+    dance = hub.load(folder / "model").generate(song, **PAPER, **options)
     assert dance.joints().isfinite().all()
     assert {key: dance.meta[key] for key in PAPER} == PAPER

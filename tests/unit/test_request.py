@@ -16,6 +16,7 @@ from dancediff.diffusion.long_sampling import SEAMS
 from dancediff.diffusion.pinning import MODES
 from dancediff.diffusion.samplers import SAMPLERS
 from dancediff.extensions.control import WalkAlong
+from dancediff.extensions.group_relations import MAX_DANCERS, RELATIONS
 from dancediff.extensions.preconditioning import Preconditioning
 from dancediff.generation.presets import PACKAGED, PAPER, PRESETS
 from dancediff.generation.request import (
@@ -26,7 +27,6 @@ from dancediff.generation.request import (
     LodgeRequest,
     default_of,
 )
-from dancediff.papers.lodge.group import RELATIONS
 
 SOURCE = Path(__file__).parents[2] / "src" / "dancediff"
 
@@ -91,6 +91,7 @@ def test_choices_are_those_of_the_code():
     }.items():
         assert options[name].metadata["choices"] == values
     assert LodgeRequest.__dataclass_fields__["relation"].metadata["choices"] == RELATIONS
+    assert LodgeRequest.__dataclass_fields__["dancers"].metadata["high"] == MAX_DANCERS
 
 
 def test_requests_bring_no_torch():

@@ -136,18 +136,6 @@ def test_train_from_config(takes, tmp_path):
     assert trained.config.d_model == 32 and (tmp_path / "run" / "checkpoint.safetensors").exists()
 
 
-def test_without_a_folder_the_choreographer_makes_the_data(tmp_path):
-    path = tmp_path / "c.toml"
-    model = "\n".join(f"{k} = {v}" for k, v in TINY.items())
-    data = "songs = 1\nseconds = 4.0\nworkers = 1\ndancers_per_batch = 2\nheld_out = 1\n"
-    for evaluates in (0, 1):
-        train = f"steps = 1\nevaluate_every = {evaluates}\nevaluate_batches = 1\n"
-        path.write_text(f"[model]\n{model}\n[train]\n{train}[data]\n{data}")
-        train_from_config(path, tmp_path / f"run{evaluates}")
-        row = logged(tmp_path / f"run{evaluates}")[0]
-        assert ("validation" in row) == bool(evaluates)
-
-
 def test_packaged_config_is_valid():
     from pathlib import Path
 

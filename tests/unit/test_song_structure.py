@@ -1,8 +1,8 @@
 import numpy as np
 import torch
 
+from dancediff.extensions.song_structure import find_sections, phrase_similarity, sections_of
 from dancediff.music.synth import synth_song
-from dancediff.papers.lodge.song_structure import find_sections, phrase_similarity, sections_of
 
 
 def song_of(labels, beat=15, noise=0.3):

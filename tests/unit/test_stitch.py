@@ -1,8 +1,9 @@
 import pytest
 import torch
 
+from dancediff.extensions.root_stitching import stitch
 from dancediff.papers.lodge.primitives import Layout
-from dancediff.papers.lodge.stitch import plan, stitch
+from dancediff.papers.lodge.segments import segments_of
 
 X, Y, Z = 4, 5, 6
 
@@ -21,7 +22,7 @@ def walkers(L=4, n=64, seed=0):
 
 def test_every_length_is_covered_once():
     for frames in (1, 255, 256, 257, 1023, 1024, 1025, 2048, 2100, 8192):
-        p = plan(frames)
+        p = segments_of(frames)
         L = len(p.locals)
         assert (L - 1) * 256 < frames <= L * 256
         assert p.locals == tuple(256 * j for j in range(L)) and p.seams == list(p.locals[1:])
@@ -33,20 +34,20 @@ def test_every_length_is_covered_once():
 
 def test_music_of_segments_is_cut_where_they_are():
     M = torch.arange(2100.0)[:, None]
-    p = plan(2100)
+    p = segments_of(2100)
     assert p.global_music(M).shape == (3, 1024, 1) and p.local_music(M).shape == (9, 256, 1)
     assert p.global_music(M)[:, 0, 0].tolist() == [0, 1024, 1280]
     assert p.local_music(M)[8, :53, 0].tolist() == [*range(2048, 2100), 0]  # over again
-    assert plan(300).global_music(M[:300])[0, [299, 300, 1023], 0].tolist() == [299, 0, 123]
-    assert plan(300).global_music(M)[0, 300, 0] == 300  # a dance shorter than its song
+    assert segments_of(300).global_music(M[:300])[0, [299, 300, 1023], 0].tolist() == [299, 0, 123]
+    assert segments_of(300).global_music(M)[0, 300, 0] == 300  # a dance shorter than its song
     with pytest.raises(ValueError, match="M has 100 frames, the dance 2100"):
         p.local_music(M[:100])
     with pytest.raises(ValueError, match="frames=0"):
-        plan(0)
+        segments_of(0)
 
 
 def test_other_layouts():
-    p = plan(1200, Layout(512, 128))
+    p = segments_of(1200, Layout(512, 128))
     assert p.globals == (0, 512, 768) and p.shared == [0, 0, 2]
     assert len(p.locals) == 10
 

@@ -39,6 +39,7 @@ def autoguided(
     Shapes: denoise, linear (x_t, t) -> x0_hat (..., f, d); the result is such a function, too.
     Raises: ValueError for a weight below 1, which would smooth instead.
 
+    >>> import torch
     >>> push = autoguided(lambda x_t, t: x_t + 2, lambda x_t, t: x_t, 1.5)
     >>> push(torch.zeros(1, 151), 10).unique().item()
     3.0

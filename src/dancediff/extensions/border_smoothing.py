@@ -9,9 +9,12 @@ Symbols (axes: l local segments · f frames · d motion features)
     u      how far a rotation is moved               (l, f, channels)
 """
 
+from dataclasses import dataclass
+
 import torch
 from torch import Tensor
 
+from dancediff.extensions.projection import MORE_SIGNAL
 from dancediff.motion.banded import nearness, solve_banded, weighted_bends
 from dancediff.motion.representation import LODGE, MotionSpec
 
@@ -19,6 +22,21 @@ SMOOTH = 100.0  # what a change of u's speed costs; moving by as much costs 1
 NO_JERK = 300.0  # what a change of the dance's own speed costs at a border
 FADE = 2.0  # frames from a border in which that falls to a third
 HELD = 1e12  # what moving costs where a cue is
+
+
+@dataclass(frozen=True)
+class BorderSmoothing:
+    """The hook that puts hard cues into guesses that are more signal than noise, and runs in."""
+
+    hard: Tensor
+    y: Tensor
+    frames: Tensor
+
+    def apply(self, x0_hat: Tensor, abar: float) -> Tensor:
+        """A guess (l, f, d)."""
+        if abar < MORE_SIGNAL:
+            return x0_hat
+        return run_in(torch.where(self.hard, self.y.to(x0_hat), x0_hat), self.frames)
 
 
 def run_in(x: Tensor, held: Tensor, spec: MotionSpec = LODGE) -> Tensor:

@@ -8,13 +8,15 @@ from collections.abc import Sequence
 
 from torch import nn
 
+from dancediff.extensions.lodge_stages import extended_lodge
 from dancediff.extensions.networks import ExtendedEDGE, ExtendedTCDiffPP
 from dancediff.extensions.registry import REGISTRY
 from dancediff.papers.edge.model import EDGE
+from dancediff.papers.lodge.model import Lodge
 from dancediff.papers.tcdiffpp.model import TCDiffPP
 
-EXTENDED = {EDGE: ExtendedEDGE, TCDiffPP: ExtendedTCDiffPP}
-FAMILIES = {EDGE: "edge", TCDiffPP: "tcdiffpp"}
+EXTENDED = {EDGE: ExtendedEDGE, TCDiffPP: ExtendedTCDiffPP, Lodge: extended_lodge}
+FAMILIES = {EDGE: "edge", TCDiffPP: "tcdiffpp", Lodge: "lodge"}
 EXTENSIONS = {  # names by class
     model_class: tuple(e.name for e in REGISTRY.values() if e.kind == "network" and f in e.models)
     for model_class, f in FAMILIES.items()

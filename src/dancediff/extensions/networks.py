@@ -44,6 +44,7 @@ class Extended(nn.Module):
 class ExtendedTCDiffPP(Extended, TCDiffPP):
     """TCDiff++ with extensions; shapes as `TCDiffPP`.
 
+    >>> import torch
     >>> config = TCDiffPPConfig(d_model=16, num_layers=1, ff_dim=32, fusion_hidden=32)
     >>> model = ExtendedTCDiffPP(config, ["preconditioning", "foot_cues"])
     >>> conditions = Conditions(torch.randn(2, 20, 35), swap=torch.arange(3).expand(2, 3))
@@ -83,6 +84,7 @@ class ExtendedTCDiffPP(Extended, TCDiffPP):
 class ExtendedEDGE(Extended, EDGE):
     """EDGE with extensions; shapes as `EDGE`.
 
+    >>> import torch
     >>> model = ExtendedEDGE(EDGEConfig(d_model=16, num_layers=1, ff_dim=32), ["preconditioning"])
     >>> x_t, conditions = torch.randn(2, 3, 20, 151), Conditions(torch.randn(2, 20, 35))
     >>> model(x_t, torch.tensor([10, 900]), conditions).shape

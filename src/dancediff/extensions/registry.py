@@ -54,6 +54,10 @@ _ALL = (
               "residuals", GROUP, lesson=9),
     Extension("fusion_residual", "network", "The mixed dancers are added to their own tokens.",
               "residuals", GROUP, presets=()),
+    Extension("style_film", "network", "Lodge's style token joins the vector of FiLM.",
+              "lodge_stages", SOLO),
+    Extension("global_style", "network", "Lodge's first stage is told the genre, too.",
+              "lodge_stages", SOLO, lesson=11),
     # ---- training ----
     Extension("metre_unit", "training", "A metre is the unit of the floor.", "metre_unit", ALL),
     Extension("level_weights", "training", "Noise levels count by how hard they are.",
@@ -85,6 +89,10 @@ _ALL = (
               "initial_frames", GROUP, needs=(*LINEAR, "same_noise"), lesson=10),
     Extension("control", "hook", "Places, paths and parts of other dances are met.", "control",
               GROUP, needs=(*LINEAR, "same_noise"), lesson=10),
+    Extension("cue_constraint", "hook", "Guesses meet hard cues without a jump.",
+              "cue_constraint", SOLO, needs=LINEAR, lesson=12),
+    Extension("return_to_origin", "hook", "Segments of 8.5 s end where they began.",
+              "cue_constraint", SOLO, needs=(*LINEAR, "root_stitching"), lesson=12),
     Extension("border_smoothing", "hook", "Cues are met without a jerk.", "border_smoothing", SOLO,
               needs=LINEAR, lesson=12),
     # ---- sampling ----
@@ -96,5 +104,11 @@ _ALL = (
               "diffusion.long_sampling", GROUP, needs=("control",)),
     Extension("smooth_primitives", "sampling", "Primitives keep pose, velocity and bend only.",
               "smooth_primitives", SOLO, lesson=12),
+    Extension("repeat_sections", "sampling", "What comes again in a song comes again in the dance.",
+              "song_structure", SOLO),
+    Extension("root_stitching", "sampling", "Dancers go on over seams from where they are.",
+              "root_stitching", SOLO, lesson=12),
+    Extension("group_relations", "sampling", "A group dances a solo: in unison, canon or mirror.",
+              "group_relations", SOLO),
 )  # fmt: skip
 REGISTRY = {extension.name: extension for extension in _ALL}

@@ -42,6 +42,7 @@ NEEDS_PRECONDITIONING = {
     "collision_avoidance": False,
     "order_constraint": False,
     "return_to_origin": False,
+    "cue_constraint": False,
     "border_smoothing": False,
 }
 
@@ -172,7 +173,7 @@ class SamplingConfig:
 
     def _limits(self, config) -> dict[str, int]:
         """The largest value of options for which the model has one."""
-        return {"steps": config.num_steps, "dancers": config.max_dancers}
+        return {"steps": config.num_steps}
 
     @property
     def frames(self) -> int:
@@ -202,7 +203,8 @@ class SegmentedRequest(SamplingConfig):
     )
 
     def _limits(self, config) -> dict[str, int]:
-        return super()._limits(config) | {"overlap": config.num_frames - 1}
+        own = {"dancers": config.max_dancers, "overlap": config.num_frames - 1}
+        return super()._limits(config) | own
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -334,7 +336,7 @@ class LodgeRequest(SamplingConfig):
 
     family: ClassVar[str] = "lodge"
 
-    dancers: int = option(1, "How many people dance, all the same solo.", low=1)
+    dancers: int = option(1, "How many people dance, all the same solo.", low=1, high=5)
     genre: str | None = option(None, "What to dance; default: by the song's tempo.")
     soft: float = option(
         1.0, "For which share of the steps the dance is held at its soft cues.", low=0, high=1
@@ -347,8 +349,14 @@ class LodgeRequest(SamplingConfig):
     smooth_primitives: bool | None = option(
         None, "Keep pose, velocity and acceleration of a primitive, not its unrest."
     )
+    cue_constraint: bool | None = option(
+        None, "Condition guesses on hard cues, so that these are met without a jump."
+    )
     border_smoothing: bool | None = option(
         None, "Bend the frames beside hard cues so that these are met without a jerk."
+    )
+    root_stitching: bool | None = option(
+        None, "Go on over seams from where the segment before ended; else back to the middle."
     )
     return_to_origin: bool | None = option(
         None, "Come back to the same place every 8.5 s; without it a dancer may walk off."
@@ -366,7 +374,7 @@ class LodgeRequest(SamplingConfig):
 
     def resolve(self, model, song) -> "LodgeRequest":
         """As `SamplingConfig.resolve`; the genre, if none is asked for, is that of the tempo."""
-        from dancediff.papers.lodge.group import places
+        from dancediff.extensions.group_relations import places
 
         filled = super().resolve(model, song)
         genres = model.config.genres

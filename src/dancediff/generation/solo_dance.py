@@ -1,55 +1,116 @@
 r"""From a song and a resolved request to Lodge's solo, danced by one or by a group.
 
-Read first: notebook 12 · `dancediff.papers.lodge.parallel` · `dancediff.papers.lodge.group`.
+Read first: `dancediff.papers.lodge.parallel`, which is the paper's sampling; here is what we add.
 
 Symbols (axes: n dancers · F frames of the dance · f frames of a piece · d motion features)
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
+import torch
 from torch import Tensor
 
+from dancediff.diffusion.conditions import Conditions
+from dancediff.diffusion.samplers import GuessHook
+from dancediff.extensions.autoguidance import autoguided
+from dancediff.extensions.border_smoothing import BorderSmoothing
+from dancediff.extensions.cue_constraint import cue_constraint, return_to_origin
+from dancediff.extensions.foot_contact_projection import foot_contact_hook
+from dancediff.extensions.group_relations import PIECE, Group, canon_delays, places
+from dancediff.extensions.preconditioning import preconditioning_of
+from dancediff.extensions.root_stitching import stitch
+from dancediff.extensions.smooth_primitives import smooth_primitives
+from dancediff.extensions.song_structure import find_sections, repeat_sections
 from dancediff.generation.request import LodgeRequest
-from dancediff.genre import genre_number
-from dancediff.motion.representation import with_hands
+from dancediff.motion.representation import LODGE, with_hands
 from dancediff.music.beats import beat_frames
-from dancediff.papers.lodge.group import PIECE, Group, canon_delays, places
-from dancediff.papers.lodge.parallel import Sampling, dance, layout_of
-from dancediff.papers.lodge.stitch import plan
+from dancediff.papers.lodge.choreography import Arrangement
+from dancediff.papers.lodge.cue_guidance import CueGuidance
+from dancediff.papers.lodge.parallel import ParallelSampler
+from dancediff.papers.lodge.segments import Segments, segments_of
 
 
-def solo_seams(model, song, request: LodgeRequest) -> list[int]:
-    """Frames in which somebody passes from one segment to the next."""
-    f, delay = request.frames, [0]
-    if request.relation == "canon":
-        delay = canon_delays(request.dancers, beat_frames(song.features()))
-    at = plan(f, layout_of(model.global_stage)).seams
-    return sorted({seam + late for seam in at for late in delay if seam + late < f})
+class LodgeSampler(ParallelSampler):
+    """The paper's sampler, with those additions that a resolved `LodgeRequest` asks for."""
+
+    def primitives(self, M: Tensor, segments: Segments) -> Tensor:
+        """Without unrest."""
+        primitives = super().primitives(M, segments)
+        smooth = self.request.smooth_primitives
+        if smooth and self.global_stage.config.variant == "continuous":
+            return smooth_primitives(primitives)
+        return primitives
+
+    def arrange(self, primitives: Tensor, M: Tensor, segments: Segments) -> Arrangement:
+        """What comes again in the song comes again in the dance."""
+        made = super().arrange(primitives, M, segments)
+        if not self.request.repeat_sections:
+            return made
+        sections = find_sections(M[: segments.frames])
+        return repeat_sections(made, segments, sections, mirror=self.request.mirror)
+
+    def hooks(self, pin: CueGuidance) -> Sequence[GuessHook]:
+        """Cues are met without a jump, segments end where they began, feet stand."""
+        stage, request, hooks = self.local_stage, self.request, []
+        preconditioning, normalizer = preconditioning_of(stage), stage.normalizer.on_cpu()
+        if preconditioning is not None:
+            spread = preconditioning.spread
+            if request.cue_constraint:
+                hooks.append(cue_constraint(pin.hard, pin.y, spread))
+            if request.return_to_origin:
+                origin = normalizer.normalize(torch.zeros(LODGE.dim))
+                hooks.append(return_to_origin(origin, pin.y.shape, spread))
+            if request.border_smoothing:
+                hooks.append(BorderSmoothing(pin.hard.cpu(), pin.y.cpu(), pin.hard_frames.cpu()))
+        if request.foot_contact:
+            mask = pin.hard_frames.cpu()[..., None].expand(pin.y.shape)
+            hooks.append(foot_contact_hook(normalizer, mask, LODGE))
+        return hooks
+
+    def guess(self, stage, conditions: Conditions) -> Callable[[Tensor, int], Tensor]:
+        """Pushed away from the linear guess."""
+        denoise = super().guess(stage, conditions)
+        if self.request.autoguidance == 1:
+            return denoise
+
+        def linear(x_t: Tensor, t: int) -> Tensor:
+            steps = torch.full((len(x_t),), t, device=x_t.device)
+            return stage.linear_guess(x_t, steps, conditions)
+
+        return autoguided(denoise, linear, self.request.autoguidance)
+
+    def clamp(self, stage) -> Callable[[Tensor], Tensor] | None:
+        """Preconditioned guesses are not cut."""
+        return super().clamp(stage) if preconditioning_of(stage) is None else None
+
+    def join(self, x: Tensor) -> Tensor:
+        """The root goes on over seams."""
+        return stitch(x) if self.request.root_stitching else super().join(x)
 
 
 def solo_pieces(model, song, request: LodgeRequest, *, report=None, dtype=None) -> Iterator[Tensor]:
-    """A minute of the dance at a time, features (n, f, 151) in metres."""
-    names = ("sampler", "steps", "guidance", "autoguidance", "eta", "seed", "at_once")
+    """A minute of the dance at a time, for all dancers: features (n, f, 151) in metres.
+
+    The solo is made first: 139 numbers a frame, 60 MB an hour, are held to its end. Everything
+    else, above all the other dancers, is made for a piece only.
+    """
     M = song.features()
+    stages = (model.global_stage, model.local_stage)
     group = Group(
-        dance(
-            model.global_stage,
-            model.local_stage,
-            M,
-            request.frames,
-            genre=genre_number(request.genre, model.config.genres),
-            how=Sampling(dtype=dtype, **{name: getattr(request, name) for name in names}),
-            soft=request.soft,
-            home=request.return_to_origin,
-            feet="planted" if request.foot_contact else "free",
-            mirror=request.mirror,
-            beat_align=request.beat_align,
-            report=report,
-        ),
+        LodgeSampler(*stages, request, report=report, dtype=dtype).dance(M, request.frames),
         np.asarray(places(request.dancers, request.formation)),
         relation=request.relation,
         delay=canon_delays(request.dancers, beat_frames(M)),
     )
     for start in range(0, request.frames, PIECE):
         yield with_hands(group.frames(start, start + PIECE))
+
+
+def solo_seams(model, song, request: LodgeRequest) -> list[int]:
+    """Frames in which somebody passes from one segment to the next."""
+    delay = [0]
+    if request.relation == "canon":
+        delay = canon_delays(request.dancers, beat_frames(song.features()))
+    at = segments_of(request.frames, model.config.global_stage.layout).seams
+    return sorted({seam + late for seam in at for late in delay if seam + late < request.frames})

@@ -27,6 +27,7 @@ import torch
 from dancediff import __version__
 from dancediff.generation.pipeline import pipeline_of, usable_device
 from dancediff.motion.motion import Motion
+from dancediff.papers.lodge.model import Lodge
 from dancediff.training.ablation_config import TRUTH, Variant, key_of, read_ablation
 from dancediff.training.ablation_data import (
     corpus,
@@ -36,7 +37,6 @@ from dancediff.training.ablation_data import (
     reference_dances,
 )
 from dancediff.training.ablation_table import mean_of_seeds, metric_scores, table, write_text
-from dancediff.training.lodge import is_lodge
 from dancediff.training.run import train_from_config
 
 _own_device: list[str] = []  # of a worker process
@@ -173,7 +173,7 @@ def _dance(model, variant: Variant, out: Path) -> None:
     songs, genres = held_out_songs(variant), held_out_genres(variant)
     for i, (path, song, genre) in enumerate(zip(files, songs, genres, strict=True)):
         if not path.exists():
-            if is_lodge(variant.tables):
+            if isinstance(model, Lodge):
                 options["genre"] = genre
             pipeline.generate(song, **options | {"seed": sample.seed + i}).save(path)
 

@@ -9,11 +9,11 @@ from pathlib import Path
 from dancediff.axes import FPS
 from dancediff.data.choreographed import choreographed_takes, genre_and_tempo
 from dancediff.data.take import DanceTake
-from dancediff.genre import GENRES
 from dancediff.motion.motion import Motion
 from dancediff.motion.representation import LODGE
 from dancediff.music.song import Music
 from dancediff.music.synth import synth_song
+from dancediff.papers.lodge.local_diffusion import LocalConfig
 from dancediff.training.ablation_config import Variant
 from dancediff.training.config import GroupData, SoloData
 from dancediff.training.lodge import is_lodge, solos_for
@@ -24,7 +24,7 @@ def corpus(variant: Variant, out: Path) -> list[DanceTake]:
     """The training set; what is choreographed for it is kept in ``out/songs``."""
     data, tables = variant.tables["data"], variant.tables
     if is_lodge(tables):
-        genres = tuple(tables["local_stage"].get("genres", GENRES))
+        genres = LocalConfig(**tables["local_stage"]).genres
         return solos_for(SoloData(**data), None, genres, out / "songs")
     model = tables["model"]
     sizes = {key: value for key, value in model.items() if key not in ("class", "extensions")}

@@ -2,7 +2,7 @@ r"""Train Lodge from a TOML file: the global stage, the local stage, and its fin
 
 Tables of the file
     [data]                    where the takes are, and how windows are drawn
-    [model]                   class = "Lodge"
+    [model]                   class = "Lodge", extensions = [...], see extensions.lodge_stages
     [global_stage]            see GlobalConfig;  [local_stage]  see LocalConfig
     [train]                   see TrainConfig, for all stages
     [train_global], [train_local], [train_fine_tune]        what differs from it; with steps = 0 a
@@ -14,8 +14,7 @@ Tables of the file
 
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import torch
@@ -23,7 +22,9 @@ import torch
 from dancediff.data.augment import Augmentation
 from dancediff.data.take import DanceTake
 from dancediff.data.windows import SoloCut, WindowSampler
+from dancediff.extensions.build import build, check_extensions, extensions_of
 from dancediff.extensions.metre_unit import metre_unit_normalizer
+from dancediff.extensions.preconditioning import preconditioning_of
 from dancediff.motion.representation import LODGE, Normalizer
 from dancediff.music.features import MusicNormalizer
 from dancediff.papers.lodge.genre_discriminator import DiscriminatorConfig
@@ -31,10 +32,10 @@ from dancediff.papers.lodge.global_diffusion import GlobalConfig, GlobalDenoiser
 from dancediff.papers.lodge.local_diffusion import LocalConfig, LocalDenoiser
 from dancediff.papers.lodge.losses import LodgeWeights
 from dancediff.papers.lodge.model import Lodge, LodgeConfig
-from dancediff.papers.lodge.parallel import layout_of
 from dancediff.papers.lodge.primitives import Layout
 from dancediff.training.checkpoint import NAME, check_free, load_average
 from dancediff.training.config import SoloData, TrainConfig, TrainingExtensions
+from dancediff.training.distributed import World
 from dancediff.training.evaluator import Evaluator
 from dancediff.training.lodge_data import (
     PrimitiveCut,
@@ -57,7 +58,12 @@ STAGES = {
 
 @dataclass(frozen=True)
 class _Model:
-    """The table [model] has its class alone."""
+    """The table [model] names the extensions of the networks."""
+
+    extensions: list = field(default_factory=list)
+
+    def __post_init__(self):
+        check_extensions(Lodge, None, self.extensions)
 
 
 @dataclass(frozen=True)
@@ -132,10 +138,11 @@ def fit_stage(
     music = MusicNormalizer.fit(list(songs.values()))
     model.music_normalizer = music.without(extensions.masked_music)
     frames = [(solo.real, solo.num_frames) for solo in windows.takes]
-    model.fit_precondition(
-        (model.normalizer.normalize(x) for x in half_windows(windows)),
-        weights=window_weights(frames, windows.real),
-    )
+    preconditioning = preconditioning_of(model)
+    if preconditioning is not None:
+        clips = model.clips if isinstance(model, GlobalDenoiser) else lambda x: x[:, None]
+        pieces = (clips(model.normalizer.normalize(x)).flatten(0, 1) for x in half_windows(windows))
+        preconditioning.fit(pieces, weights=window_weights(frames, windows.real))
 
 
 def train_lodge(
@@ -146,60 +153,140 @@ def train_lodge(
     solos: list[DanceTake] | None = None,
     data=None,
     preview: Callable | None = None,
-    device: str = "cpu",
-    **options,
+    **run,
 ) -> Lodge:
     """Train all stages, one after the other, in folders of ``out``; returns the averaged models.
 
     ``data``, else ``folder`` in the config: a prepared folder; else the choreographer's solos;
     ``solos`` replaces both.  ``preview(model, step)`` sees a `Lodge`, from the local stage on.
-    ``options``: ``world``, which brings its own device; ``resume``, ``overwrite``: see
-    `dancediff.training.trainer.Trainer`.
+    ``run``: see `LodgeTraining`.
 
     Raises: ValueError for a bad config or folder, or takes that are too short for a global segment.
     """
-    tables = check_lodge_tables(config, source)
-    coarse = GlobalConfig(**tables["global_stage"])
-    sizes = LodgeConfig(coarse, LocalConfig(**tables["local_stage"]))
-    settings = {stage: stage_config(tables, stage) for stage in STAGES}
-    extensions, corpus = TrainingExtensions(**tables["extensions"]), SoloData(**tables["data"])
-    out = Path(out)
-    for stage in (name for name in STAGES if settings[name] is not None):
-        check_free(out / stage, options.get("resume"), options.get("overwrite"))
-    if solos is None:
-        solos = solos_for(corpus, data, sizes.genres)
-    seed = tables["train"].get("seed", 0)
-    cut = partial(_windows, corpus=corpus, extensions=extensions, sizes=sizes, seed=seed)
-    evaluates = any(one is not None and one.evaluate_every for one in settings.values())
-    held_out = _held_out(corpus, data, sizes.genres) if evaluates else []
-    device = device if options.get("world") is None else options["world"].device
-
-    model = _start(GlobalDenoiser, coarse, tables).to(device)
-    layout = layout_of(model)
-    windows = cut(solos, layout=layout)
-    fit_stage(model, windows, extensions)
-    objective = LodgeObjective(model, settings["global"])
-    validation = cut(held_out, layout=layout) if held_out else None
-    first = _train(objective, windows, out / "global", validation, **options)
-
-    model = _start(LocalDenoiser, sizes.local_stage, tables).to(device)
-    windows = cut(solos)
-    fit_stage(model, windows, extensions)
-    validation = cut(held_out) if held_out else None
-    show = preview and (lambda made, step: preview(Lodge.of(first, made).eval(), step))
+    training = LodgeTraining(check_lodge_tables(config, source), out, **run)
+    training.learn_from(solos, data)
+    training.train_global()
     for stage in ("local", "fine_tune"):
-        kept = out / stage if options.get("resume") else None
-        critic = _critic(tables, sizes, settings[stage], device, kept)
-        objective = LodgeObjective(
-            model, settings[stage], clean=stage == "fine_tune", critic=critic
+        training.train_local(stage, preview)
+    return training.model.eval()
+
+
+class LodgeTraining:
+    """Two networks, what they learn from, and their three trainings.
+
+    ``resume``, ``overwrite``, ``world``: see `dancediff.training.trainer.Trainer`.
+    """
+
+    def __init__(
+        self,
+        tables: dict,
+        out,
+        *,
+        resume: bool = False,
+        overwrite: bool = False,
+        device: str = "cpu",
+        world: World | None = None,
+    ):
+        """Random weights."""
+        self.tables, self.out = tables, Path(out)
+        self.settings = {stage: stage_config(tables, stage) for stage in STAGES}
+        self.extensions = TrainingExtensions(**tables["extensions"])
+        self.corpus = SoloData(**tables["data"])
+        self.options = {"resume": resume, "overwrite": overwrite, "world": world}
+        for stage in (name for name in STAGES if self.settings[name] is not None):
+            check_free(self.out / stage, resume, overwrite)
+        torch.manual_seed(tables["train"].get("seed", 0))
+        model = build(Lodge, sizes_of(tables), tables["model"].get("extensions", ()))
+        self.model = model.to(device if world is None else world.device)
+
+    def learn_from(self, solos: list[DanceTake] | None, data) -> None:
+        """Load the solos, unless they are given, and fit the statistics of both stages to them."""
+        sizes, corpus = self.model.config, self.corpus
+        solos = solos_for(corpus, data, sizes.genres) if solos is None else solos
+        evaluates = any(one is not None and one.evaluate_every for one in self.settings.values())
+        held_out = _held_out(corpus, data, sizes.genres) if evaluates else []
+        self.windows, self.validation = {}, {}
+        for stage, layout in (("global", sizes.global_stage.layout), ("local", None)):
+            self.windows[stage] = self.sampler(solos, layout)
+            self.validation[stage] = self.sampler(held_out, layout) if held_out else None
+        fit_stage(self.model.global_stage, self.windows["global"], self.extensions)
+        fit_stage(self.model.local_stage, self.windows["local"], self.extensions)
+
+    def sampler(self, solos: list[DanceTake], layout: Layout | None) -> WindowSampler:
+        """Windows for the local stage, or primitives for the global one, whose layout they have."""
+        sizes, corpus = self.model.config, self.corpus
+        batch = corpus.windows_per_batch if layout is None else corpus.global_windows_per_batch
+        if layout is None:
+            cut = SoloCut(sizes.num_frames, sizes.genres)
+        else:
+            cut = PrimitiveCut(layout, sizes.genres)
+        any_song = self.extensions.any_song
+        return WindowSampler(
+            long_enough(solos, cut),
+            cut,
+            augment=Augmentation(mirror=corpus.mirror, music=corpus.music, any_song=any_song),
+            dancers_per_batch=batch,
+            real=corpus.real,
+            seed=self.tables["train"].get("seed", 0),
         )
-        model = _train(objective, windows, out / stage, validation, preview=show, **options)
-    return Lodge.of(first, model).eval()
+
+    def train_global(self) -> None:
+        """The first stage learns primitives."""
+        objective = LodgeObjective(self.model.global_stage, self.settings["global"])
+        self.model.global_stage = self._trained(objective, "global")
+
+    def train_local(self, stage: str, preview: Callable | None = None) -> None:
+        """The second stage learns to dance ("local"), then to begin and end ("fine_tune")."""
+        model, settings = self.model, self.settings[stage]
+        critic = self._critic(stage)
+        clean = stage == "fine_tune"
+        objective = LodgeObjective(model.local_stage, settings, clean=clean, critic=critic)
+
+        def show(made: LocalDenoiser, step: int) -> None:
+            whole = Lodge(model.config, model.global_stage, made).eval()
+            whole.extensions = extensions_of(model)
+            preview(whole, step)
+
+        model.local_stage = self._trained(objective, stage, preview and show)
+
+    def _critic(self, stage: str) -> Critic | None:
+        """The discriminator, if the config has one; as it was left, where the run goes on."""
+        sizes, settings = self.model.config, self.settings[stage]
+        if "discriminator" not in self.tables or settings is None:
+            return None
+        fixed = {"num_frames": sizes.num_frames, "genres": sizes.genres}
+        return Critic(
+            DiscriminatorConfig(**fixed | self.tables["discriminator"]),
+            lr=settings.lr,
+            weight=settings.weights.critic,
+            form=settings.weights.form,
+            checkpoint=self.out / stage / NAME if self.options["resume"] else None,
+            device=self.model.abar.device,
+        )
+
+    def _trained(self, objective: LodgeObjective, stage: str, preview=None):
+        """The averaged network of a stage, ready to be trained on."""
+        network, settings, folder = objective.model, objective.config, self.out / stage
+        if settings is None:
+            kept = folder / NAME
+            return load_average(kept, network) if kept.exists() else network
+        kind = "global" if stage == "global" else "local"
+        trainer = Trainer(
+            network,
+            self.windows[kind],
+            settings,
+            folder,
+            objective=objective,
+            evaluator=Evaluator(self.validation[kind], settings, preview),
+            data_name=name_of(self.windows[kind].takes, {}),
+            **self.options,
+        )
+        return trainer.run().requires_grad_(True)
 
 
-def _start(kind, sizes, tables: dict):
-    torch.manual_seed(tables["train"].get("seed", 0))
-    return kind(sizes)
+def sizes_of(tables: dict) -> LodgeConfig:
+    """The sizes of both stages."""
+    return LodgeConfig(GlobalConfig(**tables["global_stage"]), LocalConfig(**tables["local_stage"]))
 
 
 def solos_for(
@@ -223,64 +310,3 @@ def _held_out(corpus: SoloData, folder, genres: tuple[str, ...]) -> list[DanceTa
             return []
     after = corpus.first_seed + corpus.songs
     return choreographed_solos(range(after, after + corpus.held_out), corpus.seconds, genres)
-
-
-def _windows(
-    solos: list[DanceTake],
-    corpus: SoloData,
-    extensions: TrainingExtensions,
-    sizes: LodgeConfig,
-    seed: int,
-    layout: Layout | None = None,
-) -> WindowSampler:
-    """Windows for the local stage, or primitives for the global one, whose ``layout`` they have."""
-    batch = corpus.windows_per_batch if layout is None else corpus.global_windows_per_batch
-    if layout is None:
-        cut = SoloCut(sizes.num_frames, sizes.genres)
-    else:
-        cut = PrimitiveCut(layout, sizes.genres)
-    augment = Augmentation(mirror=corpus.mirror, music=corpus.music, any_song=extensions.any_song)
-    return WindowSampler(
-        long_enough(solos, cut),
-        cut,
-        augment=augment,
-        dancers_per_batch=batch,
-        real=corpus.real,
-        seed=seed,
-    )
-
-
-def _critic(tables, sizes: LodgeConfig, settings, device, kept: Path | None) -> Critic | None:
-    """The discriminator, as it was left in the folder ``kept``, if the config has one."""
-    if "discriminator" not in tables or settings is None:
-        return None
-    fixed = {"num_frames": sizes.num_frames, "genres": sizes.genres}
-    return Critic(
-        DiscriminatorConfig(**fixed | tables["discriminator"]),
-        lr=settings.lr,
-        weight=settings.weights.critic,
-        checkpoint=kept and kept / NAME,
-        device=device,
-    )
-
-
-def _train(
-    objective: LodgeObjective, windows, folder: Path, validation=None, *, preview=None, **options
-):
-    """Train one stage; returns the averaged model, ready to be trained on."""
-    model, settings = objective.model, objective.config
-    if settings is None:
-        kept = folder / NAME
-        return load_average(kept, model) if kept.exists() else model
-    name = name_of(windows.takes, {})
-    trainer = Trainer(
-        model,
-        windows,
-        settings,
-        folder,
-        objective=objective,
-        evaluator=Evaluator(validation, settings, preview),
-        data_name=name,
-        **options,
-    )
-    return trainer.run().requires_grad_(True)

@@ -90,11 +90,15 @@ class Critic:
         *,
         lr: float,
         weight: float = 0.1,
+        form: str = "hinge",
         checkpoint: Path | None = None,
         device="cpu",
     ):
-        self.D = GenreDiscriminator(config).to(device)
-        self.weight = weight
+        self.D = GenreDiscriminator(config)
+        for attention in self.D.attentions:
+            attention.places.data.copy_(near(config.num_frames))
+        self.D.to(device)
+        self.weight, self.form = weight, form
         self.optimizer = torch.optim.AdamW(self.D.parameters(), lr=lr, betas=(0.5, 0.99))
         if checkpoint is not None and checkpoint.exists():
             self._load(load_extra(checkpoint), checkpoint)
@@ -133,7 +137,7 @@ class Critic:
         logits = self.D.logits(x_hat, M)
         self.D.requires_grad_(True)
         made = logits.gather(1, genre[:, None])[:, 0]
-        terms["genre"] = l_genre(made)
+        terms["genre"] = l_genre(made, form=self.form)
         if logits.shape[1] > 1:
             step = torch.randint(1, logits.shape[1], genre.shape, generator=g).to(genre)
             other = (genre + step) % logits.shape[1]
@@ -143,8 +147,25 @@ class Critic:
     def learn(self, x_hat: Tensor, x_0: Tensor, M: Tensor, genre: Tensor) -> Tensor:
         """One step on a true and a made batch."""
         self.optimizer.zero_grad(set_to_none=True)
-        loss = l_critic(self.D(x_0, M, genre), self.D(x_hat, M, genre))
+        loss = l_critic(self.D(x_0, M, genre), self.D(x_hat, M, genre), form=self.form)
         (self.weight * loss).backward()
         torch.nn.utils.clip_grad_norm_(self.D.parameters(), 1.0)
         self.optimizer.step()
         return loss.detach()
+
+
+def near(num_frames: int) -> Tensor:
+    r"""Where `PlacedAttention` starts: logits for tokens of about the same frame.
+
+    $$6\,e^{-(f - g)^2 / 8}$$
+
+    From zeros a small discriminator did not learn to tell fast from slow in 300 steps, and from
+    these logits it did in 100.
+
+    Shapes: -> (2 f, 2 f), music tokens first.
+
+    >>> near(3)[0].round(decimals=1)
+    tensor([6.0000, 5.3000, 3.6000, 6.0000, 5.3000, 3.6000])
+    """
+    frames = torch.arange(num_frames).repeat(2)
+    return 6.0 * torch.exp(-((frames[:, None] - frames) ** 2) / 8)

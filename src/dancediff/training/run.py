@@ -167,10 +167,10 @@ def takes_for(
         held_out = prepared_takes(folder, sizes, "val") if evaluates else []
         return prepared_takes(folder, sizes), held_out
     after = corpus.first_seed + corpus.songs
+    end = after + (corpus.held_out if evaluates else 0)
     options = {"seconds": corpus.seconds, "workers": corpus.workers, "cache": cache}
-    takes = choreographed_corpus(range(corpus.first_seed, after), **options)
-    others = range(after, after + corpus.held_out)
-    return takes, choreographed_corpus(others, **options) if evaluates else []
+    takes = choreographed_corpus(list(range(corpus.first_seed, after)), **options)
+    return takes, choreographed_corpus(list(range(after, end)), **options)
 
 
 def _windows(takes: list[DanceTake], corpus: GroupData, sizes, settings: TrainConfig):

@@ -16,11 +16,9 @@ from dancediff.metrics.rhythm import beat_alignment
 from dancediff.metrics.swaps import final_order
 from dancediff.motion.representation import LODGE
 from dancediff.music.beats import beat_frames
-from dancediff.papers.lodge.choreography import make_cues
+from dancediff.papers.lodge.choreography import arrange
 from dancediff.papers.lodge.cue_guidance import guided_steps
-from dancediff.papers.lodge.parallel import layout_of
-from dancediff.papers.lodge.song_structure import find_sections
-from dancediff.papers.lodge.stitch import plan
+from dancediff.papers.lodge.segments import segments_of
 from dancediff.viz.body import body_points
 from dancediff.viz.charts import HARD, SOFT
 from dancediff.viz.palette import INK, MUTED, dancer_color
@@ -234,17 +232,11 @@ def cue_frames(
     model, song, frames: int, mirror: bool, beat_align: bool
 ) -> tuple[np.ndarray, np.ndarray]:
     """Which frames of a dance lie under hard and under soft cues, two bool (f,)."""
-    layout = layout_of(model.model.global_stage)
-    segments, M = plan(frames, layout), song.features()
+    layout = model.config.global_stage.layout
+    segments = segments_of(frames, layout)
     empty = torch.zeros(len(segments.globals), layout.num_primitives, layout.length, LODGE.dim)
-    cues = make_cues(
-        empty,
-        segments,
-        beats=beat_frames(M),
-        sections=find_sections(M[:frames]),
-        mirror=mirror,
-        beat_align=beat_align,
-    )
+    beats = beat_frames(song.features())
+    cues = arrange(empty, segments, beats=beats, mirror=mirror, beat_align=beat_align).cues()
     whole = np.zeros((2, segments.locals[-1] + layout.local_frames), bool)
     for start, *masks in zip(segments.locals, cues.hard, cues.soft, strict=True):
         for row, mask in zip(whole, masks, strict=True):

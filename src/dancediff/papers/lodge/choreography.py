@@ -12,45 +12,35 @@ Symbols (axes: p primitives · k frames of a primitive · f frames of a local ·
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import torch
 from torch import Tensor
 
-from dancediff.data.choreographer.structure import Section
 from dancediff.motion.mirror import mirror_features
-from dancediff.motion.representation import LODGE, MotionSpec, Normalizer
+from dancediff.motion.representation import LODGE, Normalizer
 from dancediff.papers.lodge.primitives import SOFT_PER_LOCAL, Layout, spread_evenly
-from dancediff.papers.lodge.stitch import Plan
+from dancediff.papers.lodge.segments import Segments
 
 FIXED = (1 / 8, 2 / 8, 5 / 8, 6 / 8)  # of a local: frames 32, 64, 160, 192 of 256
 
 
 @dataclass(frozen=True, eq=False)
 class Cues:
-    """What local diffusion is told about each local.
+    """What local diffusion is told about each local: frames that must be met, or are suggested.
 
-    value      the cues where there are any, else zeros    (L, f, d)
-    hard       frames that must be met                     bool (L, f)
-    soft       frames that are suggested                   bool (L, f)
-    channels   features that cues speak of: all but root   bool (d,)
-    positions  the middle of each soft cue                 int (L, 4), or (L, 2) without mirroring
+    Shapes: value (L, f, d), zero where there is no cue; hard, soft (L, f) bool.
     """
 
     value: Tensor
     hard: Tensor
     soft: Tensor
-    channels: Tensor
-    positions: Tensor
 
     def normalized(self, normalizer: Normalizer) -> "Cues":
         """From metres and matrices to the network's units, on its device; zero where no cue is."""
         value = normalizer.normalize(self.value.to(normalizer.low))
-        masks = {
-            name: getattr(self, name).to(value.device) for name in ("hard", "soft", "channels")
-        }
-        cued = (masks["hard"] | masks["soft"])[..., None]
-        return replace(self, value=value * cued, **masks)
+        hard, soft = self.hard.to(value.device), self.soft.to(value.device)
+        return Cues(value * (hard | soft)[..., None], hard, soft)
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,11 +48,11 @@ class Arrangement:
     """The primitives that each local passes, before they lie among its frames.
 
     tail       first half of the hard primitive that ends it       (L, 4, d)
-    head       second half of the one that begins it               (L, 4, d)
     soft       the others                                          (L, c, 8, d)
-    positions  the middle of each of them                          int (L, c)
+    head       second half of the hard one that begins it          (L, 4, d)
+    positions  the middle of each soft one                         int (L, c)
 
-    A sixth of the memory that `Cues` need, which `dance` makes of a few locals at a time.
+    A sixth of the memory that `Cues` need, which sampling makes of a few locals at a time.
     """
 
     tail: Tensor
@@ -70,94 +60,64 @@ class Arrangement:
     head: Tensor
     positions: Tensor
     layout: Layout
-    spec: MotionSpec = LODGE
 
     def cues(self, part: slice = slice(None)) -> Cues:
-        """The cues of some locals."""
-        parts = (x[part] for x in (self.tail, self.soft, self.head, self.positions))
-        return lay_out(*parts, self.layout, self.spec)
+        """The cues of some locals: halves of hard primitives and whole soft ones in their places.
 
-
-def make_cues(primitives: Tensor, plan: Plan, **options) -> Cues:
-    """The cues of all locals; the arguments are those of `arrange`.
-
-    >>> from dancediff.papers.lodge.stitch import plan
-    >>> cues = make_cues(torch.randn(1, 13, 8, 139), plan(1024), beats=range(0, 1024, 15))
-    >>> cues.value.shape, cues.positions[0].tolist()
-    (torch.Size([4, 256, 139]), [45, 105, 165, 225])
-    """
-    return arrange(primitives, plan, **options).cues()
+        Shapes: -> Cues of as many locals.
+        """
+        tail, soft, head = self.tail[part], self.soft[part], self.head[part]
+        n, half, offsets = self.layout.local_frames, self.layout.length // 2, self.layout.offsets
+        value = head.new_zeros(len(head), n, head.shape[-1])
+        hard = torch.zeros(len(head), n, dtype=torch.bool, device=value.device)
+        suggested = torch.zeros_like(hard)
+        for frames, primitive in ((offsets[half:], head), (n + offsets[:half], tail)):
+            value[:, frames], hard[:, frames] = primitive, True
+        for j, row in enumerate(self.positions[part]):
+            frames = row[:, None] + offsets
+            value[j, frames], suggested[j, frames] = soft[j], True
+        return Cues(value, hard, suggested)
 
 
 def arrange(
     primitives: Tensor,
-    plan: Plan,
+    segments: Segments,
     *,
     beats: Iterable[int] = (),
-    sections: Sequence[Section] = (),
     mirror: bool = True,
     beat_align: bool = True,
-    spec: MotionSpec = LODGE,
 ) -> Arrangement:
-    """Split hard primitives at borders, mirror soft ones, put them on beats, repeat with the song.
+    """Split hard primitives at borders, mirror soft ones, and put them on beats.
 
-    ``beats``: frames of the song. ``sections``: see `song_structure.find_sections`, in frames; a
-    section that comes again gets the cues of its first time, every second time mirrored.
-    ``mirror=False``: two soft cues in each local instead of four, and none mirrored.
-    ``beat_align=False``, or a local without beats: fixed frames.
+    ``beats``: frames of the song. ``mirror=False``: two soft cues in each local instead of four,
+    and none mirrored. ``beat_align=False``, or a local without beats: fixed frames.
 
-    Source: Lodge section 3.2 and appendix B.  Differs: the released code mirrors normalised
-    vectors, always uses fixed frames and knows nothing of sections.
+    Source: Lodge section 3.2 and appendix B.  Differs: the released code mirrors normalised vectors
+    and always uses fixed frames.
 
     Shapes: primitives (G, p, 8, d) metres and 6-D rotations -> Arrangement of L locals, in metres.
-    Raises: ValueError when the primitives are not those of the plan.
+    Raises: ValueError when the primitives are not those of the segments.
 
-    >>> from dancediff.papers.lodge.stitch import plan
-    >>> arrange(torch.randn(1, 13, 8, 139), plan(1024)).soft.shape
-    torch.Size([4, 4, 8, 139])
+    >>> from dancediff.papers.lodge.segments import segments_of
+    >>> made = arrange(torch.randn(1, 13, 8, 139), segments_of(1024), beats=range(0, 1024, 15))
+    >>> made.soft.shape, made.positions[0].tolist()
+    (torch.Size([4, 4, 8, 139]), [45, 105, 165, 225])
     """
-    layout = plan.layout
-    tail, soft, head = split_at_borders(chain(primitives, plan), layout)
+    layout = segments.layout
+    tail, soft, head = split_at_borders(chain(primitives, segments), layout)
     if mirror:
-        soft = torch.stack([soft, mirror_features(soft, spec)], dim=2).flatten(1, 2)
+        soft = torch.stack([soft, mirror_features(soft, LODGE)], dim=2).flatten(1, 2)
     beats = sorted(map(int, beats)) if beat_align else []
     positions = torch.tensor(
         [
             cue_positions([b - start for b in beats], layout, count=soft.shape[1])
-            for start in plan.locals
+            for start in segments.locals
         ]
     )
-    soft = repeat_sections(soft, positions, plan, sections, mirror=mirror, spec=spec)
-    return Arrangement(tail, soft, head, positions, layout, spec)
+    return Arrangement(tail, soft, head, positions, layout)
 
 
-def lay_out(
-    tail: Tensor,
-    soft: Tensor,
-    head: Tensor,
-    positions: Tensor,
-    layout: Layout,
-    spec: MotionSpec = LODGE,
-) -> Cues:
-    """Put halves of hard primitives and whole soft ones where they belong.
-
-    Shapes: tail, head (L, 4, d), soft (L, c, 8, d), positions (L, c) -> Cues.
-    """
-    n, half, offsets = layout.local_frames, layout.length // 2, layout.offsets
-    value = head.new_zeros(len(head), n, head.shape[-1])
-    hard = torch.zeros(len(head), n, dtype=torch.bool, device=value.device)
-    suggested = torch.zeros_like(hard)
-    for frames, what in ((offsets[half:], head), (n + offsets[:half], tail)):
-        value[:, frames], hard[:, frames] = what, True
-    for j, row in enumerate(positions):
-        frames = row[:, None] + offsets
-        value[j, frames], suggested[j, frames] = soft[j], True
-    channels = torch.ones(value.shape[-1], dtype=torch.bool, device=value.device)
-    channels[spec.root] = False
-    return Cues(value, hard, suggested, channels, positions)
-
-
-def chain(primitives: Tensor, plan: Plan) -> Tensor:
+def chain(primitives: Tensor, segments: Segments) -> Tensor:
     """The primitives of all globals as one row: h s s h s s h ... h.
 
     Where a global takes over, the last hard primitive of the one before is kept; a last global that
@@ -166,18 +126,20 @@ def chain(primitives: Tensor, plan: Plan) -> Tensor:
     Source: Lodge's code.
 
     Shapes: primitives (G, p, 8, d) -> (3 L + 1, 8, d).
-    Raises: ValueError when the primitives are not those of the plan.
+    Raises: ValueError when the primitives are not those of the segments.
     """
-    expected = (len(plan.globals), plan.layout.num_primitives, plan.layout.length)
+    layout = segments.layout
+    expected = (len(segments.globals), layout.num_primitives, layout.length)
     if primitives.ndim != 4 or primitives.shape[:3] != expected:
         raise ValueError(
-            f"primitives has shape {tuple(primitives.shape)}; this plan needs {(*expected, 'd')}"
+            f"primitives has shape {tuple(primitives.shape)}; "
+            f"these segments need {(*expected, 'd')}"
         )
     each = 1 + SOFT_PER_LOCAL
     pieces = [primitives[0, :1]]
-    for part, shared in zip(primitives, plan.shared, strict=True):
+    for part, shared in zip(primitives, segments.shared, strict=True):
         pieces.append(part[each * shared + 1 :])
-    return torch.cat(pieces)[: each * len(plan.locals) + 1]
+    return torch.cat(pieces)[: each * len(segments.locals) + 1]
 
 
 def split_at_borders(row: Tensor, layout: Layout) -> tuple[Tensor, Tensor, Tensor]:
@@ -217,37 +179,3 @@ def cue_positions(beats: Sequence[int], layout: Layout, *, count: int) -> list[i
     if not any(span <= b <= n - span for b in beats):
         return [round(share * n) for share in FIXED[:: len(FIXED) // count]]
     return spread_evenly(beats, count, 0, n, margin=span, apart=span)
-
-
-def repeat_sections(
-    soft: Tensor,
-    positions: Tensor,
-    plan: Plan,
-    sections: Sequence[Section],
-    *,
-    mirror: bool = True,
-    spec: MotionSpec = LODGE,
-) -> Tensor:
-    """Give a section that comes again the soft cues of its first time, every second time mirrored.
-
-    Each cue is that of the first time whose distance from its section's start is the most alike.
-
-    Source: ours, for Lodge's third choreographic rule (section 3.1).
-
-    Shapes: soft (L, c, 8, d), positions (L, c) -> (L, c, 8, d).
-    """
-    at = (torch.tensor(plan.locals)[:, None] + positions).flatten()
-    cues = soft.flatten(0, 1)
-    again = cues.clone()
-    first: dict[str, Section] = {}
-    for section in sections:
-        origin = first.setdefault(section.label, section)
-        known = ((at >= origin.start) & (at < origin.stop)).nonzero()[:, 0]
-        here = ((at >= section.start) & (at < section.stop)).nonzero()[:, 0]
-        if origin is section or not len(known):
-            continue
-        into = (at[here] - section.start) % (origin.stop - origin.start)
-        same = known[(at[known] - origin.start - into[:, None]).abs().argmin(dim=1)]
-        flip = mirror and section.mirrored
-        again[here] = mirror_features(cues[same], spec) if flip else cues[same]
-    return again.view_as(soft)

@@ -3,10 +3,10 @@ r"""Foot Refine Block: look at where the feet really are, and correct the motion
 Read first: notebook 12 · Lodge section 3.4, "Foot Refine Block" · notebook 01 for FK.
 
 A small turn at the hip moves a foot by centimetres, so whether a foot slides cannot be read off the
-rotations. The block computes it and listens to it.
+rotations. The block computes it and attends to it.
 
 Symbols (axes: b batch · f frames · d motion features)
-    x_raw      what the trunk says, normalised                            (b, f, 139)
+    x_raw      what the decoder says, normalised                           (b, f, 139)
     joints     forward kinematics of it, metres                           (b, f, 24, 3)
     features   of the four foot joints, left and right ankle, left and right toe   (b, f, 48)
     delta      the correction                                             (b, f, 139)
@@ -20,7 +20,7 @@ from dancediff.lookup import table
 from dancediff.motion.contact import feet_low
 from dancediff.motion.representation import LODGE, unpack
 from dancediff.motion.skeleton import SMPL24, feet_of, forward_kinematics
-from dancediff.papers.lodge.trunk import SoloLayer
+from dancediff.nn.decoder import DecoderLayer
 
 FEATURES = 48  # 4 joints x 4 quantities x 3 numbers
 SCORE_HEIGHT = (0.12, 0.12, 0.08, 0.08)  # metres above the floor: ankles, toes
@@ -96,13 +96,13 @@ def foot_features(joints: Tensor) -> Tensor:
 
 
 class FootRefine(nn.Module):
-    r"""One decoder layer that listens to the feet.
+    r"""One decoder layer that attends to the feet.
 
     $$\text{delta} = W_o\,\text{layer}(W_q\, x_r,\; \text{LN}[W_k\,\text{feet}(x_r),\, t],\; c),
       \qquad \hat x = x_r + \text{delta}$$
 
     Source: Lodge section 3.4.  Differs: in the released code this stack has no layer (its layer is
-    appended to the trunk), so that the feet never reach the output; here it is a real one. The
+    appended to the decoder), so that the feet never reach the output; here it is a real one. The
     correction is near zero before training.
 
     Shapes: x_raw (b, f, 139), features (b, f, 48), steps (b, 2, d_model), cond (b, d_model)
@@ -123,19 +123,19 @@ class FootRefine(nn.Module):
         motion_dim: int = 139,
         dropout: float = 0.0,
     ):
-        """One map each for motion, feet and correction, and one `SoloLayer`."""
+        """One map each for motion, feet and correction, and one `DecoderLayer`."""
         super().__init__()
         self.embed = nn.Linear(motion_dim, d_model)
         self.embed_feet = nn.Linear(FEATURES, d_model)
         self.norm_memory = nn.LayerNorm(d_model)
-        self.layer = SoloLayer(d_model, num_heads=num_heads, ff_dim=ff_dim, dropout=dropout)
+        self.layer = DecoderLayer(d_model, num_heads=num_heads, ff_dim=ff_dim, dropout=dropout)
         self.out = nn.Linear(d_model, motion_dim)
         with torch.no_grad():
             for weights in self.out.parameters():
                 weights.mul_(0.01)
 
     def forward(self, x_raw: Tensor, features: Tensor, steps: Tensor, cond: Tensor) -> Tensor:
-        """Every frame asks what its own and its neighbours' feet do."""
+        """Every frame attends to its feet and to those of frames around it."""
         f = x_raw.shape[1]
         frames = torch.arange(f, device=x_raw.device)
         memory_frames = torch.cat([frames, frames.new_zeros(steps.shape[1])])
@@ -143,3 +143,15 @@ class FootRefine(nn.Module):
         h = self.layer(self.embed(x_raw).float(), memory, cond, frames, memory_frames)
         with torch.autocast(h.device.type, enabled=False):
             return self.out(h.float())
+
+
+class NoFootRefine(nn.Module):
+    """In the place of the block in a network without it (Table 5): no correction."""
+
+    def __init__(self, *sizes, **options):
+        """It has no weights."""
+        super().__init__()
+
+    def forward(self, x_raw: Tensor, features: Tensor, steps: Tensor, cond: Tensor) -> Tensor:
+        """Zeros."""
+        return torch.zeros_like(x_raw)

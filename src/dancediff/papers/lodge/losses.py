@@ -21,15 +21,10 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from dancediff.axes import FPS
-from dancediff.lookup import table
-from dancediff.motion.representation import Normalizer
+from dancediff.motion.representation import LODGE, Normalizer
 from dancediff.motion.skeleton import feet_of
 from dancediff.papers.lodge.foot_refine import joints_of
-from dancediff.papers.tcdiffpp.losses import l_contact as l_foot
-from dancediff.papers.tcdiffpp.losses import l_vel, mean
 
-PLANTED_HEIGHT = (0.08, 0.08, 0.05, 0.05)  # metres: ankles, toes; Lodge's code for eq. 7
-CONTACTS = ("label", "soft", "height")
 FORMS = ("hinge", "log")
 
 
@@ -52,9 +47,9 @@ class LodgeWeights:
     contact: float = 0.0  # eq. 7, (m/s)^2
     root_vel: float = 0.0  # the code's "trans", (m/s)^2
     root_acc: float = 0.0  # the same, (m/s^2)^2
-    slide: float = 0.0  # ours: foot speed where the TRUE foot is planted, (m/s)^2
+    slide: float = 0.0  # see `dancediff.extensions.slide_loss`, (m/s)^2
     relative: bool = True  # eq. 4 on joints relative to the root, as in the code's second stage
-    contact_by: str = "label"  # see `l_contact`
+    form: str = "hinge"  # of eq. 9, as in the code; "log": as printed
     genre: float = 0.01  # eq. 9, for the generator
     critic: float = 0.1  # eq. 9, for the discriminator
     diversity: float = 0.01
@@ -89,7 +84,7 @@ class LodgeWeights:
 
     def terms(self) -> dict[str, float]:
         """The weights of `lodge_losses`, by the name of their term."""
-        other = ("relative", "contact_by", "genre", "critic", "diversity", "focus")
+        other = ("relative", "form", "genre", "critic", "diversity", "focus")
         return {k: v for k, v in asdict(self).items() if k not in other}
 
 
@@ -104,6 +99,34 @@ def l_recon(x_hat: Tensor, x_0: Tensor) -> Tensor:
     1.0
     """
     return (x_hat - x_0).square().mean()
+
+
+def l_vel(x_hat: Tensor, x_0: Tensor) -> Tensor:
+    r"""Change from frame to frame of everything but the contacts.
+
+    $$\lVert (x_{i+1} - x_i) - (\hat x_{i+1} - \hat x_i) \rVert^2$$
+
+    Source: EDGE eq. 4, in Lodge's code; not in its paper.
+    Shapes: (..., f, d) normalised -> scalar.
+    """
+    moving = slice(LODGE.root.start, None)
+    return mean((x_hat - x_0)[..., moving].diff(dim=-2).square())
+
+
+def l_foot(joints_hat: Tensor, contact: Tensor) -> Tensor:
+    r"""A foot that is in contact should not move: $\lVert \dot f_i \cdot b_i \rVert^2$.
+
+    Source: EDGE eq. 5, in Lodge's code; b is 1 where the contact is above 0.5.
+    Shapes: joints_hat (..., f, j, 3) metres, contact (..., f, 4) about 0..1 -> scalar, m^2.
+    """
+    step = feet_of(joints_hat).diff(dim=-3)
+    b = (contact[..., :-1, :] > 0.5).to(step)
+    return mean((step * b[..., None]).square())
+
+
+def mean(error: Tensor) -> Tensor:
+    """The mean; 0 where there is nothing, as in a clip of one frame."""
+    return error.mean() if error.numel() else error.sum()
 
 
 def l_joint(joints_hat: Tensor, joints_0: Tensor, *, relative: bool = False) -> Tensor:
@@ -150,7 +173,7 @@ def l_jacc(joints_hat: Tensor, joints_0: Tensor) -> Tensor:
     return mean((FPS**2 * (joints_hat - joints_0).diff(n=2, dim=-3)).square())
 
 
-def l_contact(joints_hat: Tensor, contact: Tensor, *, by: str = "label") -> Tensor:
+def l_contact(joints_hat: Tensor, contact: Tensor) -> Tensor:
     r"""A planted foot neither slides nor sinks.
 
     $$\frac1{n-1} \sum_i \lVert (\hat f_{hv} + \hat f_{dv})\, \hat b_i \rVert^2$$
@@ -158,27 +181,21 @@ def l_contact(joints_hat: Tensor, contact: Tensor, *, by: str = "label") -> Tens
     $f_{hv}$ is the horizontal part of a foot's velocity, $f_{dv}$ its downward part: a foot may
     rise off the floor, but not go through it.
 
-    Source: Lodge eq. 7, after LEMO.  ``by`` "label": b is 1 where the predicted contact is above
-    0.5; "soft": the predicted contact itself, as printed; "height": 1 where the foot is low (ankles
-    0.08 m, toes 0.05 m), as in the code, whose weight for it is 0.
+    Source: Lodge eq. 7, after LEMO.  Differs: b is 1 where the predicted contact is above 0.5; as
+    printed it is the predicted contact itself, and in the code, whose weight for it is 0, it is 1
+    where the foot is low.
 
     Shapes: joints_hat (..., f, j, 3) metres, contact (..., f, 4) -> scalar, (m/s)^2.
-    Raises: ValueError for another ``by``.
 
     >>> rising = torch.zeros(3, 24, 3)
     >>> rising[..., 1] = torch.arange(3.0)[:, None]
     >>> l_contact(rising, torch.ones(3, 4)).item(), l_contact(-rising, torch.ones(3, 4)).item()
     (0.0, 300.0)
     """
-    if by not in CONTACTS:
-        raise ValueError(f"by={by!r} is not one of {', '.join(map(repr, CONTACTS))}")
     feet = feet_of(joints_hat)
     lateral, up, depth = (FPS * feet.diff(dim=-3)).unbind(-1)
     velocity = torch.stack([lateral, up.clamp(max=0), depth], dim=-1)
-    if by == "height":
-        b = (feet[..., 1] <= table(torch.tensor, PLANTED_HEIGHT, like=feet)).to(feet)
-    else:
-        b = contact if by == "soft" else (contact > 0.5).to(feet)
+    b = (contact > 0.5).to(feet)
     return mean((velocity * b[..., :-1, :, None]).square())
 
 
@@ -193,9 +210,9 @@ def lodge_losses(
 ) -> dict[str, Tensor]:
     r"""All terms of eq. 8 but the discriminator's, unweighted and by name, and their sum "total".
 
-    Source: Lodge eq. 8.  With ``x_raw`` the reconstruction is the mean of both guesses', so that
-    the Foot Refine Block starts from a dance and not from anything it likes; the other terms are
-    taken on x_hat. A term of weight 0 is reported and costs no backward pass.
+    Source: Lodge eq. 8.  Differs: with ``x_raw`` the reconstruction is the mean of both guesses',
+    so that the Foot Refine Block starts from a dance and not from anything it likes; the other
+    terms are taken on x_hat. A term of weight 0 is reported and costs no backward pass.
 
     Shapes: (..., f, d) normalised; weight (b,) of each row in every term, see
     `dancediff.extensions.level_weights` -> dict of scalars.
@@ -209,9 +226,7 @@ def lodge_losses(
     contact, root, joints = joints_of(normalizer.unnormalize(x_hat.float()))
     with torch.no_grad():  # the truth needs no graph
         contact_0, root_0, joints_0 = joints_of(normalizer.unnormalize(x_0.float()))
-    if weight is not None:  # every term is quadratic in these; heights alone are not
-        if weights.contact_by == "height":
-            raise ValueError("weight= does not go with contact_by='height'; use 'label'")
+    if weight is not None:  # every term is quadratic in these
         parts = (x_hat, x_0, x_hat if x_raw is None else x_raw, root, root_0, joints, joints_0)
         scaled = [x * weight.sqrt().reshape(-1, *(1,) * (x.ndim - 1)) for x in parts]
         x_hat, x_0, x_raw, root, root_0, joints, joints_0 = scaled
@@ -225,7 +240,7 @@ def lodge_losses(
         "foot": l_foot(joints, contact),
         "jvel": l_jvel(joints, joints_0),
         "jacc": l_jacc(joints, joints_0),
-        "contact": l_contact(joints, contact, by=weights.contact_by),
+        "contact": l_contact(joints, contact),
         "root_vel": l_jvel(root[..., None, :], root_0[..., None, :]),
         "root_acc": l_jacc(root[..., None, :], root_0[..., None, :]),
         "slide": l_foot(FPS * joints, contact_0),

@@ -2,30 +2,27 @@ r"""Lodge: a long song in, a long dance out.
 
 Read first: notebook 12 · Lodge section 3 · `dancediff.papers.lodge.parallel`.
 
-Symbols (axes: n dancers · F frames of the dance · d motion features)
+Symbols (axes: F frames of the dance · d motion features)
     global stage   music of 34 s -> primitives, see `dancediff.papers.lodge.global_diffusion`
     local stage    music of 8.5 s and cues -> dance, see `dancediff.papers.lodge.local_diffusion`
 """
 
 from dataclasses import dataclass, field
 
-import torch
 from torch import Tensor, nn
 
 from dancediff.papers.lodge.global_diffusion import GlobalConfig, GlobalDenoiser
 from dancediff.papers.lodge.local_diffusion import LocalConfig, LocalDenoiser
 
-MAX_DANCERS = 5  # for whom there are formations
-
 
 @dataclass
 class LodgeConfig:
-    """The sizes of both stages; plain values, so that it can be stored as JSON.
+    """The sizes of both stages, by default the paper's; plain values, to be stored as JSON.
 
     Raises: ValueError when the stages do not go together.
 
     >>> LodgeConfig().num_frames, LodgeConfig().genres[0]
-    (256, 'hiphop')
+    (256, 'Breaking')
     """
 
     global_stage: GlobalConfig = field(default_factory=GlobalConfig)
@@ -38,8 +35,6 @@ class LodgeConfig:
                 f"local_frames={coarse.local_frames} of the global stage must be "
                 f"num_frames={fine.num_frames} of the local one"
             )
-        if coarse.genres and coarse.genres != fine.genres:
-            raise ValueError(f"genres={coarse.genres} differ from the local stage's {fine.genres}")
         for name in ("motion_dim", "music_dim", "num_steps"):
             if getattr(coarse, name) != getattr(fine, name):
                 raise ValueError(
@@ -47,29 +42,10 @@ class LodgeConfig:
                     f"local one, {getattr(fine, name)}"
                 )
 
-    @classmethod
-    def paper(cls) -> "LodgeConfig":
-        """Sizes of Lodge.
-
-        >>> LodgeConfig.paper().global_stage.d_model
-        512
-        """
-        return cls(GlobalConfig.paper(), LocalConfig.paper())
-
     @property
     def genres(self) -> tuple[str, ...]:
         """Names, in the order of their numbers."""
         return self.local_stage.genres
-
-    @property
-    def max_dancers(self) -> int:
-        """How large a group may be."""
-        return MAX_DANCERS
-
-    @property
-    def precondition(self) -> bool:
-        """Have both stages a linear guess to start from?"""
-        return self.global_stage.precondition and self.local_stage.precondition
 
     @property
     def num_frames(self) -> int:
@@ -88,30 +64,25 @@ class Lodge(nn.Module):
     $$\text{primitives} = \text{global}(M), \qquad
       x = \text{local}(M, \text{cues}(\text{primitives}))$$
 
-    Source: Lodge section 3.  Differs: see the two stages and `dancediff.papers.lodge.parallel`;
-    groups are
-    ours.
+    Source: Lodge section 3.
 
     >>> tiny = {"d_model": 16, "num_heads": 2, "num_layers": 1, "ff_dim": 32}
     >>> model = Lodge(LodgeConfig(GlobalConfig(**tiny), LocalConfig(**tiny)))
-    >>> model.config.num_frames
-    256
+    >>> sum(p.numel() for p in model.parameters())
+    82833
     """
 
-    def __init__(self, config: LodgeConfig | None = None):
-        """Random weights; normalisers that change nothing until training fits them."""
+    def __init__(
+        self,
+        config: LodgeConfig | None = None,
+        global_stage: GlobalDenoiser | None = None,
+        local_stage: LocalDenoiser | None = None,
+    ):
+        """Random weights, or two stages that are there already."""
         super().__init__()
         self.config = config = config or LodgeConfig()
-        self.global_stage = GlobalDenoiser(config.global_stage)
-        self.local_stage = LocalDenoiser(config.local_stage)
-
-    @classmethod
-    def of(cls, global_stage: GlobalDenoiser, local_stage: LocalDenoiser) -> "Lodge":
-        """Put two trained stages together."""
-        with torch.device("meta"):
-            model = cls(LodgeConfig(global_stage.config, local_stage.config))
-        model.global_stage, model.local_stage = global_stage, local_stage
-        return model
+        self.global_stage = global_stage or GlobalDenoiser(config.global_stage)
+        self.local_stage = local_stage or LocalDenoiser(config.local_stage)
 
     @property
     def abar(self) -> Tensor:

@@ -5,19 +5,15 @@ Read first: Lodge section 3.2 and "Parallel Inference" · `dancediff.papers.lodg
 Symbols (axes: g globals · l locals · p primitives · f frames of a local · F frames of the dance
          d motion, m music features)
     M         music features, raw                         (F', m)   F' >= F
-    style     one token for each segment                  (g or l, d_model)
-    at_once   segments that go through a network together; None: all of them
-    first     number of the first of these segments, counted from the song's start
+    first     number of the first of the segments in hand, counted from the song's start
 
-    music -> globals -> primitives -> cues -> locals -> stitched -> cropped
+    music -> primitives -> arrangement -> cues -> locals -> one after the other
 
-No segment waits for another: neighbours agree because they share halves of hard primitives.
+No segment waits for another: they agree because they share halves of hard primitives.
 Each segment has its own source of noise, so the dance is the same however they are grouped.
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 import torch
@@ -26,284 +22,204 @@ from torch import Tensor
 from dancediff.diffusion.conditions import Conditions
 from dancediff.diffusion.guidance import guided, off_at_the_end
 from dancediff.diffusion.samplers import GuessHook, sample, sampling_times
-from dancediff.diffusion.schedule import cosine_abar
-from dancediff.extensions.autoguidance import autoguided
-from dancediff.extensions.foot_contact_projection import foot_contact_hook
-from dancediff.extensions.smooth_primitives import smooth_primitives
-from dancediff.motion.representation import LODGE, cut_to_range
+from dancediff.genre import genre_number
+from dancediff.motion.representation import cut_to_range
 from dancediff.music.beats import beat_frames
-from dancediff.papers.lodge.choreography import Cues, arrange
+from dancediff.papers.lodge.choreography import Arrangement, Cues, arrange
 from dancediff.papers.lodge.cue_guidance import CueGuidance
 from dancediff.papers.lodge.global_diffusion import GlobalDenoiser
 from dancediff.papers.lodge.local_diffusion import LocalDenoiser
-from dancediff.papers.lodge.primitives import Layout, thinned_primitives
-from dancediff.papers.lodge.song_structure import find_sections
-from dancediff.papers.lodge.stitch import Plan, plan, stitch
+from dancediff.papers.lodge.primitives import thinned_primitives
+from dancediff.papers.lodge.segments import Segments, segments_of
 
 STYLE, GLOBALS, LOCALS, SOFT_CUES = range(4)  # what noise is for
 
 
-@dataclass(frozen=True)
-class Sampling:
-    """How both stages are sampled; see `dancediff.diffusion.samplers.sample`."""
+def row_generators(seed: int, purpose: int, rows: int, first: int = 0) -> list[torch.Generator]:
+    """One source of noise for each row; row k is the same whichever others there are.
 
-    sampler: str = "ddim"
-    steps: int = 50
-    guidance: float = 2.0
-    autoguidance: float = 1.0
-    eta: float = 1.0
-    seed: int = 0
-    at_once: int | None = None
-    dtype: torch.dtype | None = None  # torch.bfloat16: half the digits inside the networks
+    >>> a, b = row_generators(3, LOCALS, 9)[4], row_generators(3, LOCALS, 2, first=4)[0]
+    >>> torch.equal(torch.randn(4, generator=a), torch.randn(4, generator=b))
+    True
+    """
+    seeds = (np.random.SeedSequence([seed, purpose, k]) for k in range(first, first + rows))
+    states = (int(s.generate_state(1, np.uint64)[0]) >> 1 for s in seeds)
+    return [torch.Generator().manual_seed(state) for state in states]
 
-    def __post_init__(self):
-        if self.at_once is not None and not (type(self.at_once) is int and self.at_once >= 1):
-            raise ValueError(
-                f"at_once={self.at_once!r} must be a number of segments from 1 on, or None for all"
-            )
 
-    def generators(self, purpose: int, rows: int, first: int = 0) -> list[torch.Generator]:
-        """One source of noise for each row; row k is the same whichever others there are.
+def chunks(rows: int, at_once: int | None) -> Iterator[slice]:
+    """Rows 0 ... rows - 1 in pieces of ``at_once``; None: all in one.
 
-        >>> how = Sampling(seed=3)
-        >>> a, b = how.generators(LOCALS, 9)[4], how.generators(LOCALS, 2, first=4)[0]
-        >>> torch.equal(torch.randn(4, generator=a), torch.randn(4, generator=b))
-        True
+    >>> [(part.start, part.stop) for part in chunks(5, 2)]
+    [(0, 2), (2, 4), (4, 5)]
+    """
+    size = at_once or max(rows, 1)
+    return (slice(start, min(start + size, rows)) for start in range(0, rows, size))
+
+
+class ParallelSampler:
+    r"""The steps from music to dance, one method each.
+
+    ``request`` has what is asked for: sampler, steps, eta, guidance, seed, genre, soft, mirror,
+    beat_align, and at_once, the number of segments that go through a network together, or None.
+    ``dtype``: torch.bfloat16 for half the digits inside the networks. ``report(done, total)``
+    counts denoising steps.
+
+    Source: Lodge "Parallel Inference".  Differs: songs of any length (`segments_of`).
+
+    Shapes: see the methods; everything between the stages is in metres, on the CPU.
+    """
+
+    def __init__(
+        self,
+        global_stage: GlobalDenoiser,
+        local_stage: LocalDenoiser,
+        request,
+        *,
+        dtype: torch.dtype | None = None,
+        report: Callable[[int, int], None] | None = None,
+    ):
+        """Nothing is sampled yet."""
+        self.global_stage, self.local_stage, self.request = global_stage, local_stage, request
+        self.genre = genre_number(request.genre, local_stage.config.genres)
+        self.half = dtype == torch.bfloat16
+        self.report, self.done, self.total = report, 0, 0
+
+    @torch.no_grad()
+    def dance(self, M: Tensor, frames: int) -> Tensor:
+        """All steps in turn.
+
+        Shapes: M (F', m) -> (F, d).  Raises: ValueError for less music than frames.
         """
-        numbers = range(first, first + rows)
-        seeds = (np.random.SeedSequence([self.seed, purpose, k]) for k in numbers)
-        states = (int(s.generate_state(1, np.uint64)[0]) >> 1 for s in seeds)
-        return [torch.Generator().manual_seed(state) for state in states]
+        segments = segments_of(frames, self.global_stage.config.layout)
+        self.total = self._steps(len(segments.globals)) + self._steps(len(segments.locals))
+        arrangement = self.arrange(self.primitives(M, segments), M, segments)
+        return self.join(self.locals(M, segments, arrangement))[:frames]
 
-    def chunks(self, rows: int) -> Iterator[slice]:
-        """Rows 0 ... rows - 1 in pieces of ``at_once``.
+    def primitives(self, M: Tensor, segments: Segments) -> Tensor:
+        """First stage: the primitives of all globals.
 
-        >>> [(part.start, part.stop) for part in Sampling(at_once=2).chunks(5)]
-        [(0, 2), (2, 4), (4, 5)]
+        Shapes: M (F', m) -> (g, p, 8, d).
         """
-        size = self.at_once or max(rows, 1)
-        return (slice(start, min(start + size, rows)) for start in range(0, rows, size))
+        stage = self.global_stage
+        x = torch.cat(
+            [
+                self.sample(stage, GLOBALS, segments.global_music(M, part), part.start)
+                for part in chunks(len(segments.globals), self.request.at_once)
+            ]
+        )
+        if stage.config.variant == "continuous":
+            return stage.clips(x)
+        return torch.stack([thinned_primitives(part, segments.layout) for part in x])
 
-    def times(self, num_steps: int) -> list[int]:
+    def arrange(self, primitives: Tensor, M: Tensor, segments: Segments) -> Arrangement:
+        """Which primitives each local passes, and when."""
+        options = {"mirror": self.request.mirror, "beat_align": self.request.beat_align}
+        return arrange(primitives, segments, beats=beat_frames(M), **options)
+
+    def locals(self, M: Tensor, segments: Segments, arrangement: Arrangement) -> Tensor:
+        """Second stage: dance from cue to cue.
+
+        Shapes: M (F', m) -> (l, f, d).
+        """
+        shape = (len(segments.locals), segments.layout.local_frames)
+        x = torch.empty(*shape, self.local_stage.config.motion_dim)
+        # cues, masks and their normalised copies are many times the dance: of a chunk only
+        for part in chunks(len(x), self.request.at_once):
+            music = segments.local_music(M, part)
+            x[part] = self.locals_between(arrangement.cues(part), music, part.start)
+        return x
+
+    def locals_between(self, cues: Cues, music: Tensor, first: int) -> Tensor:
+        """Some locals, given their cues: (l, f, m) -> (l, f, d)."""
+        stage = self.local_stage
+        cues = cues.normalized(stage.normalizer)
+        pin = CueGuidance(
+            cues.value,
+            cues.hard,
+            cues.soft,
+            stage.abar,
+            self.times(stage),
+            soft=self.request.soft,
+            generators=row_generators(self.request.seed, SOFT_CUES, len(music), first),
+        )
+        return self.sample(stage, LOCALS, music, first, pin=pin, hooks=self.hooks(pin))
+
+    def hooks(self, pin: CueGuidance) -> Sequence[GuessHook]:
+        """What else happens to the guesses of locals: nothing in the paper."""
+        return ()
+
+    def join(self, x: Tensor) -> Tensor:
+        """Locals one after the other: (l, f, d) -> (F, d)."""
+        return x.flatten(0, 1)
+
+    def sample(
+        self,
+        stage: GlobalDenoiser | LocalDenoiser,
+        purpose: int,
+        music: Tensor,
+        first: int,
+        *,
+        pin: CueGuidance | None = None,
+        hooks: Sequence[GuessHook] = (),
+    ) -> Tensor:
+        """Sample rows of a stage together, of the segments from number ``first`` on.
+
+        Shapes: music (b, N, m) raw -> (b, f, d).
+        """
+        request, rows = self.request, len(music)
+        M = stage.music_normalizer.normalize(music.to(stage.abar.device))
+        x = sample(
+            self.guess(stage, Conditions(M, style=self.style(stage, rows))),
+            (rows, stage.config.num_frames, stage.config.motion_dim),
+            abar=stage.abar,
+            sampler=request.sampler,
+            steps=request.steps,
+            eta=request.eta,
+            clamp=self.clamp(stage),
+            generator=row_generators(request.seed, purpose, rows, first),
+            pin=pin,
+            hooks=hooks,
+            callback=self._tick,
+            device=stage.abar.device,
+        )
+        return stage.normalizer.unnormalize(x).cpu()
+
+    def guess(self, stage, conditions: Conditions) -> Callable[[Tensor, int], Tensor]:
+        """The stage with classifier-free guidance, as a function of x_t and t."""
+        weight = self.request.guidance
+        if self.request.sampler == "ddpm":
+            weight = off_at_the_end(weight, stage.config.num_steps)
+
+        def denoise(x_t: Tensor, t: Tensor, conditions: Conditions) -> Tensor:
+            with torch.autocast(x_t.device.type, torch.bfloat16, enabled=self.half):
+                return stage.denoise(x_t, t, conditions).float()
+
+        return guided(denoise, conditions, weight)
+
+    def clamp(self, stage) -> Callable[[Tensor], Tensor] | None:
+        """Where guesses are cut."""
+        return cut_to_range
+
+    def style(self, stage, rows: int) -> Tensor | None:
+        """The same style for all segments: one dancer, one genre; (rows, d_model), or None."""
+        if stage.style is None:
+            return None
+        generator = row_generators(self.request.seed, STYLE, 1)[0]
+        z = torch.randn(1, stage.style.noise, generator=generator)
+        genre = torch.tensor([self.genre], device=stage.abar.device)
+        return stage.style(genre, z.to(genre.device)).expand(rows, -1)
+
+    def times(self, stage) -> list[int]:
         """The steps that will be taken."""
-        return sampling_times(self.sampler, self.steps, cosine_abar(num_steps))
+        return sampling_times(self.request.sampler, self.request.steps, stage.abar.cpu())
 
-    def calls(self, rows: int, num_steps: int = 1000) -> int:
-        """How many steps all chunks take together, for a progress bar.
+    def _steps(self, rows: int) -> int:
+        """How many denoising steps all chunks take together."""
+        steps = len(self.times(self.local_stage)) - 1
+        return steps * len(list(chunks(rows, self.request.at_once)))
 
-        >>> Sampling(steps=10, at_once=2).calls(5)
-        30
-        """
-        return len(list(self.chunks(rows))) * (len(self.times(num_steps)) - 1)
-
-
-def layout_of(stage: GlobalDenoiser) -> Layout:
-    """The segments and primitives that a global denoiser was made for."""
-    c = stage.config
-    stride = c.every if c.variant == "discrete" else 1
-    return Layout(c.music_frames, c.local_frames, c.primitive_frames, stride)
-
-
-def sample_rows(
-    model: GlobalDenoiser | LocalDenoiser,
-    M: Tensor,
-    style: Tensor | None,
-    how: Sampling,
-    purpose: int,
-    *,
-    first: int = 0,
-    pin: CueGuidance | None = None,
-    hooks: Sequence[GuessHook] = (),
-    callback: Callable[[], None] | None = None,
-) -> Tensor:
-    """Sample rows of a stage together; ``callback()`` runs after every step.
-
-    Shapes: M (b, N, m) standardised, style (b, d_model) -> (b, f, d) normalised.
-    """
-    weight = how.guidance
-    if how.sampler == "ddpm":
-        weight = off_at_the_end(weight, model.config.num_steps)
-    denoise = guided(partial(_guess, model, how.dtype), Conditions(M, style=style), guidance=weight)
-    return sample(
-        autoguided(denoise, partial(_linear, model), how.autoguidance),
-        (len(M), model.config.num_frames, model.config.motion_dim),
-        abar=model.abar,
-        sampler=how.sampler,
-        steps=how.steps,
-        eta=how.eta,
-        clamp=None if model.config.precondition else cut_to_range,
-        generator=how.generators(purpose, len(M), first),
-        pin=pin,
-        hooks=hooks,
-        callback=callback and (lambda i, total, x0_hat: callback()),
-        device=model.abar.device,
-    )
-
-
-def _guess(model, dtype, x_t: Tensor, t: Tensor, conditions: Conditions) -> Tensor:
-    with torch.autocast(x_t.device.type, torch.bfloat16, enabled=dtype == torch.bfloat16):
-        return model.denoise(x_t, t, conditions).float()
-
-
-def _linear(model, x_t: Tensor, t: int) -> Tensor:
-    return model.linear_guess(x_t, torch.full((len(x_t),), t, device=x_t.device))
-
-
-def sample_primitives(
-    model: GlobalDenoiser,
-    M: Tensor,
-    style: Tensor | None,
-    how: Sampling,
-    *,
-    first: int = 0,
-    callback: Callable[[], None] | None = None,
-) -> Tensor:
-    """First stage: the primitives of global segments.
-
-    Shapes: M (g, N, m) raw, style (g, d_model) -> (g, p, 8, d) metres, on the CPU.
-    """
-    M = model.music_normalizer.normalize(M.to(model.abar.device))
-    x = sample_rows(model, M, style, how, GLOBALS, first=first, callback=callback)
-    x = model.normalizer.unnormalize(x).cpu()
-    if model.config.variant == "continuous":
-        return smooth_primitives(model.clips(x))
-    return torch.stack([thinned_primitives(part, layout_of(model)) for part in x])
-
-
-def sample_locals(
-    model: LocalDenoiser,
-    M: Tensor,
-    cues: Cues,
-    style: Tensor,
-    how: Sampling,
-    *,
-    first: int = 0,
-    soft: float = 1.0,
-    home: bool = True,
-    feet: str = "planted",
-    callback: Callable[[], None] | None = None,
-) -> Tensor:
-    """Second stage: dance from cue to cue; with ``home`` each segment ends where it began.
-
-    ``feet`` "planted": they stand where the dance says so, but for the frames of hard cues.
-
-    Shapes: M (l, f, m) raw, cues in metres, style (l, d_model) -> (l, f, d) metres, on the CPU.
-    Raises: ValueError for ``soft`` outside 0 ... 1.
-    """
-    cues = cues.normalized(model.normalizer)
-    pin = CueGuidance(
-        cues.value,
-        cues.hard,
-        cues.soft,
-        model.abar,
-        how.times(model.config.num_steps),
-        soft=soft,
-        channels=cues.channels,
-        spread=None if model.spread is None else model.spread.cpu(),
-        home=model.normalizer.normalize(cues.value.new_zeros(LODGE.dim)) if home else None,
-        generators=how.generators(SOFT_CUES, len(M), first),
-    )
-    M = model.music_normalizer.normalize(M.to(model.abar.device))
-    hooks = [pin]
-    if feet == "planted":
-        mask = cues.hard.cpu()[..., None].expand_as(cues.value)
-        hooks.append(foot_contact_hook(model.normalizer.on_cpu(), mask, LODGE))
-    x = sample_rows(
-        model, M, style, how, LOCALS, first=first, pin=pin, hooks=hooks, callback=callback
-    )
-    return model.normalizer.unnormalize(x).cpu()
-
-
-def style_tokens(stage, genre: int, rows: int, how: Sampling) -> Tensor | None:
-    """The same style for all segments: one dancer, one genre; None where a stage knows none.
-
-    Shapes: -> (rows, d_model).
-    """
-    if stage.style is None:
-        return None
-    device = stage.abar.device
-    z = torch.randn(1, stage.style.noise, generator=how.generators(STYLE, 1)[0]).to(device)
-    return stage.style(torch.full((1,), genre, device=device), z).expand(rows, -1)
-
-
-@torch.no_grad()
-def dance(
-    global_stage: GlobalDenoiser,
-    local_stage: LocalDenoiser,
-    M: Tensor,
-    frames: int,
-    *,
-    genre: int,
-    how: Sampling | None = None,
-    soft: float = 1.0,
-    home: bool = True,
-    feet: str = "planted",
-    mirror: bool = True,
-    beat_align: bool = True,
-    report: Callable[[int, int], None] | None = None,
-) -> Tensor:
-    """Both stages, and what lies around and between them.
-
-    ``soft``: share of the steps in which soft cues are held.  ``mirror``, ``beat_align``: see
-    `make_cues`.  ``home``: every segment ends where it began, so that a long dance stays on the
-    stage; a model without preconditioning cannot be asked to.  ``feet``: "planted" or "free", see
-    `dancediff.extensions.foot_contact_projection`.  ``report(done, total)`` counts
-    denoising steps.
-
-    Source: Lodge "Parallel Inference".  Differs: songs of any length (`plan`), beats and sections
-    of the song place and repeat the cues, and the root goes on over the seams (`stitch`).
-
-    Shapes: M (F', m) raw -> (F, d) metres and 6-D rotations, on the CPU.
-    Raises: ValueError for less music than frames, or a value out of range.
-    """
-    how, layout = how or Sampling(), layout_of(global_stage)
-    segments = plan(frames, layout)
-    tick = _counter(report, _calls(global_stage, local_stage, segments, how))
-    primitives = [
-        sample_primitives(
-            global_stage,
-            segments.global_music(M, part),
-            style_tokens(global_stage, genre, part.stop - part.start, how),
-            how,
-            first=part.start,
-            callback=tick,
-        )
-        for part in how.chunks(len(segments.globals))
-    ]
-    arrangement = arrange(
-        torch.cat(primitives),
-        segments,
-        beats=beat_frames(M),
-        sections=find_sections(M[:frames]),
-        mirror=mirror,
-        beat_align=beat_align,
-    )
-    # cues, masks and their normalised copies are many times the dance: of a chunk only
-    x = torch.empty(len(segments.locals), layout.local_frames, local_stage.config.motion_dim)
-    for part in how.chunks(len(x)):
-        x[part] = sample_locals(
-            local_stage,
-            segments.local_music(M, part),
-            arrangement.cues(part),
-            style_tokens(local_stage, genre, part.stop - part.start, how),
-            how,
-            first=part.start,
-            soft=soft,
-            home=home,
-            feet=feet,
-            callback=tick,
-        )
-    return stitch(x)[:frames]
-
-
-def _calls(global_stage, local_stage, segments: Plan, how: Sampling) -> int:
-    stages = ((global_stage, segments.globals), (local_stage, segments.locals))
-    return sum(how.calls(len(rows), stage.config.num_steps) for stage, rows in stages)
-
-
-def _counter(report, total: int) -> Callable[[], None] | None:
-    """A function without arguments that reports 1, 2, ... total."""
-    if report is None:
-        return None
-    done = iter(range(1, total + 1))
-    return lambda: report(next(done), total)
+    def _tick(self, *progress) -> None:
+        self.done += 1
+        if self.report is not None:
+            self.report(self.done, self.total)

@@ -36,7 +36,7 @@ class Layout:
     many frames, spread over four times as long, which tell poses but hardly any velocity.
 
     Source: Lodge sections 4.1 (N, n) and D.1.  Differs: D.1 thins the dance four times for its
-    discrete primitives and does not say how many are kept; ours keep their number and their middle.
+    discrete primitives and does not say how many are kept; here their number and middle stay.
 
     Raises: ValueError when locals do not fill a global, or are too short for their cues.
 

@@ -21,6 +21,7 @@ from dancediff.data.choreographer.formations import MIN_DISTANCE, formation_name
 from dancediff.motion.mirror import mirror_features
 from dancediff.motion.representation import LODGE, at_origin
 
+MAX_DANCERS = 5  # for whom there are formations
 RELATIONS = ("unison", "canon", "mirror")
 EASE = 8  # frames before and after a late start in which a dancer gets going
 CANON_BEATS = 4  # between one dancer's start and the next one's

@@ -1,17 +1,19 @@
 import pytest
 import torch
 
-from dancediff.papers.lodge.trunk import SoloLayer, Trunk, check_shapes
+from dancediff.diffusion.conditions import Conditions
+from dancediff.nn.decoder import DanceDecoder, DecoderLayer
+from dancediff.papers.lodge.shapes import check_shapes
 
 
 def make(**options):
     torch.manual_seed(0)
     sizes = {"motion_dim": 139, "music_dim": 35, "music_frames": 24}
-    return Trunk(16, 2, 2, 32, **sizes | options).eval()
+    return DanceDecoder(16, 2, 2, 32, **sizes | options).eval()
 
 
 def test_layer_knows_how_far_apart_tokens_are():
-    layer = SoloLayer(16, num_heads=2, ff_dim=32)
+    layer = DecoderLayer(16, num_heads=2, ff_dim=32)
     h, memory, cond = torch.randn(1, 6, 16), torch.randn(1, 4, 16), torch.randn(1, 16)
     near, there = torch.arange(6), torch.arange(4)
     shifted = layer(h, memory, cond, near + 50, there + 50)
@@ -22,35 +24,39 @@ def test_layer_knows_how_far_apart_tokens_are():
 
 @pytest.mark.parametrize(("pool", "tokens"), [(1, 24), (4, 6), (24, 1)])
 def test_pooled_music_has_fewer_tokens_in_the_middle_of_their_frames(pool, tokens):
-    trunk = make(pool=pool)
-    music, steps, cond = trunk.conditions(torch.randn(2, 24, 35), torch.tensor([3, 700]))
+    decoder = make(pool=pool)
+    music, steps, cond = decoder.condition(
+        torch.tensor([3, 700]), Conditions(torch.randn(2, 24, 35))
+    )
     assert music.shape == (2, tokens, 16) and steps.shape == (2, 2, 16) and cond.shape == (2, 16)
     middles = torch.arange(24.0).reshape(tokens, pool).mean(1)
-    assert torch.equal(trunk.token_frames, middles)
+    assert torch.equal(decoder.token_frames, middles)
 
 
 def test_a_pooled_token_keeps_the_frame_of_a_beat():
-    trunk, t = make(pool=4), torch.tensor([500])
+    decoder, t = make(pool=4), torch.tensor([500])
     M = torch.zeros(2, 24, 35)
     M[0, 8, 34], M[1, 10, 34] = 1, 1  # two beats that share a token
-    music, *_ = trunk.conditions(M, t.expand(2))
+    music, *_ = decoder.condition(t.expand(2), Conditions(M))
     assert (music[0] - music[1]).abs().max() > 1e-3
 
 
 def test_without_music_nothing_of_it_is_heard():
-    trunk, t = make(), torch.tensor([10, 900])
+    decoder, t = make(), torch.tensor([10, 900])
     none = torch.zeros(2, dtype=torch.bool)
-    a, b = (trunk.conditions(torch.randn(2, 24, 35), t, none) for _ in range(2))
+    a, b = (
+        decoder.condition(t, Conditions(torch.randn(2, 24, 35), music_mask=none)) for _ in range(2)
+    )
     for x, y in zip(a, b, strict=True):
         assert torch.equal(x, y)
 
 
 def test_music_is_heard_row_by_row():
-    trunk, t = make(), torch.tensor([10, 900])
-    M, keep = torch.randn(2, 24, 35), torch.tensor([True, False])
-    music, _, _ = trunk.conditions(M, t, keep)
-    assert torch.equal(music[1], trunk.null_music[0])
-    torch.testing.assert_close(music[0], trunk.conditions(M, t)[0][0])
+    decoder, t = make(), torch.tensor([10, 900])
+    conditions = Conditions(torch.randn(2, 24, 35))
+    music, _, _ = decoder.condition(t, conditions.with_mask(torch.tensor([True, False])))
+    assert torch.equal(music[1], decoder.null_music[0])
+    torch.testing.assert_close(music[0], decoder.condition(t, conditions)[0][0])
 
 
 def test_errors():

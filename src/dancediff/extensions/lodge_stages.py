@@ -1,0 +1,110 @@
+r"""Lodge's two networks with extensions: the plain networks, step by step, with parts in between.
+
+Read first: `dancediff.papers.lodge.global_diffusion` and `dancediff.papers.lodge.local_diffusion`,
+the networks as the paper has them · `dancediff.extensions.parts`.
+
+    style_film      the style token joins the vector of FiLM
+    global_style    the first stage is told the genre, too: the primitives of a salsa are those of
+                    a salsa
+
+In the first stage preconditioning takes each primitive for itself, since its neighbours are seconds
+away. Beat phase is not for it: soft primitives are moved to a beat only after they are made.
+
+Symbols (axes: b batch · p primitives · f frames · d motion features)
+    x_t      noisy motion, normalised              (b, f, d), in the first stage (b, p 8, d)
+"""
+
+from collections.abc import Sequence
+
+from torch import Tensor
+
+from dancediff.diffusion.conditions import Conditions
+from dancediff.extensions.beat_phase import BeatPhase
+from dancediff.extensions.networks import Extended
+from dancediff.extensions.non_local_filter import NonLocalFilter
+from dancediff.extensions.parts import Part, Parts, Pass
+from dancediff.extensions.preconditioning import LinearStart
+from dancediff.papers.lodge.global_diffusion import GlobalDenoiser
+from dancediff.papers.lodge.local_diffusion import LocalConfig, LocalDenoiser
+from dancediff.papers.lodge.model import Lodge, LodgeConfig
+from dancediff.papers.lodge.style import StyleToken
+
+
+def extended_lodge(config: LodgeConfig, extensions: Sequence[str]) -> Lodge:
+    """Both stages, each with those of the extensions that it has."""
+    first = ExtendedGlobalDenoiser(config, extensions)
+    return Lodge(config, first, ExtendedLocalDenoiser(config.local_stage, extensions))
+
+
+class ExtendedGlobalDenoiser(Extended, GlobalDenoiser):
+    r"""The first stage with extensions.
+
+    Shapes: as `GlobalDenoiser`; with "global_style" the conditions have a style (b, d_model).
+    """
+
+    def __init__(self, config: LodgeConfig, extensions: Sequence[str]):
+        c = config.global_stage
+        super().__init__(c)
+        self.style_film = "style_film" in extensions
+        self.parts = Parts()
+        if "preconditioning" in extensions:
+            start = LinearStart(c.d_model, c.motion_dim, c.num_frames // c.clips)
+            self.parts["preconditioning"] = start
+        if "global_style" in extensions:
+            genres, noise = config.local_stage.genres, config.local_stage.style_noise
+            self.style = StyleToken(c.d_model, len(genres), noise)
+
+    def prepare(self, x_t: Tensor, t: Tensor, conditions: Conditions) -> Pass:
+        """Begin a pass in which primitives are apart, (b, p, 8, d)."""
+        return super().prepare(self.clips(x_t), t, conditions)
+
+    def forward(self, x_t: Tensor, t: Tensor, conditions: Conditions) -> Tensor:
+        """Guess the clean primitives."""
+        self.check(x_t, t, conditions)
+        decoder, run = self.decoder, self.prepare(x_t, t, conditions)
+        music, steps, cond = decoder.condition(t, conditions)
+        memory = [music, steps]
+        if self.style is not None:
+            style = conditions.style.float()
+            memory.append(style[:, None])
+            cond = cond + style if self.style_film else cond
+        h = self.parts.embed(self.clips(decoder.embed(x_t)), run).flatten(1, 2)
+        h = decoder(h, memory, cond, self.frames)
+        return self.parts.read(self.clips(decoder.read(h)), self.clips(h), run).flatten(1, 2)
+
+    def linear_guess(self, x_t: Tensor, t: Tensor, conditions: Conditions) -> Tensor:
+        """What preconditioning guesses without the network, (b, f, d)."""
+        return super().linear_guess(x_t, t, conditions).flatten(1, 2)
+
+
+class ExtendedLocalDenoiser(Extended, LocalDenoiser):
+    r"""The second stage with extensions; shapes as `LocalDenoiser`.
+
+    With preconditioning the correction of the feet passes through it as well, so that it is as
+    smooth as dance is.
+    """
+
+    def __init__(self, config: LocalConfig, extensions: Sequence[str]):
+        super().__init__(config)
+        c = config
+        make = {
+            "preconditioning": lambda: LinearStart(c.d_model, c.motion_dim, c.num_frames),
+            "beat_phase": lambda: BeatPhase(c.d_model),
+            "non_local_filter": lambda: NonLocalFilter(c.d_model, c.motion_dim),
+        }
+        parts: dict[str, Part] = {name: make[name]() for name in make if name in extensions}
+        self.parts = Parts(parts)
+        self.style_film = "style_film" in extensions
+
+    def forward(self, x_t: Tensor, t: Tensor, conditions: Conditions) -> tuple[Tensor, Tensor]:
+        """Guess the clean motion, before and after its feet are refined."""
+        self.check(x_t, t, conditions)
+        decoder, parts, run = self.decoder, self.parts, self.prepare(x_t, t, conditions)
+        music, steps, cond = decoder.condition(t, conditions)
+        style = conditions.style.float()
+        cond = cond + style if self.style_film else cond
+        h = parts.tokens(parts.embed(decoder.embed(x_t), run), run)
+        h = decoder(h, [music, steps, style[:, None]], cond, self.frames)
+        x_raw = parts.read(decoder.read(h), h, run)
+        delta = self.foot_refine(x_raw, self.feet(x_raw), steps, cond)
+        return x_raw, parts.adapt(x_raw + delta, x_raw, run)

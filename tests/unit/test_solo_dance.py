@@ -1,0 +1,105 @@
+"""What we add to Lodge's sampling, step by step: `dancediff.generation.solo_dance`."""
+
+import pytest
+import torch
+
+from dancediff.data.choreographer.structure import Section
+from dancediff.extensions.smooth_primitives import smooth_primitives
+from dancediff.generation import solo_dance
+from dancediff.generation.solo_dance import LodgeSampler
+from dancediff.motion.representation import LODGE
+from dancediff.papers.lodge.parallel import LOCALS, ParallelSampler
+from dancediff.papers.lodge.segments import segments_of
+from tiny_lodge import ask, tiny_lodge
+
+n = 64
+
+
+@pytest.fixture(scope="module")
+def model():
+    model = tiny_lodge()
+    spread = model.local_stage.spread
+    spread.copy_(0.5 / (1 + torch.arange(n))[:, None] ** 2)  # slow parts are large
+    return model
+
+
+def music(frames, beat=15):
+    M = torch.rand(frames, 35, generator=torch.Generator().manual_seed(1))
+    M[:, 33:] = 0
+    M[::beat, 34] = 1
+    return M
+
+
+def sampler(model, kind=LodgeSampler, **options):
+    return kind(model.global_stage, model.local_stage, ask(**options))
+
+
+def dance(model, frames, kind=LodgeSampler, **options):
+    return sampler(model, kind, **options).dance(music(frames), frames)
+
+
+def test_with_everything_off_it_is_the_papers_sampler():
+    plain = tiny_lodge(())
+    assert torch.equal(dance(plain, 4 * n), dance(plain, 4 * n, ParallelSampler))
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["cue_constraint", "border_smoothing", "return_to_origin", "foot_contact", "root_stitching"],
+)
+def test_each_addition_changes_the_dance(model, name):
+    assert not torch.allclose(dance(model, 3 * n), dance(model, 3 * n, **{name: True}), atol=1e-4)
+
+
+def test_autoguidance_changes_the_dance(model):
+    usual, pushed = (dance(model, n, autoguidance=w) for w in (1.0, 1.3))
+    assert not torch.allclose(usual, pushed, atol=1e-4)
+
+
+def test_primitives_are_smooth_if_asked_for(model):
+    segments = segments_of(4 * n, model.config.global_stage.layout)
+    raw, smooth = (
+        sampler(model, smooth_primitives=wish).primitives(music(4 * n), segments)
+        for wish in (False, True)
+    )
+    assert torch.equal(smooth, smooth_primitives(raw)) and not torch.allclose(raw, smooth)
+
+
+def test_sections_are_repeated_if_asked_for(model, monkeypatch):
+    verse = [Section(0, 2 * n, "verse", 0), Section(2 * n, 4 * n, "verse", 2)]
+    monkeypatch.setattr(solo_dance, "find_sections", lambda M: verse)
+    M, segments = music(4 * n, beat=32), segments_of(4 * n, model.config.global_stage.layout)
+    primitives = torch.randn(1, 13, 8, 139)
+    for wish in (False, True):
+        made = sampler(model, repeat_sections=wish).arrange(primitives, M, segments)
+        assert torch.equal(made.soft[:2], made.soft[2:]) == wish
+
+
+def test_a_preconditioned_guess_is_not_cut(model):
+    stage, far = tiny_lodge().local_stage, torch.full((1, n, 139), 5.0)
+    stage.denoise = lambda x_t, t, conditions: far
+    made = LodgeSampler(model.global_stage, stage, ask(guidance=1.0))
+    assert made.sample(stage, LOCALS, music(n)[None], 0).min() == 5.0
+
+
+def test_a_long_dance_stays_where_it_is(model):
+    """Otherwise every segment goes on from where the last one got to."""
+    fine = tiny_lodge().local_stage
+    spread = fine.spread
+    spread.copy_(1 / (1 + torch.arange(n))[:, None] ** 2)  # slow parts are large
+    walk = torch.linspace(0, 1, n)[None, :, None]
+    fine.denoise = lambda x_t, t, conditions: walk.expand(*x_t.shape)
+    ends = {}
+    for wish in (True, False):
+        asked = ask(root_stitching=True, return_to_origin=wish)
+        x = LodgeSampler(model.global_stage, fine, asked).dance(music(9 * n), 9 * n)
+        ends[wish] = x[n - 1 :: n, LODGE.floor].abs()
+    assert ends[True].max() < 0.3
+    assert ends[False].max() > 8
+
+
+def test_chunks_give_the_same_dance(model):
+    on = dict.fromkeys(("cue_constraint", "root_stitching", "return_to_origin"), True)
+    on |= {"foot_contact": True, "smooth_primitives": True, "autoguidance": 1.3}
+    whole, parts = (dance(model, 9 * n - 5, at_once=k, **on) for k in (None, 2))
+    assert (whole - parts).abs().max() < 1e-4
