@@ -117,8 +117,10 @@ class MusicEncoder(nn.Module):
     """Let every frame of the music know what comes before and after it.
 
     Source: EDGE (a linear map, then two pre-norm transformer encoder layers); TCDiff++ keeps it.
+    ``pool`` frames may share one token, their features side by side, so that a beat keeps its
+    frame: Lodge's downsampling.
 
-    Shapes: M (b, f, m) -> (b, f, d_model).
+    Shapes: M (b, f, m) -> (b, f / pool, d_model).
 
     >>> MusicEncoder(35, 16, num_heads=2, ff_dim=32)(torch.randn(2, 9, 35)).shape
     torch.Size([2, 9, 16])
@@ -131,12 +133,14 @@ class MusicEncoder(nn.Module):
         *,
         num_heads: int,
         ff_dim: int,
+        pool: int = 1,
         num_layers: int = 2,
         dropout: float = 0.0,
     ):
         """One map into the model's width and ``num_layers`` x (attention, feed-forward)."""
         super().__init__()
-        self.linear = nn.Linear(music_dim, d_model)
+        self.pool = pool
+        self.linear = nn.Linear(music_dim * pool, d_model)
         self.attentions = nn.ModuleList(Attention(d_model, num_heads) for _ in range(num_layers))
         self.feed_forwards = nn.ModuleList(
             FeedForward(d_model, ff_dim, dropout) for _ in range(num_layers)
@@ -154,6 +158,7 @@ class MusicEncoder(nn.Module):
         return self._cached[0][1]
 
     def _encode(self, M: Tensor) -> Tensor:
+        M = rearrange(M, "b (k p) m -> b k (p m)", p=self.pool)
         frames = torch.arange(M.shape[1], device=M.device)
         h = self.linear(M).float()  # the residual stream stays in float32 under autocast
         for i, (attend, feed_forward) in enumerate(
@@ -198,8 +203,7 @@ class MusicConditioning(nn.Module):
     """The conditions that all decoders share; a decoder inherits from it.
 
     Source: EDGE; TCDiff++ and Lodge keep it. Rows whose music is masked get learned null tokens
-    instead (classifier-free guidance).  Differs: ``pool`` frames of music may share one token
-    (their features side by side, so that a beat keeps its frame): Lodge's downsampling.
+    instead (classifier-free guidance).
 
     >>> front = MusicConditioning(16, num_heads=2, ff_dim=32, music_dim=35, music_frames=12, pool=3)
     >>> music, steps, cond = front.condition(torch.tensor([9]), Conditions(torch.randn(1, 12, 35)))
@@ -222,11 +226,9 @@ class MusicConditioning(nn.Module):
         super().__init__()
         if pool < 1 or music_frames % pool:
             raise ValueError(f"pool={pool} must divide music_frames={music_frames}")
-        self.pool = pool
         self.timestep = TimestepEncoder(d_model)
-        self.music = MusicEncoder(
-            music_dim * pool, d_model, num_heads=num_heads, ff_dim=ff_dim, dropout=dropout
-        )
+        blocks = {"num_heads": num_heads, "ff_dim": ff_dim, "dropout": dropout}
+        self.music = MusicEncoder(music_dim, d_model, pool=pool, **blocks)
         self.pooled_music = nn.Sequential(
             nn.LayerNorm(d_model),
             BatchInvariantLinear(d_model, d_model),
@@ -239,7 +241,7 @@ class MusicConditioning(nn.Module):
     def condition(self, t: Tensor, conditions: Conditions) -> tuple[Tensor, Tensor, Tensor]:
         """Music tokens (b, k, d_model), step tokens (b, 2, d_model), FiLM's vector (b, d_model)."""
         mask = conditions.music_mask
-        music = self.music(rearrange(conditions.music, "b (k p) m -> b k (p m)", p=self.pool))
+        music = self.music(conditions.music)
         pooled = self.pooled_music(music.mean(dim=1))
         music = torch.where(mask[:, None, None], music, self.null_music[:, : music.shape[1]])
         pooled = torch.where(mask[:, None], pooled, self.null_pooled.to(pooled.dtype))

@@ -18,6 +18,7 @@ from dancediff.axes import FPS
 from dancediff.motion.representation import TCDIFFPP
 from dancediff.motion.skeleton import LOWER_BODY
 
+ON_FLOOR = TCDIFFPP.floor
 FASTEST = 3.0  # normalised units a second: the width of the stage in less than a second
 
 
@@ -61,7 +62,7 @@ def ground_velocity(x_raw: Tensor) -> Tensor:
     >>> ground_velocity(x)[0, 0].tolist()
     [[0.0, 0.0], [3.0, 0.0]]
     """
-    steps = x_raw[..., TCDIFFPP.floor].diff(dim=-2)
+    steps = x_raw[..., ON_FLOOR].diff(dim=-2)
     # clipped: there is no speed in a noisy guess, and it would saturate every gate
     return (FPS * F.pad(steps, (0, 0, 1, 0))).clamp(-FASTEST, FASTEST)
 
