@@ -81,7 +81,7 @@ def file_of(name: str) -> str:
     return "dance.smpl.npz" if name == "smpl" else f"dance.{name}"
 
 
-def write_all(out: Path, write: Callable[[Path], None]) -> list[Path]:
+def write_all(out: Path, write: Callable[[Path], object]) -> list[Path]:
     """Let ``write`` fill a hidden folder, then move all its files into place."""
     new = [part for part in (out, *out.parents) if not part.exists()]  # deepest first
     try:

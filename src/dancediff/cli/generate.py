@@ -67,7 +67,9 @@ class _Generate:
                 files = write_all(self.out, lambda to: save_pieces(pieces, to / file_of("npz")))
         else:
             pieces = Counted([model.generate(song, **options)])
-            files = write_all(self.out, lambda to: save_dance(to, formats, *pieces, song))
+            files = write_all(
+                self.out, lambda to: save_dance(to, formats, next(iter(pieces)), song)
+            )
         dance, frames = pieces.last, pieces.frames
         facts = {"files": files, "dancers": dance.num_dancers, "frames": frames}
         length = f"{frames / dance.fps:.1f} s"

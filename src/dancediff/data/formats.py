@@ -85,8 +85,11 @@ def on_the_floor(motion: Motion) -> tuple[Motion, list[float]]:
     return replace(motion, root=motion.root - down), [round(floor, 4) for floor in floors]
 
 
+PoseReader = Callable[[dict], tuple[np.ndarray, np.ndarray]]  # rotations and path
+
+
 def smpl_take(
-    name: str, path: Path, song: Path | None, read_poses: Callable, fps: float, **facts
+    name: str, path: Path, song: Path | None, read_poses: PoseReader, fps: float, **facts
 ) -> DanceTake:
     """A take from a pickle of SMPL poses, of which ``read_poses`` tells rotations and path.
 

@@ -9,7 +9,7 @@ Read first: notebook 00 · `dancediff.generation.request` · `dancediff.generati
 Symbols (axes: n dancers · f frames of a piece · F frames of the dance · d motion features)
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any, ClassVar
@@ -90,7 +90,7 @@ class Pipeline:
         # cloned: what was made in inference mode could not be used in training
         return self._motion(x[:, : request.frames].clone(), song, request)
 
-    def stream(self, song, *, progress=False, **options) -> Iterator[Motion]:
+    def stream(self, song, *, progress=False, **options) -> Generator[Motion, None, None]:
         """The same dance as `generate`, handed out piece by piece as it is ready.
 
         Memory does not grow with the song: what was handed out is forgotten. (Lodge makes a solo
@@ -101,7 +101,7 @@ class Pipeline:
         """
         return self._stream(song, self.resolve(song, **options), progress)
 
-    def _stream(self, song, request: SamplingConfig, progress) -> Iterator[Motion]:
+    def _stream(self, song, request: SamplingConfig, progress) -> Generator[Motion, None, None]:
         left = request.frames
         with self._ready(request, progress) as how:
             for x in self._pieces(song, request, **how):
