@@ -10,6 +10,7 @@ import json
 from dataclasses import asdict, is_dataclass
 from functools import partial
 from pathlib import Path
+from typing import cast
 
 import torch
 from safetensors import SafetensorError
@@ -134,7 +135,7 @@ def _read(folder: Path) -> TCDiffPP | EDGE | Lodge:
             raise ValueError(f"{key} holds values that are no finite numbers")
     model = make(config)
     model.load_state_dict({key: value.float() for key, value in tensors.items()})
-    return model
+    return cast("TCDiffPP | EDGE | Lodge", model)
 
 
 def _under(tensors: dict, prefix: str) -> dict:
