@@ -1,6 +1,10 @@
 """Panels that dance: what their titles claim is so, and they report and stop."""
 
+import inspect
+import json
+import re
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,9 +13,11 @@ import torch
 import dancediff as dd
 from dancediff.extensions.build import build
 from dancediff.generation.pipeline import pipeline_of
+from dancediff.generation.presets import PAPER
+from dancediff.generation.request import REQUESTS
 from dancediff.papers.lodge.cue_guidance import guided_steps
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
-from dancediff.viz import lab
+from dancediff.viz import lab, panels
 
 
 @pytest.fixture(scope="module")
@@ -120,3 +126,41 @@ def test_the_cue_panel_can_be_stopped(lodge, song):
 
     with pytest.raises(Stop):
         lab.cue_panel(lodge, song, seconds=3.0, steps=2, report=stop)
+
+
+# ---- controls ----
+
+NOTEBOOKS = Path(__file__).parents[2] / "notebooks"
+
+
+@pytest.mark.parametrize("name", ["dance", "sampling", "swap", "long", "cue"])
+def test_panels_have_no_defaults_of_their_own(name):
+    """Those of `generate` count; what a panel shortens so that nobody waits is in its body."""
+    names = {option for request in REQUESTS.values() for option in request.names()}
+    parameters = inspect.signature(getattr(lab, f"{name}_panel")).parameters
+    assert not (set(parameters) - {"swap"}) & names
+
+
+def test_every_slider_of_an_option_marks_the_papers_value(lodge):
+    packaged = {"tcdiffpp": dd.load("tcdiffpp"), "lodge": lodge}
+    for family, preset in PAPER.items():
+        for option, value in preset.items():
+            if family in packaged:
+                low_high = (0, 50) if type(value) in (int, float) else ()
+                label = panels.option(packaged[family], option, *low_high).description
+                said = f"{value:g}" if isinstance(value, float) else str(value)
+                assert label.endswith(f"(paper: {said})"), label
+    assert panels.option(lodge, "seed", 0, 9).description == "seed"
+    steps = panels.option(packaged["tcdiffpp"], "steps", 1, 50, value=8)
+    assert (steps.value, steps.min, steps.max) == (8, 1, 50)
+
+
+def test_lessons_take_controls_of_options_from_the_request():
+    names = "|".join(name for request in REQUESTS.values() for name in request.names())
+    own = re.compile(rf"\b({names})=panels\.(slider|choice)\(")
+    for path in sorted(NOTEBOOKS.glob("*.ipynb")):
+        for cell in json.loads(path.read_text(encoding="utf-8"))["cells"]:
+            source = "".join(cell["source"])
+            if re.search(r"(dance|sampling|swap|long|cue)_panel, model", source):
+                found = {match[1] for match in own.finditer(source)}
+                assert found <= {"swap", "genre"}, f"{path.name}: {found}"

@@ -3,9 +3,10 @@
 Each asks a model for a dance and returns a Figure whose title says what came of it, and the dance.
 They take some seconds; ``report(done, total)`` is called after every denoising step, and whatever
 it raises stops them. `dancediff.viz.panels.explore` puts controls, a progress bar and Cancel
-around them; `functools.partial` binds what has no control:
+around them; `functools.partial` binds what has no control. Options are those of `generate`, with
+its defaults:
 
-    explore(partial(swap_panel, model, song, dancers=3), swap=choice(...), seed=slider(...))
+    explore(partial(sampling_panel, model, song), steps=option(model, "steps", 1, 50))
 """
 
 import numpy as np
@@ -29,44 +30,23 @@ from dancediff.viz.style import bare, set_title
 
 GUESSES = 6  # moments of the way from noise to dance that are shown
 NEAR = 0.05  # metres from the finished dance at which a guess is as good as it
+SHORT = {"seconds": 5.0, "steps": 10}  # unless a panel is told otherwise: nobody shall wait
 
 
-def dance_panel(
-    model, song, *, dancers: int = 3, seed: int = 0, seconds: float = 5.0, steps=10, report=None
-):
+def dance_panel(model, song, *, report=None, **options):
     """A dance as a filmstrip of four moments -> Figure, Motion, song."""
-    wish = {"dancers": dancers, "seconds": seconds, "seed": seed, "steps": steps}
-    dance = model.generate(song, **wish, progress=report or False)
-    title = f"seed {seed}: {dance.people}, {steps} denoising steps"
+    dance = model.generate(song, **SHORT | options, progress=report or False)
+    made = dance.meta
+    title = f"seed {made['seed']}: {dance.people}, {made['steps']} denoising steps"
     return filmstrip_page(dance, count=4, title=title), dance, song
 
 
-def sampling_panel(
-    model,
-    song,
-    *,
-    steps: int = 12,
-    sampler: str = "dpm",
-    eta: float = 0.0,
-    guidance: float = 1.0,
-    autoguidance: float | None = None,
-    seed: int = 0,
-    dancers: int = 2,
-    seconds: float = 5.0,
-    report=None,
-):
+def sampling_panel(model, song, *, report=None, **options):
     """What the model takes the dance for on the way from noise to it -> Figure, Motion, song."""
     guesses = []
     dance = model.generate(
         song,
-        dancers=dancers,
-        seconds=seconds,
-        steps=steps,
-        sampler=sampler,
-        eta=eta,
-        guidance=guidance,
-        autoguidance=autoguidance,
-        seed=seed,
+        **{"dancers": 2, "seconds": SHORT["seconds"]} | options,
         progress=report or False,
         watch=lambda done, total, guess: guesses.append(guess),
     )
@@ -90,33 +70,15 @@ def sampling_panel(
     return figure, dance, song
 
 
-def swap_panel(
-    model,
-    song,
-    *,
-    swap="102",
-    start=None,
-    seed: int = 0,
-    seconds: float = 5.0,
-    steps=12,
-    report=None,
-):
+def swap_panel(model, song, *, swap="102", report=None, **options):
     """Ask for a new order from left to right, such as "201", and see who goes where.
 
-    ``swap``: who stands where in the end, counted from 0 on the left at the start; ``start``: a
-    place (x, z) in metres for each dancer, or None -> Figure, Motion, song.
+    ``swap``: who stands where in the end, counted from 0 on the left at the start; ``start``, if
+    given: a place (x, z) in metres for each dancer -> Figure, Motion, song.
     """
     order = [int(k) for k in swap]
-    dance = model.generate(
-        song,
-        dancers=len(order),
-        swap=order,
-        start=start,
-        seed=seed,
-        seconds=seconds,
-        steps=steps,
-        progress=report or False,
-    )
+    options = {"seconds": SHORT["seconds"], "dancers": len(order), "swap": order} | options
+    dance = model.generate(song, **options, progress=report or False)
     figure = new_figure(8.2, 3.2)
     floor, lanes = figure.subplots(1, 2, width_ratios=[1, 1.3])
     plot_floor_paths(dance, ax=floor, title="Seen from above")
@@ -130,31 +92,10 @@ def swap_panel(
     return figure, dance, song
 
 
-def long_panel(
-    model,
-    song,
-    *,
-    overlap: int = 75,
-    pinning: str = "same_noise",
-    seam: str = "copy",
-    seed: int = 0,
-    seconds: float = 12.0,
-    dancers: int = 2,
-    steps: int = 10,
-    report=None,
-):
+def long_panel(model, song, *, report=None, **options):
     """A dance of segments, and how far anybody goes in one frame -> Figure, Motion, song."""
-    dance = model.generate(
-        song,
-        dancers=dancers,
-        seconds=seconds,
-        steps=steps,
-        seed=seed,
-        overlap=overlap,
-        pinning=pinning,
-        seam=seam,
-        progress=report or False,
-    )
+    options = SHORT | {"seconds": 12.0, "dancers": 2} | options
+    dance = model.generate(song, **options, progress=report or False)
     time = np.arange(dance.num_frames) / dance.fps
     step = 100 * dance.joints().diff(dim=1).norm(dim=-1).amax((0, 2)).numpy()
     figure = new_figure(8.2, 3.6)
@@ -174,40 +115,22 @@ def long_panel(
         )
     else:
         found = "one segment, no seam"
-    set_title(lanes, f"overlap {overlap}, {pinning}: {found}")
+    set_title(lanes, f"overlap {dance.meta['overlap']}, {dance.meta['pinning']}: {found}")
     return figure, dance, song
 
 
-def cue_panel(
-    model,
-    song,
-    *,
-    genre: str = "hiphop",
-    soft: float = 1.0,
-    mirror: bool = True,
-    beat_align: bool = True,
-    seed: int = 1,
-    seconds: float = 17.0,
-    steps: int = 15,
-    report=None,
-):
+def cue_panel(model, song, *, report=None, **options):
     """A Lodge dance, its cues, and in which steps they are held -> Figure, Motion, song."""
     from matplotlib.colors import ListedColormap
 
-    dance = model.generate(
-        song,
-        genre=genre,
-        soft=soft,
-        mirror=mirror,
-        beat_align=beat_align,
-        seed=seed,
-        seconds=seconds,
-        steps=steps,
-        progress=report or False,
+    options = {"seconds": 17.0, "steps": 15} | options
+    dance = model.generate(song, **options, progress=report or False)
+    made = dance.meta
+    hard, soft_frames = cue_frames(
+        model, song, dance.num_frames, made["mirror"], made["beat_align"]
     )
-    hard, soft_frames = cue_frames(model, song, dance.num_frames, mirror, beat_align)
-    times = sampling_times("dpm", steps, model.model.abar)
-    held = guided_steps(times, soft)
+    times = sampling_times(made["sampler"], made["steps"], model.model.abar)
+    held = guided_steps(times, made["soft"])
     ribbon = np.zeros((len(times) - 1, dance.num_frames))
     ribbon[:held, soft_frames] = 1
     ribbon[:, hard] = 2
@@ -221,7 +144,7 @@ def cue_panel(
     bare(cues).set(xlabel="time (s)", ylabel="denoising step")
     energy.set_xlabel("")
     score = beat_alignment(dance.joints(), beats[beats < dance.duration], direction="music")
-    set_title(energy, f"{genre}, s = {soft:g}: BAS {score:.2f}")
+    set_title(energy, f"{made['genre']}, s = {made['soft']:g}: BAS {score:.2f}")
     set_title(
         cues, f"Soft cues (blue) are held in {held} of {len(times) - 1} steps, hard ones in all"
     )

@@ -12,6 +12,7 @@ import torch
 from torch import Tensor
 
 from dancediff.diffusion.schedule import q_sample
+from dancediff.generation.request import default_of
 from dancediff.metrics import corruption
 from dancediff.metrics.collision import tif
 from dancediff.metrics.physical import fsr, pfc
@@ -29,6 +30,7 @@ from dancediff.viz.projection import Camera
 from dancediff.viz.style import bare, set_title
 
 NOTICED = 0.25  # of the larger value: by so much must a metric change to be named in a title
+NOT_IN_PAPERS = ("seed", "dancers")  # options for which no paper has a value
 DAMAGES = ("drag_feet", "jitter", "freeze", "shuffle_time", "overlap_dancers", "mean_pose")
 _FRONT = Camera(eye=(0, 1.15, 7.0), target=(0, 0.95, 0), size=(320, 320), focal=900)
 
@@ -238,3 +240,23 @@ def choice(options, value, label: str):
 
     style = {"description_width": "initial"}
     return widgets.Dropdown(options=list(options), value=value, description=label, style=style)
+
+
+def option(model, name: str, low=None, high=None, *, value=None, label="", choices=()):
+    """A control for an option of `generate`: its default, with what the paper takes in the label.
+
+    ``model``: a pipeline. ``low``, ``high``: of a slider; ``value``, ``label``, ``choices``:
+    instead of those of the option.
+
+    >>> import dancediff as dd
+    >>> option(dd.load("tcdiffpp"), "steps", 1, 50).description
+    'steps (paper: 50)'
+    """
+    one, family = model.request.__dataclass_fields__[name], model.request.family
+    usual, paper = (default_of(family, name, preset) for preset in ("packaged", "paper"))
+    value, label = usual if value is None else value, label or name.replace("_", " ")
+    if name not in NOT_IN_PAPERS and paper is not None:
+        label += f" (paper: {paper:g})" if isinstance(paper, float) else f" (paper: {paper})"
+    if low is not None:
+        return slider(low, high, value, label)
+    return choice(choices or one.metadata["choices"] or (True, False), value, label)
