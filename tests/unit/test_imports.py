@@ -15,7 +15,7 @@ ORDER = [  # lowest first; a module imports its own part and lower ones
     *["exercises", "grading", "nb", "cli"],
 ]
 HEAVY = ["torch", "librosa", "matplotlib", "ipywidgets", "pythreejs", "av"]
-SETTLING = {"extensions", "generation", "papers"}  # still being taken apart
+SETTLING = {"papers", "extensions"}  # papers import both until these are taken out of them
 FILES = sorted(SOURCE.rglob("*.py"))
 
 MODULES = {
@@ -101,6 +101,7 @@ def test_imports_point_one_way(own):
         ("motion.ik", "def save():\n    from dancediff.viz.plots import save_filmstrip", 1),
         ("training.loop", "from dancediff.viz.plots import plot_energy", 0),
         ("papers.lodge.style", "from dancediff.papers.lodge import losses", 0),
+        ("papers.edge.model", "from dancediff.generation import request", 1),
         ("hub", "from dancediff import __version__", 0),
     ],
 )
