@@ -191,12 +191,12 @@ def cached_music(model: nn.Module) -> Iterator[None]:
     """
     encoders = [part for part in model.modules() if isinstance(part, MusicEncoder)]
     for encoder in encoders:
-        encoder._heard = []
+        encoder._cached = []
     try:
         yield
     finally:
         for encoder in encoders:
-            encoder._heard = None
+            encoder._cached = None
 
 
 class MusicConditioning(nn.Module):
