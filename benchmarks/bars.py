@@ -30,7 +30,7 @@ from dancediff import hub
 from dancediff.data.prepared import PreparedData
 from dancediff.generation.pipeline import EDGEPipeline, Pipeline
 from dancediff.generation.request import default_of
-from dancediff.generation.segments import Segments
+from dancediff.generation.segments import SegmentPlan
 from dancediff.metrics.fidelity import fid
 from dancediff.metrics.kinetic import kinetic_features
 from dancediff.metrics.report import evaluate_dances
@@ -141,7 +141,7 @@ def dance(model: Pipeline, window: Window, *, seed: int, naive: bool, sampling: 
     if isinstance(model, EDGEPipeline):
         return model.generate(window, **options)
     # not one order at the end, as a request has it, but one for every segment
-    with mock.patch.object(Segments, "targets", lambda self, request: window.orders()):
+    with mock.patch.object(SegmentPlan, "targets", lambda self, request: window.orders()):
         return model.generate(window, long_sampling="naive" if naive else "lgds", **options)
 
 

@@ -13,7 +13,7 @@ import torch
 from dancediff.diffusion.schedule import cosine_abar
 from dancediff.extensions import ssd
 from dancediff.generation.request import GroupDanceRequest, default_of
-from dancediff.generation.segments import Segments
+from dancediff.generation.segments import SegmentPlan
 from dancediff.motion.representation import Normalizer
 from dancediff.nn import ssm as nn_ssm
 from dancediff.papers.tcdiffpp.long_group_sampling import LongGroupSampler
@@ -112,14 +112,14 @@ def test_t22_segments_share_half_of_their_frames():
     asked = default_of("tcdiffpp", "overlap")
     sampled = inspect.signature(LongGroupSampler).parameters["overlap"].default
     assert asked == sampled == TCDiffPPConfig.paper().num_frames // 2 == 75
-    assert Segments(720, 150, overlap=30).stride == 120
+    assert SegmentPlan(720, 150, overlap=30).stride == 120
 
 
 def test_t25_long_dances_are_judged_at_720_frames():
     """Released: cut at 512."""
     assert HeldOut().seconds * 30 == 720
     request = GroupDanceRequest(seconds=HeldOut().seconds)
-    assert request.frames == 720 and Segments.of(request, 150).count == 9
+    assert request.frames == 720 and SegmentPlan.of(request, 150).count == 9
 
 
 def test_t27_contact_is_a_hard_mask_in_physical_units():

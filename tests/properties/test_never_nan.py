@@ -345,7 +345,7 @@ def test_an_untrained_model_dances_to_anything(size, seconds, dancers, sampler, 
 @torch.no_grad()
 def test_a_network_answers_to_anything(seed, size, loudness, t, dtype, n, f):
     x_t, M = size * normal(seed, 1, n, f, 151), loudness * normal(seed + 1, 1, f, 35)
-    M = tiny("TCDiffPP").music_normalizer.normalize(M)
+    M = tiny("TCDiffPP").model.music_normalizer.normalize(M)
     conditions = Conditions(M, torch.arange(n)[None])
     with torch.autocast("cpu", dtype, enabled=dtype != torch.float32):
         if dtype != torch.float16 or size <= 1:

@@ -148,7 +148,7 @@ def test_edge_keeps_the_sizes_that_both_have(tiny):
         ("", r"has no \[variants.NAME\]"),
         ("[variants.a]\nmodel = {colour = 1}", "variant 'a': 'model' has no 'colour'"),
         ("[variants.a]\nsample = {colour = 1}", "variant 'a': 'sample': colour=1 is no option"),
-        ("[variants.a]\ndata = {songs = 1}", "variant 'a' changes 'data', not model, train"),
+        ("[variants.a]\ndata = {songs = 1}", "variant 'a' changes 'data', the same for all"),
         ("[variants.a]\nheld_out = {songs = 1}", "variant 'a' changes 'held_out'"),
         (
             "[variants.a]\nsample = {long_sampling = 'short'}",
@@ -284,7 +284,7 @@ def test_a_killed_run_goes_on_from_its_checkpoint(config, tmp_path, monkeypatch)
 def test_one_failure_does_not_stop_the_others(config, tmp_path):
     variants = """
 [variants.wrong]
-model = { precondition = false }
+model = { extensions = [] }
 sample = { order_constraint = true }
 [variants.swap]
 sample = { swap = [1, 0] }

@@ -1,6 +1,7 @@
 import pytest
 import torch
 
+from dancediff.extensions.aligned_attention import align_attention
 from dancediff.motion.representation import pack
 from dancediff.motion.rotation import axis_angle_to_matrix, matrix_to_rot6d
 from dancediff.motion.skeleton import FOOT_JOINTS, SMPL24, forward_kinematics
@@ -97,6 +98,7 @@ def test_a_foot_is_heard_in_its_own_frame_first():
     """The layer's cross-attention starts aligned, and the feet carry the frames of the motion."""
     torch.manual_seed(0)
     refine = FootRefine(64, num_heads=4, ff_dim=64)
+    align_attention(refine)
     attention = refine.layer.cross_attention
     x, memory = torch.zeros(1, 30, 64), torch.zeros(1, 30, 64)
     weights = attention.weights(x, memory, torch.arange(30), torch.arange(30))[0]

@@ -13,7 +13,7 @@ from dancediff.extensions.preconditioning import dct_matrix, preconditioning_of
 from dancediff.generation.group_dance import binder, largest_guess
 from dancediff.generation.pipeline import pipeline_of
 from dancediff.generation.request import GroupDanceRequest, default_of
-from dancediff.generation.segments import Segments
+from dancediff.generation.segments import SegmentPlan
 from dancediff.nn.conditioning import MusicEncoder
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 
@@ -235,21 +235,21 @@ def test_song_without_sound_or_length(model):
 
 @pytest.mark.parametrize("seconds", [1, 5, 5.04, 7.5, 20, 24, 60])
 def test_segments_just_cover_the_dance(seconds):
-    found = Segments.of(GroupDanceRequest(seconds=seconds), 150)
+    found = SegmentPlan.of(GroupDanceRequest(seconds=seconds), 150)
     covered = 150 + found.stride * (found.count - 1)
     assert covered >= found.frames and (found.count == 1 or covered - found.stride < found.frames)
 
 
 def test_720_frames_take_9_segments():
     assert (
-        Segments.of(GroupDanceRequest(seconds=24), 150).count == 9
+        SegmentPlan.of(GroupDanceRequest(seconds=24), 150).count == 9
     )  # the papers' evaluation length
 
 
 @pytest.mark.parametrize("seconds", [6, 20, 21.3])
 def test_default_swap_ends_within_the_dance(seconds):
     request = GroupDanceRequest(seconds=seconds, dancers=2, swap=[1, 0])
-    found = Segments.of(request, 150)
+    found = SegmentPlan.of(request, 150)
     orders = found.targets(request)
     chosen = next(i for i, order in enumerate(orders) if order is not None)
     assert len(orders) == found.count and chosen * found.stride + 150 <= found.frames
@@ -258,9 +258,9 @@ def test_default_swap_ends_within_the_dance(seconds):
 
 def test_music_of_segments_repeats_the_song():
     M = torch.arange(7.0)[:, None].expand(7, 2)
-    cut = Segments(8, window=4, overlap=2).music(M)
+    cut = SegmentPlan(8, window=4, overlap=2).music(M)
     assert cut[..., 0].tolist() == [[0, 1, 2, 3], [2, 3, 4, 5], [4, 5, 6, 0]]
-    long = Segments(20, window=20, overlap=2).music(M)
+    long = SegmentPlan(20, window=20, overlap=2).music(M)
     assert long[0, :, 0].tolist()[:15] == [*range(7), *range(7), 0]
 
 

@@ -115,6 +115,8 @@ def choreographed_corpus(
             songs = joblib.Parallel(n_jobs=workers)(make(seed) for seed in seeds)
         return list(itertools.chain.from_iterable(songs))
     jobs = [_job(seed, n, 0, seconds, 0.0) for seed in seeds for n in sizes]
+    if not jobs:
+        return []
     summary = prepare(jobs, cache, workers=workers, progress=False)
     for name, reason in summary.skipped.items():
         raise ValueError(f"{name}: {reason}")

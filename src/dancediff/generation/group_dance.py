@@ -29,7 +29,7 @@ from dancediff.extensions.initial_frames import InitialFrames
 from dancediff.extensions.order_constraint import OrderConstraint
 from dancediff.extensions.preconditioning import preconditioning_of
 from dancediff.generation.request import GroupDanceRequest, SegmentedRequest
-from dancediff.generation.segments import Segments
+from dancediff.generation.segments import SegmentPlan
 from dancediff.motion.motion import Motion
 from dancediff.motion.representation import cut_to_range
 from dancediff.papers.edge.naive_long_sampling import Consistency, join
@@ -57,7 +57,7 @@ def group_pieces(
 
 def long_group_sampler(model, song, request: GroupDanceRequest, *, dtype=None) -> LongGroupSampler:
     """How a resolved request is danced by TCDiff++."""
-    segments, known = Segments.of(request, model.config.num_frames), request.known()
+    segments, known = SegmentPlan.of(request, model.config.num_frames), request.known()
     return LongGroupSampler(
         shape=(request.dancers, segments.window, model.config.motion_dim),
         bind=binder(model, _weight(request, model), dtype, request.autoguidance),
@@ -103,7 +103,7 @@ def naive_dance(
 
     Shapes: -> (n, F, d) metres and 6-D rotations, on the CPU.
     """
-    segments, device = Segments.of(request, model.config.num_frames), model.abar.device
+    segments, device = SegmentPlan.of(request, model.config.num_frames), model.abar.device
     k, n = segments.count, request.dancers
     M = segments.music(_music(model, song))
     swaps = isinstance(request, GroupDanceRequest)  # EDGE's dancers know nothing of each other

@@ -25,7 +25,7 @@ from dancediff.generation.request import (
     LodgeRequest,
     SamplingConfig,
 )
-from dancediff.generation.segments import Segments
+from dancediff.generation.segments import SegmentPlan
 from dancediff.generation.solo_dance import solo_pieces, solo_seams
 from dancediff.motion.motion import Motion
 from dancediff.motion.representation import TCDIFFPP
@@ -149,7 +149,7 @@ class GroupDancePipeline(Pipeline):
         yield from group_pieces(self.model, song, request, watch=watch, **how)
 
     def _seams(self, song, request):
-        return Segments.of(request, self.config.num_frames).seams(request.resampled)
+        return SegmentPlan.of(request, self.config.num_frames).seams(request.resampled)
 
 
 class EDGEPipeline(Pipeline):
@@ -168,7 +168,7 @@ class EDGEPipeline(Pipeline):
         yield moved(x, start_slots(n) - x[:, :1, TCDIFFPP.root])
 
     def _seams(self, song, request):
-        return Segments.of(request, self.config.num_frames).seams()
+        return SegmentPlan.of(request, self.config.num_frames).seams()
 
 
 class LodgePipeline(Pipeline):

@@ -10,10 +10,10 @@ from dancediff.generation.request import GroupDanceRequest, SegmentedRequest
 
 
 @dataclass(frozen=True)
-class Segments:
+class SegmentPlan:
     """Windows of ``window`` frames that share ``overlap`` frames and cover a dance.
 
-    >>> Segments(frames=720, window=150, overlap=75).count  # the papers' evaluation length
+    >>> SegmentPlan(frames=720, window=150, overlap=75).count  # the papers' evaluation length
     9
     """
 
@@ -22,7 +22,7 @@ class Segments:
     overlap: int
 
     @classmethod
-    def of(cls, request: SegmentedRequest, window: int) -> "Segments":
+    def of(cls, request: SegmentedRequest, window: int) -> "SegmentPlan":
         """Of a resolved request."""
         return cls(request.frames, window, request.overlap)
 
@@ -41,9 +41,9 @@ class Segments:
 
         By default it is the last one that ends within the dance, so that the whole swap is seen.
 
-        >>> Segments(frames=600, window=150, overlap=75).carrying_out(None)
+        >>> SegmentPlan(frames=600, window=150, overlap=75).carrying_out(None)
         6
-        >>> Segments(frames=300, window=150, overlap=75).carrying_out(6)
+        >>> SegmentPlan(frames=300, window=150, overlap=75).carrying_out(6)
         1
         """
         if swap_at is None:
@@ -60,7 +60,7 @@ class Segments:
         Shapes: M (F, m) -> (count, window, m).
 
         >>> M = Tensor(range(5))[:, None]
-        >>> Segments(frames=6, window=4, overlap=2).music(M)[..., 0].tolist()
+        >>> SegmentPlan(frames=6, window=4, overlap=2).music(M)[..., 0].tolist()
         [[0.0, 1.0, 2.0, 3.0], [2.0, 3.0, 4.0, 0.0]]
         """
         needed = self.window + self.stride * (self.count - 1)
@@ -81,7 +81,7 @@ class Segments:
     def seams(self, resampled: int = 0) -> list[int]:
         """Frames in which a segment takes over from the one before; metrics look there.
 
-        >>> Segments(frames=270, window=150, overlap=75).seams()
+        >>> SegmentPlan(frames=270, window=150, overlap=75).seams()
         [150, 225]
         """
         first = self.window - resampled

@@ -149,6 +149,7 @@ def _variant(name: str, changes: dict, config: dict, source: str) -> Variant:
     tables = _checked(merged, held_out, source)
     for key in {"dancers", "seconds", "genre"} & sample.keys():
         raise ValueError(f"{source}: 'sample': {key} is that of 'held_out'")
+    sample = {key: value for key, value in sample.items() if value != []}  # taken back
     sample |= {"dancers": held_out.dancers, "seconds": held_out.seconds}
     try:
         sample = REQUESTS[FAMILIES[kind]].of(kind, sample)

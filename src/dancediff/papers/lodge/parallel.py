@@ -207,7 +207,7 @@ class ParallelSampler:
             return None
         generator = row_generators(self.request.seed, STYLE, 1)[0]
         z = torch.randn(1, stage.style.noise, generator=generator)
-        genre = torch.tensor([self.genre], device=stage.abar.device)
+        genre = torch.full((1,), self.genre, device=stage.abar.device)
         return stage.style(genre, z.to(genre.device)).expand(rows, -1)
 
     def times(self, stage) -> list[int]:
