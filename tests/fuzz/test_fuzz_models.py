@@ -8,6 +8,7 @@ import torch
 from fuzzing import fuzz, mutated, num_inputs, put
 
 from dancediff import hub
+from dancediff.extensions.build import check_extensions
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 from dancediff.training.ablation_config import read_ablation
 from dancediff.training.checkpoint import Checkpointer
@@ -73,8 +74,9 @@ def test_a_config(name, tmp_path, record_property):
         if name.startswith("ablate"):
             return read_ablation(path)
         tables = read_config(path)
-        _, sizes = MODELS[tables["model"].pop("class", "TCDiffPP")]
-        sizes(**tables["model"])
+        kind, sizes = MODELS[tables["model"].pop("class", "TCDiffPP")]
+        names = tables["model"].pop("extensions", [])
+        check_extensions(kind, sizes(**tables["model"]), names)
         return settings_of(tables)
 
     out = fuzz(read, mutated(whole, num_inputs()))
