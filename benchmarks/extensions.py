@@ -119,7 +119,8 @@ OFF = {
     "lodge": FEET
     | {
         "autoguidance": Without({"autoguidance": 1.0}),
-        "border_smoothing": Without({"border_smoothing": False}),
+        "cue_constraint": Without({"cue_constraint": False}),
+        "root_stitching": Without({"root_stitching": False}),
         "return_to_origin": Without({"return_to_origin": False}),
         "smooth_primitives": Without({"smooth_primitives": False}),
         "repeat_sections": Without({"repeat_sections": False}),
