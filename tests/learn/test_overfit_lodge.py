@@ -10,6 +10,7 @@ import pytest
 import torch
 
 from dancediff.data.choreographed import make_choreographed
+from dancediff.data.windows import SoloCut, WindowSampler
 from dancediff.diffusion.conditions import Conditions
 from dancediff.extensions.lodge_stages import ExtendedLocalDenoiser
 from dancediff.motion.representation import at_origin

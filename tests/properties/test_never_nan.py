@@ -349,7 +349,7 @@ def test_a_network_answers_to_anything(seed, size, loudness, t, dtype, n, f):
     conditions = Conditions(M, torch.arange(n)[None])
     with torch.autocast("cpu", dtype, enabled=dtype != torch.float32):
         if dtype != torch.float16 or size <= 1:
-            assert finite(list(tiny("TCDiffPP")(x_t, torch.tensor([t]), conditions)))
+            assert finite(list(tiny("TCDiffPP").model(x_t, torch.tensor([t]), conditions)))
 
 
 def test_nothing_comes_of_nothing():
