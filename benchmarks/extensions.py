@@ -119,8 +119,7 @@ OFF = {
     "lodge": FEET
     | {
         "autoguidance": Without({"autoguidance": 1.0}),
-        "cue_constraint": Without({"cue_constraint": False}),
-        "root_stitching": Without({"root_stitching": False}),
+        "border_smoothing": Without({"border_smoothing": False}),
         "return_to_origin": Without({"return_to_origin": False}),
         "smooth_primitives": Without({"smooth_primitives": False}),
         "repeat_sections": Without({"repeat_sections": False}),

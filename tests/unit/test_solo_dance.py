@@ -45,7 +45,7 @@ def test_with_everything_off_it_is_the_papers_sampler():
 
 @pytest.mark.parametrize(
     "name",
-    ["cue_constraint", "return_to_origin", "foot_contact", "root_stitching"],
+    ["cue_constraint", "border_smoothing", "return_to_origin", "foot_contact", "root_stitching"],
 )
 def test_each_addition_changes_the_dance(model, name):
     assert not torch.allclose(dance(model, 3 * n), dance(model, 3 * n, **{name: True}), atol=1e-4)

@@ -1,7 +1,7 @@
 r"""A group that dances Lodge's solo: in unison, one after the other, or as in a mirror.
 
-Lodge makes one dancer. Here the others repeat that dance, each from a place of a formation, as a
-corps does; no dancer reacts to another. A model of groups is `dancediff.papers.tcdiffpp`.
+Lodge makes one dancer. Here the others repeat what she does, each from a place of a formation, as
+a corps does; nobody sees anybody. A model of groups is `dancediff.papers.tcdiffpp`.
 
 Symbols (axes: n dancers · F frames · f frames of a piece · d motion features)
     x        the solo, metres and 6-D rotations           (F, d)
@@ -47,7 +47,7 @@ def places(dancers: int, formation: str) -> np.ndarray:
 
 
 def canon_delays(dancers: int, beats: np.ndarray) -> list[int]:
-    """How late each dancer starts: 4 beats after the one to the left, of the song's median beat.
+    """How late each dancer starts: 4 beats after the one to her left, of the song's median beat.
 
     >>> canon_delays(3, np.arange(0, 300, 15)), canon_delays(2, np.array([]))
     ([0, 60, 120], [0, 60])
@@ -121,9 +121,9 @@ def late(x: Tensor, frames: int, *, ease: int = EASE, part: slice = slice(None))
 
     $$\tau = \begin{cases} 0 & t \le -E \\ (t + E)^2 / 4E & -E < t < E \\ t & t \ge E \end{cases}$$
 
-    At t frames after the delay a dancer is where the first dancer was in frame tau: the start is E
-    = ``ease`` frames early and slow, and from E frames after on the dancer is exactly ``frames``
-    late. Feet step where the first dancer's did. ``part``: only these frames of the result.
+    At t frames after her turn she is where the first dancer was in frame tau: she sets out E =
+    ``ease`` frames early and slowly, and is exactly ``frames`` late from E frames after on. Feet
+    step where the first dancer's did. ``part``: only these frames of the result.
 
     Shapes: (F, d) -> (F, d), or (f, d) for f frames of it.
 

@@ -93,6 +93,8 @@ _ALL = (
               "cue_constraint", SOLO, needs=LINEAR, lesson=12),
     Extension("return_to_origin", "hook", "Segments of 8.5 s end where they began.",
               "cue_constraint", SOLO, needs=(*LINEAR, "root_stitching"), lesson=12),
+    Extension("border_smoothing", "hook", "Cues are met without a jerk.", "border_smoothing", SOLO,
+              needs=LINEAR, lesson=12),
     # ---- sampling ----
     Extension("dpm_solver", "sampling", "DPM-Solver++ instead of DDIM: fewer steps.",
               "diffusion.samplers", ALL, lesson=6),

@@ -33,6 +33,7 @@ PAPER = {
     | {
         "return_to_origin": False,
         "cue_constraint": False,
+        "border_smoothing": False,
         "root_stitching": False,
         "repeat_sections": False,
         "smooth_primitives": False,
@@ -56,6 +57,7 @@ PACKAGED = {
         "autoguidance": 1.3,  # more makes dances too varied: docs/asked_for_indian.md
         "return_to_origin": True,
         "cue_constraint": True,
+        "border_smoothing": True,
         "root_stitching": True,
         "repeat_sections": True,
         "smooth_primitives": True,

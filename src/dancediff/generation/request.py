@@ -43,6 +43,7 @@ NEEDS_PRECONDITIONING = {
     "order_constraint": False,
     "return_to_origin": False,
     "cue_constraint": False,
+    "border_smoothing": False,
 }
 
 
@@ -350,6 +351,9 @@ class LodgeRequest(SamplingConfig):
     )
     cue_constraint: bool | None = option(
         None, "Condition guesses on hard cues, so that these are met without a jump."
+    )
+    border_smoothing: bool | None = option(
+        None, "Bend the frames beside hard cues so that these are met without a jerk."
     )
     root_stitching: bool | None = option(
         None, "Go on over seams from where the segment before ended; else back to the middle."

@@ -14,6 +14,7 @@ from torch import Tensor
 from dancediff.diffusion.conditions import Conditions
 from dancediff.diffusion.samplers import GuessHook
 from dancediff.extensions.autoguidance import autoguided
+from dancediff.extensions.border_smoothing import BorderSmoothing
 from dancediff.extensions.cue_constraint import cue_constraint, return_to_origin
 from dancediff.extensions.foot_contact_projection import foot_contact_hook
 from dancediff.extensions.group_relations import PIECE, Group, canon_delays, places
@@ -60,6 +61,8 @@ class LodgeSampler(ParallelSampler):
             if request.return_to_origin:
                 origin = normalizer.normalize(torch.zeros(LODGE.dim))
                 hooks.append(return_to_origin(origin, pin.y.shape, spread))
+            if request.border_smoothing:
+                hooks.append(BorderSmoothing(pin.hard.cpu(), pin.y.cpu(), pin.hard_frames.cpu()))
         if request.foot_contact:
             mask = pin.hard_frames.cpu()[..., None].expand(pin.y.shape)
             hooks.append(foot_contact_hook(normalizer, mask, LODGE))

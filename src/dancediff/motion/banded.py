@@ -47,6 +47,19 @@ def bends(f: int) -> Tensor:
     return out
 
 
+def weighted_bends(weight: Tensor) -> Tensor:
+    r"""Bands of $\sum_i w_i (u_{i+2} - 2 u_{i+1} + u_i)^2$: (..., f - 2) -> (..., 3, f).
+
+    >>> torch.equal(weighted_bends(torch.ones(2).double()), bends(4))
+    True
+    """
+    none = weight.new_zeros(*weight.shape[:-1], 1)
+    first, middle, last = (
+        torch.cat([none] * k + [weight] + [none] * (2 - k), -1) for k in range(3)
+    )
+    return torch.stack([first + 4 * middle + last, -2 * (first + middle), first], -2)
+
+
 def solve_banded(bands: Tensor, b: Tensor) -> Tensor:
     """Solve A x = b for every matrix of a batch, on the CPU; no gradients.
 
