@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 import torch
 
-ROOT = Path(__file__).parent.parent
+from places import ROOT
+
 BROWSER_REQUIRED = "browser" in os.environ.get("DANCEDIFF_REQUIRE", "")
 BROWSER_FLAGS = [
     "--no-sandbox",

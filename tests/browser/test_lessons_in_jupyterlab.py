@@ -4,16 +4,16 @@ The server listens on 127.0.0.1 only. A run of these takes minutes, most of them
 """
 
 from functools import partial
-from pathlib import Path
 
 import pytest
 from chromium_page import SLOW, changed, num_colors, serve_lab, shot, until
+
+from places import BOOKS
 
 pytest.importorskip("jupyterlab")
 pytest.importorskip("pythreejs")
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
-BOOKS = Path(__file__).parents[2] / "notebooks"
 LESSONS = ("00_tour", "06_the_sampling_lab", "12_fill_in_the_rest")
 BOOK = "window.jupyterapp.shell.currentWidget.content"
 CODE = f"{BOOK}.widgets.map((w, i) => [w.model, i]).filter(([m]) => m.type === 'code')"

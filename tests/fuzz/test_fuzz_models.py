@@ -1,7 +1,6 @@
 """Broken models, checkpoints, configs: only ValueError, and no memory for what is not there."""
 
 import shutil
-from pathlib import Path
 
 import pytest
 import torch
@@ -16,8 +15,8 @@ from dancediff.training.config import TrainConfig
 from dancediff.training.ema import EMA
 from dancediff.training.optimizer import make_optimizer
 from dancediff.training.run import MODELS, read_config, settings_of
+from places import CONFIGS
 
-CONFIGS = Path(__file__).parents[2] / "configs"
 SMALL = {"d_model": 8, "num_heads": 1, "num_layers": 1, "ff_dim": 8, "max_dancers": 2}
 
 

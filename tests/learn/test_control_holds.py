@@ -6,15 +6,15 @@ test has time for: benchmarks/control_bars.py measures it, docs/control.md has t
 
 import runpy
 from functools import cache, partial
-from pathlib import Path
 
 import pytest
 
 import dancediff as dd
+from places import BENCHMARKS
 
 pytestmark = pytest.mark.slow
 
-BENCHMARK = Path(__file__).parents[2] / "benchmarks" / "control_bars.py"
+BENCHMARK = BENCHMARKS / "control_bars.py"
 SEEDS = 2
 
 

@@ -5,7 +5,6 @@ As in test_decisions.py: where the released code does something else, the test h
 
 import inspect
 import math
-from pathlib import Path
 
 import pytest
 import torch
@@ -24,8 +23,7 @@ from dancediff.training.adan import Adan
 from dancediff.training.config import TrainConfig
 from dancediff.training.optimizer import make_optimizer
 from dancediff.training.run import read_config
-
-CONFIGS = Path(__file__).parents[2] / "configs"
+from places import CONFIGS
 
 
 def test_t16_a_misplaced_dancer_costs_the_papers_weight():

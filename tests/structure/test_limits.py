@@ -6,13 +6,12 @@
 import ast
 import io
 import tokenize
-from pathlib import Path
 
 import pytest
 
 from dancediff.generation.request import REQUESTS
+from places import SOURCE
 
-SOURCE = Path(__file__).parents[2] / "src" / "dancediff"
 MOST_PARAMETERS = 8
 MOST_LINES = 60  # of code: no docstring, no comments, no blank lines
 TODAY = {

@@ -9,11 +9,11 @@ import json
 import math
 import re
 from importlib import import_module
-from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[2]
+from places import ROOT
+
 PACKAGED = "dancediff.generation.presets.PACKAGED"
 PAPER = "dancediff.generation.presets.PAPER"
 TRAIN = "dancediff.training.config.TrainConfig"

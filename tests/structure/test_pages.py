@@ -4,14 +4,14 @@ import json
 import re
 import sys
 from importlib import import_module
-from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[2]
+from places import ROOT
+
 sys.path.insert(0, str(ROOT / "docs" / "site"))
 
-import tables  # noqa: E402
+import tables
 
 LOG = sorted((ROOT / "docs" / "log").glob("*.md"))
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]

@@ -9,7 +9,6 @@ import re
 import sys
 import types
 from importlib import import_module
-from pathlib import Path
 
 import pytest
 
@@ -18,8 +17,8 @@ from dancediff.data.bvh import read_bvh
 from dancediff.data.retarget import retarget
 from dancediff.genre import GENRES
 from dancediff.training.run import train_from_config
+from places import ROOT
 
-ROOT = Path(__file__).parents[2]
 SYMBOLS = (ROOT / "docs" / "symbols.md").read_text(encoding="utf-8")
 NAMES = sorted(set(re.findall(r"\| `(dancediff\.[\w.]+)` \|$", SYMBOLS, re.MULTILINE)))
 NOT_CALLED = {"dancediff.motion.representation.TCDIFFPP"}  # a value, no function or class

@@ -1,0 +1,257 @@
+"""The request: checked when it is made, filled in once, never changed."""
+
+import ast
+import math
+import subprocess
+import sys
+from dataclasses import FrozenInstanceError, dataclass, fields
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from dancediff.cli.generate import Generate
+from dancediff.diffusion.long_sampling import SEAMS
+from dancediff.diffusion.pinning import MODES
+from dancediff.diffusion.samplers import SAMPLERS
+from dancediff.extensions.control import WalkAlong
+from dancediff.extensions.group_relations import MAX_DANCERS, RELATIONS
+from dancediff.extensions.preconditioning import Preconditioning
+from dancediff.generation.presets import PACKAGED, PAPER, PRESETS
+from dancediff.generation.request import (
+    NEEDS_PRECONDITIONING,
+    REQUESTS,
+    EDGERequest,
+    GroupDanceRequest,
+    LodgeRequest,
+    default_of,
+)
+from places import SOURCE
+
+
+@dataclass
+class Tune:
+    """As much of a song as a request looks at."""
+
+    duration: float = 12.0
+    name: str = "tune"
+    is_silent: bool = False
+    peak: float = 0.5
+    tempo: float = 125.0
+
+
+def model(*, precondition=True, **sizes):
+    usual = {"num_frames": 150, "num_steps": 1000, "max_dancers": 5}
+    usual["genres"] = ("hiphop", "house", "salsa")
+    parts = [Preconditioning(8, 1)] if precondition else []
+    config = SimpleNamespace(**usual | sizes)
+    return SimpleNamespace(config=config, modules=lambda: parts)
+
+
+# ---- what stands where ----
+
+
+@pytest.mark.parametrize("family", REQUESTS)
+def test_every_default_stands_once(family):
+    """In both presets, or in the dataclass."""
+    names = REQUESTS[family].names()
+    for preset in PRESETS.values():
+        assert set(preset[family]) <= set(names)
+    assert PAPER[family].keys() == PACKAGED[family].keys()
+    for one in fields(REQUESTS[family]):
+        if one.name in PAPER[family]:
+            assert one.default is None, f"{one.name} has a default here and in the presets"
+    for name, value in PAPER[family].items():  # one that no preset changes needs no preset
+        assert value != PACKAGED[family][name], name
+
+
+@pytest.mark.parametrize("family", REQUESTS)
+def test_every_option_says_what_it_does(family):
+    for one in fields(REQUESTS[family]):
+        assert one.metadata["help"].endswith("."), one.name
+
+
+def test_the_paper_is_the_papers():
+    for family, preset in PAPER.items():
+        assert [preset[k] for k in ("sampler", "steps", "eta", "guidance")] == ["ddim", 50, 1, 2]
+        for name, off in NEEDS_PRECONDITIONING.items():
+            assert preset.get(name, off) == off, f"{family} {name}"
+        assert not preset["foot_contact"]
+    assert PAPER["tcdiffpp"]["pinning"] == "init"
+
+
+def test_choices_are_those_of_the_code():
+    options = GroupDanceRequest.__dataclass_fields__
+    for name, values in {
+        "sampler": SAMPLERS,
+        "pinning": ("auto", *MODES),
+        "seam": tuple(SEAMS),
+    }.items():
+        assert options[name].metadata["choices"] == values
+    assert LodgeRequest.__dataclass_fields__["relation"].metadata["choices"] == RELATIONS
+    assert LodgeRequest.__dataclass_fields__["dancers"].metadata["high"] == MAX_DANCERS
+
+
+def test_requests_bring_no_torch():
+    """The command line shows its options at once."""
+    code = "import dancediff.generation.request, sys; print('torch' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "False"
+
+
+def test_the_command_line_has_every_option_and_no_default_of_its_own():
+    own = {"song", "model", "out", "formats", "json"}
+    command = {one.name: one for one in fields(Generate)}
+    names = {name for request in REQUESTS.values() for name in request.names()}
+    assert command.keys() == own | names - {"start", "end", "constraints"}
+    assert all(one.default is None for name, one in command.items() if name not in own)
+
+
+# ---- resolve ----
+
+
+def test_resolve_fills_in_everything_once():
+    asked = GroupDanceRequest(seed=3)
+    found = asked.resolve(model(), Tune())
+    assert asked == GroupDanceRequest(seed=3)  # nothing was written into it
+    for name, value in PACKAGED["tcdiffpp"].items():
+        if name != "pinning":
+            assert getattr(found, name) == value, name
+    assert found.pinning == "same_noise" and found.seconds == 12 and found.frames == 360
+    assert found.resolve(model(), Tune()) == found
+
+
+def test_nothing_can_be_assigned():
+    with pytest.raises(FrozenInstanceError):
+        GroupDanceRequest().seed = 3
+
+
+def test_nobody_gets_around_frozen():
+    """``object.__setattr__`` stands in constructors only, all over the package."""
+    for path in sorted(SOURCE.rglob("*.py")):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        for function in ast.walk(tree):
+            if isinstance(function, ast.FunctionDef) and "object.__setattr__" in ast.unparse(
+                ast.Module([n for n in function.body], [])
+            ):
+                assert function.name in ("__init__", "__post_init__"), f"{path}: {function.name}"
+
+
+@pytest.mark.parametrize(
+    ("sampler", "eta", "pinning"),
+    [("dpm", 0.0, "same_noise"), ("ddim", 1.0, "renoise"), ("ddpm", 0.0, "renoise")],
+)
+def test_pinning_fits_the_sampler(sampler, eta, pinning):
+    found = GroupDanceRequest(sampler=sampler, eta=eta).resolve(model(), Tune())
+    assert found.pinning == pinning
+
+
+def test_what_needs_preconditioning_is_off_without_it():
+    plain = model(precondition=False)
+    found = GroupDanceRequest().resolve(plain, Tune())
+    assert found.autoguidance == 1 and not found.collision_avoidance and not found.order_constraint
+    for asked in ({"collision_avoidance": True}, {"autoguidance": 1.5}):
+        with pytest.raises(ValueError, match=f"{next(iter(asked))}=.* with preconditioning"):
+            GroupDanceRequest(**asked).resolve(plain, Tune())
+    assert LodgeRequest(return_to_origin=False).resolve(plain, Tune()).return_to_origin is False
+
+
+def test_preset_and_option_go_together():
+    found = GroupDanceRequest(preset="paper", steps=20).resolve(model(), Tune())
+    assert (found.sampler, found.steps, found.pinning) == ("ddim", 20, "init")
+    assert default_of("tcdiffpp", "steps", "paper") == 50
+    assert default_of("edge", "overlap") == 75
+
+
+def test_places_at_the_end_are_a_swap():
+    end = [(1, 0), (0, 0), (-1, 0)]
+    found = GroupDanceRequest(end=end).resolve(model(), Tune())
+    assert found.swap == [2, 1, 0] and found.swap_at == 12
+    earlier = GroupDanceRequest(end=end, swap=[1, 0, 2], swap_at=4).resolve(model(), Tune())
+    assert earlier.swap == [1, 0, 2] and earlier.swap_at == 4
+    with pytest.raises(ValueError, match=r"swap=\[1, 0, 2\] asks for another order"):
+        GroupDanceRequest(end=end, swap=[1, 0, 2]).resolve(model(), Tune())
+
+
+def test_constraints_need_pinning_that_holds():
+    walk = [WalkAlong(0, [(0, 0, 0), (2, 1, 0)])]
+    with pytest.raises(ValueError, match="pinning='init' goes with no constraint"):
+        GroupDanceRequest(preset="paper", constraints=walk).resolve(model(), Tune())
+
+
+def test_naive_long_sampling_knows_no_rules_of_groups():
+    found = GroupDanceRequest(long_sampling="naive").resolve(model(), Tune())
+    assert found.collision_avoidance is False and found.pinning is None
+    with pytest.raises(ValueError, match="collision_avoidance=True is not possible"):
+        GroupDanceRequest(long_sampling="naive", collision_avoidance=True).resolve(model(), Tune())
+
+
+def test_lodge_dances_the_genre_of_the_tempo():
+    assert LodgeRequest().resolve(model(), Tune()).genre == "house"
+    assert LodgeRequest(genre="salsa").resolve(model(), Tune()).genre == "salsa"
+    with pytest.raises(ValueError, match="genre='waltz' is unknown; choose one of hiphop"):
+        LodgeRequest(genre="waltz").resolve(model(), Tune())
+    with pytest.raises(ValueError, match="formation='circle'"):
+        LodgeRequest(dancers=2, formation="circle").resolve(model(), Tune())
+
+
+# ---- what is refused ----
+
+
+@pytest.mark.parametrize(
+    ("request_", "options", "message"),
+    [
+        (GroupDanceRequest, {"preset": "best"}, "preset='best' is not one of 'packaged', 'paper'"),
+        (GroupDanceRequest, {"dancers": 0}, "dancers=0 must be a number of at least 1"),
+        (GroupDanceRequest, {"dancers": 2.0}, r"dancers=2\.0 must be an integer"),
+        (GroupDanceRequest, {"dancers": 9}, r"dancers=9 must lie in 1 \.\.\. 5"),
+        (GroupDanceRequest, {"overlap": 150}, r"overlap=150 must lie in 1 \.\.\. 149"),
+        (GroupDanceRequest, {"seed": -1}, r"seed=-1 must lie in 0 \.\.\. 9223372036854775807"),
+        (GroupDanceRequest, {"eta": "much"}, "eta='much' must be a number"),
+        (GroupDanceRequest, {"guidance": math.nan}, "guidance=nan must lie in 0"),
+        (GroupDanceRequest, {"seconds": 13}, r"seconds=13 is more than the song's 12\.00"),
+        (GroupDanceRequest, {"seconds": -3}, "seconds=-3 must be"),
+        (GroupDanceRequest, {"swap_at": 3}, r"swap_at=3\.0 needs swap="),
+        (
+            GroupDanceRequest,
+            {"swap": [1, 0, 2], "swap_at": 13},
+            r"swap_at=13 must lie in 0 \.\.\. 12",
+        ),
+        (EDGERequest, {"foot_contact": "planted"}, "foot_contact='planted' must be True or False"),
+        (LodgeRequest, {"relation": "echo"}, "relation='echo' is not one of 'unison'"),
+        (LodgeRequest, {"soft": 2}, r"soft=2 must lie in 0 \.\.\. 1"),
+        (LodgeRequest, {"at_once": 0}, "at_once=0 must be a number of at least 1"),
+    ],
+)
+def test_bad_values_are_named(request_, options, message):
+    with pytest.raises(ValueError, match=message):
+        request_(**options).resolve(model(), Tune())
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"feet": "planted"}, "feet='planted' is now foot_contact=True"),
+        ({"spacing": "free"}, "spacing='free' is now collision_avoidance=False"),
+        ({"order": "kept"}, "order='kept' is now order_constraint=True"),
+        ({"genre": "salsa"}, "genre='salsa' is not for the model 'trio'; models of lodge have it"),
+        ({"colour": "red"}, "colour='red' is no option; choose from preset, seconds"),
+    ],
+)
+def test_options_of_others_and_of_yesterday_are_named(options, message):
+    with pytest.raises(ValueError, match=message):
+        GroupDanceRequest.of("trio", options)
+
+
+def test_song_without_sound_or_length():
+    with pytest.raises(ValueError, match="'tune' is silent"):
+        GroupDanceRequest().resolve(model(), Tune(is_silent=True))
+    with pytest.raises(ValueError, match=r"song is 0\.20 s long; at least 1 s"):
+        GroupDanceRequest().resolve(model(), Tune(0.2))
+
+
+def test_facts_are_plain():
+    found = GroupDanceRequest(dancers=np.int64(2), swap=np.array([1, 0]), start=[(0, 0), (1, 0)])
+    facts = found.resolve(model(), Tune()).facts()
+    assert facts["dancers"] == 2 and facts["swap"] == [1, 0] and type(facts["dancers"]) is int
+    assert "start" not in facts and "device" not in facts

@@ -1,0 +1,389 @@
+"""`dancediff.training.ablation` and its config and table."""
+
+import json
+import re
+
+import pytest
+import torch
+
+from dancediff import cli
+from dancediff.data.windows import WindowSampler
+from dancediff.extensions.build import build as make
+from dancediff.motion.motion import Motion
+from dancediff.papers.edge.model import EDGE
+from dancediff.papers.tcdiffpp.losses import LossWeights, tcdiffpp_losses
+from dancediff.papers.tcdiffpp.model import TCDiffPP
+from dancediff.training import ablation
+from dancediff.training.ablation import run_ablation
+from dancediff.training.ablation_config import TRUTH, read_ablation
+from dancediff.training.ablation_table import mean_of_seeds
+from dancediff.training.run import MODELS
+from places import CONFIGS
+
+TINY = CONFIGS / "ablate_tiny.toml"
+BASE = """
+[data]
+songs = 1
+seconds = 3.0
+workers = 1
+dancers_per_batch = 2
+[model]
+d_model = 16
+num_heads = 2
+num_layers = 1
+ff_dim = 32
+fusion_hidden = 32
+num_frames = 30
+without = ["ssm"]
+[train]
+steps = 4
+save_every = 2
+[held_out]
+songs = 2
+seconds = 3.0
+dancers = 2
+reference = 3
+[sample]
+steps = 2
+overlap = 15
+"""
+
+
+@pytest.fixture
+def config(tmp_path):
+    def write(variants, base=BASE):
+        path = tmp_path / "a.toml"
+        path.write_text(base + variants)
+        return path
+
+    return write
+
+
+class Judge:
+    """Stands in for the metrics; counts how often it is asked."""
+
+    def __init__(self):
+        self.asked = 0
+
+    def __call__(self, dances, *, reference, songs):
+        self.asked += 1
+        assert len(dances) == len(songs) == 2 and len(reference) == 1
+        assert all(song.duration == pytest.approx(3.0) for song in songs)
+        assert {(d.num_dancers, d.num_frames) for d in [*dances, *reference]} == {(2, 90)}
+        x = torch.stack([dance.root[..., 0].mean() for dance in dances])
+        return {"x": {"value": x.mean().item(), "low": x.min().item(), "high": x.max().item()}}
+
+
+def dances(out, name):
+    files = sorted((out / "variants" / name).glob("*/dance_*.npz"))
+    return torch.cat([Motion.load(path).features() for path in files])
+
+
+# ---- the config ----
+
+
+@pytest.fixture(scope="module")
+def tiny():
+    return {variant.name: variant for variant in read_ablation(TINY)}
+
+
+def build(variant):
+    tables = json.loads(json.dumps(variant.tables["model"]))
+    model_class, config_class = MODELS[tables.pop("class", "TCDiffPP")]
+    torch.manual_seed(0)
+    extensions = tables.pop("extensions")
+    return make(model_class, config_class(**tables), extensions)
+
+
+@pytest.mark.parametrize(
+    ("name", "removed"),
+    [
+        ("no-FP", r"decoder\.fusion_projection\."),
+        ("no-FA", r"footwork_adaptor\."),
+        ("no-SD", r"decoder\.sequence_decoder\.layers\.\d\.(ssm|norms\.3|films\.3)\."),
+        ("no-DPE", r"decoder\.dancer_positioning\."),
+        ("no-SM", r"decoder\.swap_mode\."),
+    ],
+)
+def test_a_switch_takes_its_part_away_and_nothing_else(tiny, name, removed):
+    full, without = (set(build(tiny[k]).state_dict()) for k in ("full", name))
+    gone = full - without
+    assert gone and not without - full
+    assert all(re.match(removed, key) for key in gone)
+    assert not any(re.match(removed, key) for key in without)
+    assert tiny[name].training != tiny["full"].training
+    assert tiny[name].tables["weights"] == tiny["full"].tables["weights"]
+
+
+def test_without_l_d_distances_cost_nothing(tiny):
+    model = build(tiny["no-L_D"])
+    assert build(tiny["full"]).config == model.config
+    x = torch.rand(1, 2, 20, 151)
+    totals = []
+    for name in ("full", "no-L_D"):
+        weights = LossWeights(**tiny[name].tables["weights"])
+        terms = tcdiffpp_losses(x, x, 0.5 * x, model.normalizer, weights=weights)
+        totals.append(terms["total"])
+    assert terms["dist"] > 0
+    torch.testing.assert_close(totals[0] - totals[1], 0.636 * terms["dist"])
+
+
+def test_long_sampling_is_no_training(tiny):
+    full, naive = tiny["full"], tiny["no-LGDS"]
+    assert full.training == naive.training and full.key != naive.key
+    assert (full.sample.long_sampling, naive.sample.long_sampling) == ("lgds", "naive")
+
+
+def test_edge_keeps_the_sizes_that_both_have(tiny):
+    edge, full = build(tiny["EDGE"]), build(tiny["full"])
+    assert isinstance(edge, EDGE) and isinstance(full, TCDiffPP)
+    for key in ("d_model", "num_heads", "num_layers", "ff_dim"):
+        assert getattr(edge.config, key) == getattr(full.config, key)
+    assert tiny["EDGE"].tables["train"] == tiny["full"].tables["train"]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", r"has no \[variants.NAME\]"),
+        ("[variants.a]\nmodel = {colour = 1}", "variant 'a': 'model' has no 'colour'"),
+        ("[variants.a]\nsample = {colour = 1}", "variant 'a': 'sample': colour=1 is no option"),
+        ("[variants.a]\ndata = {songs = 1}", "variant 'a' changes 'data', the same for all"),
+        ("[variants.a]\nheld_out = {songs = 1}", "variant 'a' changes 'held_out'"),
+        (
+            "[variants.a]\nsample = {long_sampling = 'short'}",
+            "long_sampling='short' is not one of 'lgds', 'naive'",
+        ),
+        ("[variants.a]\ntrain = {decay = 7}", "variant 'a': 'train': decay=7"),
+        ("[variants.a]\nmodel = {class = 'GPT'}", "'GPT' is not one of TCDiffPP, EDGE"),
+        ("[variants.a]\nmodel = 3", "'model' is no table"),
+        ("[variants]\na = 3", "variant 'a' is no table"),
+        ('[variants."a/b"]', "variant 'a/b' is no name"),
+        (f"[variants.{TRUTH}]", f"variant '{TRUTH}' is no name"),
+    ],
+)
+def test_config_mistakes_are_named(config, text, words):
+    with pytest.raises(ValueError, match=words):
+        read_ablation(config(text))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("[held_out]", "[held_out]\nfirst_seed = 0", "first_seed=0 leads to songs of the training"),
+        ("songs = 2\nseconds = 3.0", "songs = 2\nseconds = 9.0", "seconds=9 is longer than"),
+        ("reference = 3", "reference = 0", "reference=0 must be above 0"),
+        ("dancers = 2", "dancers = 6", r"dancers=6 must lie in 1 \.\.\. 5"),
+        ("songs = 2\nseconds = 3.0", "songs = 2\nseconds = 2", "seconds=2 must be at least 3"),
+        ("[data]", "[date]\n[data]", "there is no table 'date'"),
+    ],
+)
+def test_held_out_songs_are_held_out(config, old, new, words):
+    with pytest.raises(ValueError, match=words):
+        read_ablation(config("[variants.a]\n", BASE.replace(old, new)))
+
+
+def test_held_out_songs_may_come_before_those_of_training(config):
+    base = BASE.replace("[data]", "[data]\nfirst_seed = 2").replace("[held_out]", "{}")
+    assert read_ablation(config("[variants.a]\n", base.format("[held_out]\nfirst_seed = 0")))
+    with pytest.raises(ValueError, match="first_seed=1 leads to songs"):
+        read_ablation(config("[variants.a]\n", base.format("[held_out]\nfirst_seed = 1")))
+
+
+# ---- running it ----
+
+FOUR = """
+[variants.full]
+[variants.no-FP]
+model = { without = ["ssm", "fusion_projection"] }
+[variants.no-LGDS]
+sample = { long_sampling = "naive" }
+[variants.EDGE]
+model = { class = "EDGE" }
+"""
+
+
+def test_rows_dances_and_what_is_done_stays_done(config, tmp_path, monkeypatch):
+    out, judge, saved = tmp_path / "out", Judge(), []
+    keep = lambda model, folder: saved.append((type(model).__name__, folder.parent.name))  # noqa: E731
+    rows = run_ablation(config(FOUR), out, evaluate=judge, save=keep)
+    assert [row["variant"] for row in rows] == [TRUTH, "full", "no-FP", "no-LGDS", "EDGE"]
+    assert judge.asked == 5 and len({row["scores"]["x"]["value"] for row in rows}) == 5
+    assert sorted(kind for kind, _ in saved) == ["EDGE", "TCDiffPP", "TCDiffPP"]
+    assert len(list((out / "trainings").iterdir())) == 3  # no-LGDS shares that of full
+    assert json.loads((out / "results.json").read_text()) == rows
+    assert "| no-LGDS | " in (out / "results.md").read_text()
+    metas = {
+        name: Motion.load(next((out / "variants" / name).glob("*/dance_0.npz"))).meta
+        for name in ("full", "no-LGDS", "EDGE")
+    }
+    assert "pinning" in metas["full"] and metas["no-LGDS"]["long_sampling"] == "naive"
+    assert metas["EDGE"]["model"] == "edge"
+
+    def never(*_, **__):
+        raise AssertionError("trained again")
+
+    monkeypatch.setattr(ablation, "train_from_config", never)
+    assert run_ablation(config(FOUR), out, evaluate=judge) == rows and judge.asked == 5
+    monkeypatch.undo()
+
+    other = FOUR.replace('"ssm", ', '"ssm", "dancer_positioning", ')
+    before = dances(out, "full")
+    again = run_ablation(config(other), out, evaluate=judge)
+    assert judge.asked == 6 and again[2]["scores"] != rows[2]["scores"]
+    assert [again[i] for i in (0, 1, 3, 4)] == [rows[i] for i in (0, 1, 3, 4)]
+    assert torch.equal(dances(out, "full"), before)
+
+
+def test_the_table_is_there_before_the_last_training(config, tmp_path, monkeypatch):
+    """Hours before the end one can read what is done, and only that."""
+    out, rows = tmp_path / "out", run_ablation(config(FOUR), tmp_path / "whole", evaluate=Judge())
+    run_job, seen = ablation._run_job, []
+
+    def watched(job, *more):
+        if (out / "results.json").exists():
+            seen.append([row["variant"] for row in json.loads((out / "results.json").read_text())])
+        return run_job(job, *more)
+
+    monkeypatch.setattr(ablation, "_run_job", watched)
+    assert run_ablation(config(FOUR), out, evaluate=Judge()) == rows
+    assert seen == [[TRUTH, "full", "no-LGDS"], [TRUTH, "full", "no-FP", "no-LGDS"]]
+
+
+def test_a_killed_run_goes_on_from_its_checkpoint(config, tmp_path, monkeypatch):
+    path = config("[variants.full]\n")
+    whole = run_ablation(path, tmp_path / "whole", evaluate=Judge())
+    batch, steps = WindowSampler.batch, []
+
+    def killed(self, step):
+        if step == 3:
+            raise KeyboardInterrupt
+        return batch(self, step)
+
+    def watched(self, step):
+        steps.append(step)
+        return batch(self, step)
+
+    monkeypatch.setattr(WindowSampler, "batch", killed)
+    with pytest.raises(KeyboardInterrupt):
+        run_ablation(path, tmp_path / "parts", evaluate=Judge())
+    assert not (tmp_path / "parts" / "results.json").exists()
+    monkeypatch.setattr(WindowSampler, "batch", watched)
+    assert run_ablation(path, tmp_path / "parts", evaluate=Judge()) == whole
+    assert steps == [2, 3]  # the checkpoint was written after two steps
+    assert torch.equal(dances(tmp_path / "parts", "full"), dances(tmp_path / "whole", "full"))
+
+    first, second = sorted((tmp_path / "parts" / "variants" / "full").glob("*/dance_*.npz"))
+    second.unlink()  # as if it had been killed between two dances
+    before = first.stat().st_mtime_ns
+    run_ablation(path, tmp_path / "parts", evaluate=Judge())
+    assert first.stat().st_mtime_ns == before and steps == [2, 3]
+    assert torch.equal(dances(tmp_path / "parts", "full"), dances(tmp_path / "whole", "full"))
+
+
+def test_one_failure_does_not_stop_the_others(config, tmp_path):
+    variants = """
+[variants.wrong]
+model = { extensions = [] }
+sample = { order_constraint = true }
+[variants.swap]
+sample = { swap = [1, 0] }
+[variants.broken]
+train = { lr = 1e30, clip = 1e30, warmup = 0 }
+"""
+    rows = run_ablation(config(variants), tmp_path / "out", evaluate=Judge())
+    assert rows[1]["failed"].startswith("dancing: order_constraint=True needs")
+    assert "scores" in rows[2]
+    assert rows[3]["failed"].startswith("training: the gradient of step")
+    text = (tmp_path / "out" / "results.md").read_text()
+    assert "| wrong | failed |" in text and "- broken failed; training" in text
+
+
+def test_nothing_can_be_asked_of_dancers_who_do_not_see_each_other(config, tmp_path):
+    asked = '[variants.asked]\nmodel = { class = "EDGE" }\nsample = { swap = [1, 0] }\n'
+    with pytest.raises(ValueError, match=r"'asked': 'sample': swap=\[1, 0\] is not for"):
+        run_ablation(config(asked), tmp_path / "out", evaluate=Judge())
+    (variant,) = read_ablation(config(asked.replace("[1, 0]", "[]")))
+    assert "swap" not in variant.sample.names()
+
+
+def test_bad_devices_are_named_before_anything_is_done(config, tmp_path):
+    for devices, words in ((("cpu", "toaster"), "device='toaster'"), ((), "devices is empty")):
+        with pytest.raises(ValueError, match=words):
+            run_ablation(config(FOUR), tmp_path / "out", devices=devices, evaluate=Judge())
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.slow
+def test_side_by_side_is_the_same(config, tmp_path):
+    path = config(
+        '[variants.full]\n[variants.no-FP]\nmodel = { without = ["ssm", "fusion_projection"] }\n'
+    )
+    one = run_ablation(path, tmp_path / "one", evaluate=Judge())
+    two = run_ablation(path, tmp_path / "two", evaluate=Judge(), devices=("cpu", "cpu"))
+    assert [row["variant"] for row in one] == [row["variant"] for row in two]
+    for name in ("full", "no-FP"):
+        a, b = (dances(tmp_path / k, name) for k in ("one", "two"))
+        torch.testing.assert_close(a, b, atol=1e-4, rtol=0)
+
+
+def test_command_line(config, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(ablation, "metric_scores", Judge())
+    args = ["ablate", str(config("[variants.full]\n")), "--out", "out"]
+    assert cli.main(args) == 0
+    text = capsys.readouterr().out
+    assert "| full | " in text and "results.md" in text
+    training = json.loads((tmp_path / "out" / "results.json").read_text())[1]["training"]
+    assert (tmp_path / "out" / "trainings" / training / "model" / "model.safetensors").exists()
+    assert cli.main([*args, "--json"]) == 0
+    assert [row["variant"] for row in json.loads(capsys.readouterr().out)["rows"]] == [
+        TRUTH,
+        "full",
+    ]
+    assert cli.main([*args, "--devices", "toaster"]) == 2
+    assert "device='toaster'" in capsys.readouterr().err
+    assert cli.main(["ablate", "missing.toml"]) == 2
+    assert "'missing.toml' does not exist" in capsys.readouterr().err
+
+
+# ---- seeds ----
+
+
+def test_every_variant_is_trained_and_sampled_with_every_seed(config):
+    path = config("[variants.full]\n[variants.naive]\nsample = {long_sampling = 'naive'}\n")
+    path.write_text("seeds = [3, 5]\n" + path.read_text())
+    variants = read_ablation(path)
+    assert [v.name for v in variants] == [
+        f"{name}-seed-{seed}" for seed in (3, 5) for name in ("full", "naive")
+    ]
+    assert [v.tables["train"]["seed"] for v in variants] == [3, 3, 5, 5]
+    assert variants[0].training == variants[1].training != variants[2].training
+    assert variants[0].sample.seed != variants[2].sample.seed
+    assert {v.of for v in variants} == {"full", "naive"}
+
+
+@pytest.mark.parametrize("seeds", ["[]", "[1, 1]", "['a']", "3", "[0.5]"])
+def test_seeds_that_are_none_are_refused(config, seeds):
+    path = config("[variants.full]\n")
+    path.write_text(f"seeds = {seeds}\n" + path.read_text())
+    with pytest.raises(ValueError, match="seeds="):
+        read_ablation(path)
+
+
+def test_the_table_has_one_row_for_all_seeds(config, tmp_path):
+    path = config("[variants.full]\n")
+    path.write_text("seeds = [0, 1]\n" + path.read_text())
+    rows = run_ablation(path, tmp_path / "out", evaluate=Judge())
+    values = [row["scores"]["x"]["value"] for row in rows[1:]]
+    assert len(values) == 2 and values[0] != values[1]
+    lines = (tmp_path / "out" / "results.md").read_text().splitlines()
+    mean, low, high = (f"{v:.3g}" for v in (sum(values) / 2, min(values), max(values)))
+    assert lines[3] == f"| full | {mean} [{low}, {high}] |" and len(lines) == 4
+
+
+def test_a_seed_that_failed_is_left_out():
+    good = {"variant": "a-1", "of": "a", "scores": {"x": {"value": 2.0}}}
+    bad = {"variant": "a-0", "of": "a", "failed": "training: no luck"}
+    assert mean_of_seeds([bad, good])[0]["scores"]["x"]["value"] == 2.0
+    assert mean_of_seeds([bad])[0]["failed"] == "training: no luck"
