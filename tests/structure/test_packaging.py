@@ -8,7 +8,16 @@ import yaml
 import dancediff
 from places import ROOT
 
-PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+SETTINGS = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+PROJECT = SETTINGS["project"]
+
+
+def test_wheel_holds_every_file_that_is_no_code():
+    source = ROOT / "src" / "dancediff"
+    globs = SETTINGS["tool"]["setuptools"]["package-data"]["dancediff"]
+    packed = {path for glob in globs for path in source.glob(glob)}
+    files = {p for p in source.rglob("*") if p.is_file() and p.suffix not in (".py", ".pyc")}
+    assert files - packed == set()
 
 
 def test_conda_route_installs_the_same_resolve():

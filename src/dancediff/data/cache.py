@@ -40,7 +40,7 @@ def code_digest(packages: tuple[str, ...] = _PACKAGES) -> str:
     root = Path(__file__).parents[1]
     digest = hashlib.sha256()
     for package in packages:
-        for path in sorted((root / package).rglob("*.py")):
+        for path in sorted(p for end in ("py", "toml") for p in (root / package).rglob(f"*.{end}")):
             digest.update(path.relative_to(root).as_posix().encode())
             digest.update(path.read_bytes())
     return digest.hexdigest()[:16]

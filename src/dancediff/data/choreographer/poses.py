@@ -1,75 +1,24 @@
 r"""Arm poses, shared by all genres: directions of upper arm and forearm, and the bend of the wrist.
 
-Directions are for the LEFT arm in the chest's frame: x outwards, y up, z to the front; the right
-arm takes their mirror image. The elbow is a hinge: the plane of both directions sets how the upper
-arm is rotated about itself, as in a real arm.
+They are listed in ``poses.toml``. Directions are for the LEFT arm in the chest's frame: x outwards,
+y up, z to the front; the right arm takes their mirror image. The elbow is a hinge: the plane of
+both directions sets how the upper arm is rotated about itself, as in a real arm.
 
 Symbols (axes: 4 joints = collar, shoulder, elbow, wrist)
     u, v  direction of upper arm and forearm       (3,)
     q     joint rotations as quaternions w, x, y, z (4, 4)
 """
 
+import tomllib
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 
 from dancediff.data.choreographer.quaternion import from_matrix
 from dancediff.motion.skeleton import SMPL24
 
-# name: (upper arm, forearm, wrist flexion in degrees)
-ARM_POSES = {
-    # at rest and low
-    "down": ((0.24, -1.0, -0.04), (0.12, -1.0, 0.32), 8),
-    "low": ((0.42, -0.90, 0.02), (0.30, -0.84, 0.45), 8),
-    "bent": ((0.27, -1.0, -0.18), (0.06, 0.10, 1.0), 0),
-    "back": ((0.34, -0.88, -0.48), (0.26, -0.92, -0.08), 0),
-    "pump": ((0.30, -0.84, -0.46), (0.02, -0.05, 1.0), 0),
-    "drop": ((0.30, -0.92, 0.24), (0.10, -1.0, 0.42), 15),
-    "hip": ((0.72, -0.68, -0.30), (-0.58, -0.66, 0.42), 10),
-    "belt": ((0.62, -0.78, 0.05), (-0.50, -0.45, 0.70), 10),
-    "cross-low": ((0.20, -0.80, 0.55), (-0.50, -0.62, 0.62), 0),
-    "pocket": ((0.40, -0.90, -0.25), (0.12, -0.90, 0.45), 0),
-    "lock": ((0.62, -0.64, 0.44), (-0.12, -0.74, 0.66), 25),
-    "knee": ((0.35, -0.75, 0.55), (0.05, -0.90, 0.45), 0),
-    # sides
-    "out": ((1.0, -0.12, 0.12), (0.94, 0.0, 0.40), 0),
-    "side-low": ((0.80, -0.58, 0.05), (0.80, -0.45, 0.36), 0),
-    "second": ((0.96, -0.16, 0.24), (0.80, -0.22, 0.58), -10),
-    "goal": ((1.0, -0.04, 0.10), (0.20, 1.0, 0.20), 0),
-    "goal-down": ((1.0, 0.05, 0.05), (0.15, -1.0, 0.22), 0),
-    "tut-up": ((1.0, 0.0, 0.06), (0.0, 1.0, 0.06), -60),
-    "tut-in": ((1.0, -0.02, 0.12), (-0.82, 0.0, 0.58), 0),
-    "tut-front": ((1.0, -0.02, 0.10), (0.05, -0.02, 1.0), 0),
-    "wave-up": ((0.92, 0.36, 0.12), (0.88, -0.36, 0.32), 25),
-    "wave-down": ((0.92, -0.36, 0.12), (0.86, 0.36, 0.30), -25),
-    "lotus": ((0.92, 0.05, 0.34), (0.22, 0.90, 0.42), -45),
-    "wing": ((0.90, -0.30, -0.32), (0.92, -0.05, -0.05), -15),
-    # high
-    "high": ((0.75, 0.60, 0.15), (0.52, 0.84, 0.28), 0),
-    "up": ((0.38, 0.95, 0.10), (0.02, 1.0, 0.14), 0),
-    "raise": ((0.85, 0.42, 0.20), (0.16, 1.0, 0.16), -20),
-    "crown": ((0.62, 0.76, 0.16), (-0.52, 0.82, 0.22), 10),
-    "temple": ((0.60, 0.80, 0.16), (-0.78, 0.66, 0.14), 0),
-    "brow": ((0.85, 0.42, 0.32), (-0.62, 0.70, 0.36), 0),
-    "nape": ((0.86, 0.48, 0.02), (-0.62, 0.50, -0.50), 0),
-    "whip": ((0.74, 0.66, 0.12), (-0.12, -0.30, -0.92), 0),
-    "fan": ((0.85, 0.30, 0.42), (0.50, 0.80, 0.35), -30),
-    # front
-    "front": ((0.28, -0.25, 0.95), (-0.04, 0.06, 1.0), 0),
-    "reach": ((0.30, 0.18, 0.95), (0.10, 0.34, 0.95), 0),
-    "first": ((0.50, -0.70, 0.50), (-0.48, -0.25, 0.82), 10),
-    "fold": ((0.45, -0.60, 0.66), (-0.92, 0.12, 0.38), 0),
-    "chest": ((0.95, -0.20, 0.24), (-0.78, 0.0, 0.62), 0),
-    "heart": ((0.62, -0.62, 0.44), (-0.78, 0.32, 0.55), 10),
-    "cross": ((0.32, -0.38, 0.86), (-0.82, 0.34, 0.34), 0),
-    "pray": ((0.56, -0.72, 0.40), (-0.86, 0.36, 0.52), -20),
-    "chin": ((0.62, -0.58, 0.52), (-0.50, 0.74, 0.48), 20),
-    "frame": ((0.55, -0.76, 0.32), (-0.16, 0.20, 0.96), 0),
-    "across": ((0.10, -0.14, 0.98), (-0.62, 0.04, 0.80), 0),
-    "scoop": ((0.45, -0.60, 0.62), (0.15, 0.15, 1.0), -25),
-    "face": ((0.72, 0.12, 0.64), (-0.58, 0.66, 0.50), -20),
-}
-
+ARM_POSES = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
 _PARTS = {+1: (13, 16, 18, 20), -1: (14, 17, 19, 21)}  # collar, shoulder, elbow, wrist
 _OFFSETS = SMPL24.offsets.numpy().astype(np.float64)
 

@@ -1,25 +1,31 @@
-"""The ten genres of the choreographer; one module writes down one genre."""
+"""The ten genres of the choreographer, each written down in a file of its name in this folder.
+
+A file holds the fields of `dancediff.data.choreographer.moves.Genre`; its tempo is in
+`dancediff.genre`.
+"""
+
+import tomllib
+from pathlib import Path
 
 import numpy as np
 
-from dancediff.data.choreographer.genres.bollywood import BOLLYWOOD
-from dancediff.data.choreographer.genres.contemporary import CONTEMPORARY
-from dancediff.data.choreographer.genres.hiphop import HIPHOP
-from dancediff.data.choreographer.genres.house import HOUSE
-from dancediff.data.choreographer.genres.jazz import JAZZ
-from dancediff.data.choreographer.genres.kpop import KPOP
-from dancediff.data.choreographer.genres.locking import LOCKING
-from dancediff.data.choreographer.genres.popping import POPPING
-from dancediff.data.choreographer.genres.salsa import SALSA
-from dancediff.data.choreographer.genres.waacking import WAACKING
-from dancediff.data.choreographer.moves import Genre
+from dancediff.data.choreographer.moves import Genre, Groove, Move, Style
+from dancediff.genre import TEMPOS
 
-GENRES: dict[str, Genre] = {
-    genre.name: genre
-    for genre in (
-        HIPHOP, POPPING, LOCKING, HOUSE, WAACKING, JAZZ, SALSA, CONTEMPORARY, BOLLYWOOD, KPOP,
-    )
-}  # fmt: skip
+
+def read_genre(name: str) -> Genre:
+    """The genre of a file.
+
+    >>> read_genre("salsa").moves[0].name
+    'basic'
+    """
+    told = tomllib.loads((Path(__file__).parent / f"{name}.toml").read_text(encoding="utf-8"))
+    moves, travel = (tuple(Move(**move) for move in told[key]) for key in ("moves", "travel"))
+    groove, style, rest = Groove(**told["groove"]), Style(**told["style"]), Move(**told["rest"])
+    return Genre(name, TEMPOS[name], told["energy"], groove, style, moves, travel, rest)
+
+
+GENRES = {name: read_genre(name) for name in TEMPOS}
 
 
 def draw_genre(name: str | None, tempo: float, rng: np.random.Generator) -> Genre:
