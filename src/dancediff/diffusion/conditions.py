@@ -26,7 +26,7 @@ class Conditions:
     music: Tensor
     swap: Tensor | None = None
     style: Tensor | None = None
-    music_mask: Tensor | None = None
+    music_mask: Tensor = None  # type: ignore[assignment] # None becomes all True
 
     def __post_init__(self):
         """Without a mask all rows have music."""
@@ -45,8 +45,8 @@ class Conditions:
         given = {name: value for name, value in vars(self).items() if value is not None}
         return replace(self, **{name: torch.cat([v] * copies) for name, v in given.items()})
 
-    def with_mask(self, music_mask: Tensor | None) -> "Conditions":
-        """The same conditions under another mask (b,); None: all rows have music."""
+    def with_mask(self, music_mask: Tensor) -> "Conditions":
+        """The same conditions under another mask (b,)."""
         return replace(self, music_mask=music_mask)
 
 

@@ -4,7 +4,7 @@ Without extensions it is the paper's model. ``model.extensions`` says which it h
 and training configs store the same list.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from torch import nn
 
@@ -15,7 +15,11 @@ from dancediff.papers.edge.model import EDGE
 from dancediff.papers.lodge.model import Lodge
 from dancediff.papers.tcdiffpp.model import TCDiffPP
 
-EXTENDED = {EDGE: ExtendedEDGE, TCDiffPP: ExtendedTCDiffPP, Lodge: extended_lodge}
+EXTENDED: dict[type[nn.Module], Callable[..., nn.Module]] = {
+    EDGE: ExtendedEDGE,
+    TCDiffPP: ExtendedTCDiffPP,
+    Lodge: extended_lodge,
+}
 FAMILIES = {EDGE: "edge", TCDiffPP: "tcdiffpp", Lodge: "lodge"}
 EXTENSIONS = {  # names by class
     model_class: tuple(e.name for e in REGISTRY.values() if e.kind == "network" and f in e.models)
@@ -35,7 +39,7 @@ def build(model_class: type[nn.Module], config, extensions: Sequence[str] = ()) 
     """
     check_extensions(model_class, config, extensions)
     model = EXTENDED[model_class](config, extensions) if extensions else model_class(config)
-    model.extensions = tuple(extensions)
+    model.extensions = tuple(extensions)  # type: ignore[assignment] # torch expects modules only
     return model
 
 

@@ -16,8 +16,9 @@ from collections.abc import Iterable
 import torch
 from torch import Tensor
 
+from dancediff.extensions.group_modes import GroupModes
 from dancediff.extensions.parts import Part, Pass
-from dancediff.extensions.preconditioning import SMALLEST, GroupModes, dct_matrix
+from dancediff.extensions.preconditioning import SMALLEST, dct_matrix
 from dancediff.lookup import table
 from dancediff.motion.representation import TCDIFFPP
 
@@ -43,6 +44,11 @@ class FormationPrior(Part):
     [[-1.0, 1.0], [1.0, -1.0]]
     """
 
+    place: Tensor
+    progress: Tensor
+    basis: Tensor
+    spread: Tensor
+
     def __init__(self, max_dancers: int, num_frames: int, *, use_swap: bool = True):
         """Until it is fitted everybody stands in the middle and all vary alike.
 
@@ -63,10 +69,13 @@ class FormationPrior(Part):
         Every element of the list holds windows of one group size. Sizes that do not occur stay as
         they are.
         """
-        groups: dict[int, list] = {}
+        groups: dict[int, list[tuple[Tensor, Tensor]]] = {}
         for paths, S in windows:
             groups.setdefault(paths.shape[1], []).append((paths, S))
-        joined = {n: tuple(map(torch.cat, zip(*parts, strict=True))) for n, parts in groups.items()}
+        joined = {
+            n: (torch.cat([paths for paths, _ in parts]), torch.cat([S for _, S in parts]))
+            for n, parts in groups.items()
+        }
         for n, (paths, _) in joined.items():
             self.place[n - 1, :n] = _unmoved_by_a_mirror(paths[:, :, 0].mean(0))
         self._fit_progress(joined)
@@ -81,7 +90,7 @@ class FormationPrior(Part):
 
     def _fit_progress(self, joined: dict[int, tuple[Tensor, Tensor]]) -> None:
         """Least squares over all who move to another place, frame by frame."""
-        along, length = 0.0, 0.0
+        along, length = torch.zeros(()), torch.zeros(())
         for n, (paths, S) in joined.items():
             place = self.place[n - 1, :n, 0]
             way = place[S.argsort(1)] - place
@@ -119,6 +128,7 @@ class FormationPrior(Part):
     def prepare(self, run: Pass) -> None:
         """Tell preconditioning how this group varies."""
         S = run.conditions.swap
+        assert S is not None  # the decoder has checked
         S = S if self.use_swap else torch.arange(S.shape[1], device=S.device).expand_as(S)
         run.group = self(S, run.x_t.shape[2])
 

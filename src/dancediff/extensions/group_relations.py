@@ -79,7 +79,7 @@ class Group:
     x: Tensor
     slots: np.ndarray
     relation: str = "unison"
-    delay: Sequence[int] | None = None
+    delay: Sequence[int] = ()  # only of a canon
 
     def __post_init__(self):
         if self.relation not in RELATIONS:

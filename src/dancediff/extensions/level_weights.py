@@ -11,9 +11,10 @@ Source: EDM section 5 (there $1 / c_\text{out}^2$, which is p = 1).
 """
 
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
 from dancediff.extensions.preconditioning import preconditioning_of
+from dancediff.nn.dance_network import DanceNetwork
 
 
 def level_weights(error: Tensor, power: float) -> Tensor:
@@ -25,7 +26,7 @@ def level_weights(error: Tensor, power: float) -> Tensor:
     return (error.mean() / error) ** power
 
 
-def weights_of(model: nn.Module, power: float) -> Tensor | None:
+def weights_of(model: DanceNetwork, power: float) -> Tensor | None:
     """The weights for a model, (T,); None for ``power=0``.
 
     Raises: ValueError for a model without preconditioning, which makes no linear guess.

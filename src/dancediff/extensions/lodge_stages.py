@@ -19,11 +19,8 @@ from collections.abc import Sequence
 from torch import Tensor
 
 from dancediff.diffusion.conditions import Conditions
-from dancediff.extensions.beat_phase import BeatPhase
-from dancediff.extensions.networks import Extended
-from dancediff.extensions.non_local_filter import NonLocalFilter
-from dancediff.extensions.parts import Part, Parts, Pass
-from dancediff.extensions.preconditioning import LinearStart
+from dancediff.extensions.networks import Extended, parts_of
+from dancediff.extensions.parts import Pass
 from dancediff.papers.lodge.global_diffusion import GlobalDenoiser
 from dancediff.papers.lodge.local_diffusion import LocalConfig, LocalDenoiser
 from dancediff.papers.lodge.model import Lodge, LodgeConfig
@@ -46,10 +43,8 @@ class ExtendedGlobalDenoiser(Extended, GlobalDenoiser):
         c = config.global_stage
         super().__init__(c)
         self.style_film = "style_film" in extensions
-        self.parts = Parts()
-        if "preconditioning" in extensions:
-            start = LinearStart(c.d_model, c.motion_dim, c.num_frames // c.clips)
-            self.parts["preconditioning"] = start
+        own = [name for name in extensions if name == "preconditioning"]
+        self.parts = parts_of(c, own, c.num_frames // c.clips)
         if "global_style" in extensions:
             genres, noise = config.local_stage.genres, config.local_stage.style_noise
             self.style = StyleToken(c.d_model, len(genres), noise)
@@ -65,6 +60,7 @@ class ExtendedGlobalDenoiser(Extended, GlobalDenoiser):
         music, steps, cond = decoder.condition(t, conditions)
         memory = [music, steps]
         if self.style is not None:
+            assert conditions.style is not None  # `check` has looked
             style = conditions.style.float()
             memory.append(style[:, None])
             cond = cond + style if self.style_film else cond
@@ -86,14 +82,7 @@ class ExtendedLocalDenoiser(Extended, LocalDenoiser):
 
     def __init__(self, config: LocalConfig, extensions: Sequence[str]):
         super().__init__(config)
-        c = config
-        make = {
-            "preconditioning": lambda: LinearStart(c.d_model, c.motion_dim, c.num_frames),
-            "beat_phase": lambda: BeatPhase(c.d_model),
-            "non_local_filter": lambda: NonLocalFilter(c.d_model, c.motion_dim),
-        }
-        parts: dict[str, Part] = {name: make[name]() for name in make if name in extensions}
-        self.parts = Parts(parts)
+        self.parts = parts_of(config, extensions)
         self.style_film = "style_film" in extensions
 
     def forward(self, x_t: Tensor, t: Tensor, conditions: Conditions) -> tuple[Tensor, Tensor]:
@@ -101,6 +90,7 @@ class ExtendedLocalDenoiser(Extended, LocalDenoiser):
         self.check(x_t, t, conditions)
         decoder, parts, run = self.decoder, self.parts, self.prepare(x_t, t, conditions)
         music, steps, cond = decoder.condition(t, conditions)
+        assert conditions.style is not None  # `check` has looked
         style = conditions.style.float()
         cond = cond + style if self.style_film else cond
         h = parts.tokens(parts.embed(decoder.embed(x_t), run), run)

@@ -4,9 +4,10 @@ Read first: `dancediff.papers.tcdiffpp.model` and `dancediff.papers.edge.model`,
 papers have them · `dancediff.extensions.parts`.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Any
 
-from torch import Tensor, nn
+from torch import Tensor
 
 from dancediff.diffusion.conditions import Conditions
 from dancediff.extensions.aligned_attention import align_attention
@@ -18,13 +19,16 @@ from dancediff.extensions.parts import Part, Parts, Pass
 from dancediff.extensions.preconditioning import LinearStart, preconditioning_of
 from dancediff.extensions.residuals import FootworkResidual, FusionResidual
 from dancediff.extensions.ssd import SSDBlock
+from dancediff.nn.dance_network import DanceNetwork
 from dancediff.papers.edge.model import EDGE, EDGEConfig
 from dancediff.papers.tcdiffpp.footwork_adaptor import FootworkAdaptor, ground_velocity
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 
 
-class Extended(nn.Module):
+class Extended(DanceNetwork):
     """What extended models share: they begin a pass, and can stop after the linear guess."""
+
+    parts: Parts
 
     def prepare(self, x_t: Tensor, t: Tensor, conditions: Conditions) -> Pass:
         """Begin a pass through the network."""
@@ -34,7 +38,9 @@ class Extended(nn.Module):
     @property
     def spread(self) -> Tensor:
         """Of each frequency in the training set (k, d), with preconditioning."""
-        return preconditioning_of(self).spread
+        known = preconditioning_of(self)
+        assert known is not None
+        return known.spread
 
     def linear_guess(self, x_t: Tensor, t: Tensor, conditions: Conditions) -> Tensor:
         """What preconditioning guesses without the network, like x_t."""
@@ -55,18 +61,20 @@ class ExtendedTCDiffPP(Extended, TCDiffPP):
     def __init__(self, config: TCDiffPPConfig, extensions: Sequence[str]):
         super().__init__(config)
         c, decoder = config, self.decoder
-        self.parts = parts_of(self, extensions)
+        self.parts = parts_of(c, extensions)
+        if "aligned_attention" in extensions:
+            align_attention(self)
         if "ssd" in extensions and "ssm" not in c.without:
             for layer in decoder.sequence_decoder.layers:
                 layer.ssm = SSDBlock(c.d_model)
         if "fusion_residual" in extensions and "fusion_projection" not in c.without:
             decoder.fusion_projection = FusionResidual(decoder.fusion_projection)
-        if "footwork_adaptor" not in c.without:
+        adaptor = self.footwork_adaptor
+        if isinstance(adaptor, FootworkAdaptor):  # else the config leaves it out
             if "foot_cues" in extensions:
                 adaptor = FootworkAdaptor(c.footwork_hidden, d_cond=2 + NUM_MOVING)
-                self.footwork_adaptor = adaptor
-            if "footwork_residual" in extensions:
-                self.footwork_adaptor = FootworkResidual(self.footwork_adaptor)
+            residual = "footwork_residual" in extensions
+            self.footwork_adaptor = FootworkResidual(adaptor) if residual else adaptor
 
     def forward(self, x_t: Tensor, t: Tensor, conditions: Conditions) -> tuple[Tensor, Tensor]:
         """Guess the clean dance, without and with the Footwork Adaptor."""
@@ -93,7 +101,9 @@ class ExtendedEDGE(Extended, EDGE):
 
     def __init__(self, config: EDGEConfig, extensions: Sequence[str]):
         super().__init__(config)
-        self.parts = parts_of(self, extensions)
+        self.parts = parts_of(config, extensions)
+        if "aligned_attention" in extensions:
+            align_attention(self)
 
     def guess(self, x_t: Tensor, t: Tensor, conditions: Conditions) -> Tensor:
         """Guess the clean motion of single dancers, (b, f, d)."""
@@ -107,19 +117,19 @@ class ExtendedEDGE(Extended, EDGE):
         return super().linear_guess(*self.alone(x_t, t, conditions)).reshape(x_t.shape)
 
 
-def parts_of(model: TCDiffPP | EDGE, extensions: Sequence[str]) -> Parts:
-    """The parts among the extensions, in the order in which they take their turns."""
-    c = model.config
-    make = {
+def parts_of(c: Any, extensions: Sequence[str], num_frames: int | None = None) -> Parts:
+    """The parts among the extensions of a config, in the order in which they take their turns.
+
+    ``num_frames``: that follow one another in what the network makes; default: the config's.
+    """
+    f = num_frames or c.num_frames
+    make: dict[str, Callable[[], Part]] = {
         "formation_prior": lambda: FormationPrior(
-            c.max_dancers, c.num_frames, use_swap="swap_mode" not in c.without
+            c.max_dancers, f, use_swap="swap_mode" not in c.without
         ),
-        "preconditioning": lambda: LinearStart(c.d_model, c.motion_dim, c.num_frames),
+        "preconditioning": lambda: LinearStart(c.d_model, c.motion_dim, f),
         "foot_cues": lambda: FootCues(c.d_model),
         "beat_phase": lambda: BeatPhase(c.d_model),
         "non_local_filter": lambda: NonLocalFilter(c.d_model, c.motion_dim),
     }
-    parts: dict[str, Part] = {name: make[name]() for name in make if name in extensions}
-    if "aligned_attention" in extensions:
-        align_attention(model)
-    return Parts(parts)
+    return Parts({name: make[name]() for name in make if name in extensions})

@@ -66,6 +66,9 @@ class NonLocalFilter(Part):
     0.0
     """
 
+    parts: Tensor
+    frequencies: Tensor
+
     def __init__(self, d_model: int, motion_dim: int):
         """Heads start with short and long reaches and take no part."""
         super().__init__()

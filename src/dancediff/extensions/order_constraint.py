@@ -61,7 +61,7 @@ class OrderConstraint:
     """
 
     normalizer: Normalizer
-    S: Tensor | None = None
+    S: Tensor = None  # type: ignore[assignment] # that of a segment, see `for_segment`
 
     def for_segment(self, segment: Segment) -> "OrderConstraint | None":
         """With the S of a segment; None where no order was asked for."""

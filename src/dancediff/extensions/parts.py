@@ -10,12 +10,14 @@ Symbols (axes: b batch · n dancers, where there is a group · f frames · d mot
     x   motion, normalised      (b, n, f, d) or (b, f, d)
 """
 
+from collections.abc import ValuesView
 from dataclasses import dataclass
 
 import torch
 from torch import Tensor, nn
 
 from dancediff.diffusion.conditions import Conditions
+from dancediff.extensions.group_modes import GroupModes
 from dancediff.motion.representation import Normalizer
 
 
@@ -27,8 +29,8 @@ class Pass:
     abar: Tensor  # (b,)
     conditions: Conditions
     normalizer: Normalizer
-    group: object = None  # a `dancediff.extensions.preconditioning.GroupModes`
-    guess: Tensor | None = None  # the linear guess, like x_t
+    group: GroupModes | None = None
+    guess: Tensor = None  # type: ignore[assignment] # the linear guess, like x_t; `LinearStart`
 
 
 class Part(nn.Module):
@@ -60,6 +62,10 @@ class Part(nn.Module):
 
 class Parts(nn.ModuleDict):
     """Named parts; each step is that of all parts, one after the other."""
+
+    def values(self) -> ValuesView[Part]:
+        """The parts; torch knows them as modules only."""
+        return super().values()  # type: ignore[return-value]
 
     def prepare(self, run: Pass) -> Pass:
         """See `Part.prepare`."""

@@ -19,12 +19,12 @@ discrete cosine transform over the frames, which needs no periodic motion.
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
 from itertools import repeat
 
 import torch
 from torch import Tensor, nn
 
+from dancediff.extensions.group_modes import GroupModes
 from dancediff.extensions.parts import Part, Pass
 from dancediff.lookup import table
 
@@ -70,51 +70,6 @@ def linear_coefficients(abar: Tensor, spread: Tensor) -> tuple[Tensor, Tensor]:
     return abar.sqrt() * spread**2 / v, spread * ((1 - abar) / v).sqrt()
 
 
-@dataclass
-class GroupModes:
-    r"""How dancers vary together: another basis for some features, one for each frequency.
-
-    $$\tilde c_{m} = \sum_n U_{nm}\, c_n$$
-
-    with the symbols of `dancediff.extensions.formation_prior`, which makes them:
-    ``features`` c of them, ``mean`` (b, n, f, c), ``basis`` U (b, k, c, n, n) orthonormal, and
-    ``spread`` of the modes (b, n, k, c).
-    """
-
-    features: slice
-    mean: Tensor
-    basis: Tensor
-    spread: Tensor
-
-    def turn(self, coefficients: Tensor) -> Tensor:
-        """From dancers to modes, (b, n, k, d)."""
-        return self._changed(coefficients, "bkcnm,bnkc->bmkc")
-
-    def turn_back(self, coefficients: Tensor) -> Tensor:
-        """From modes to dancers, (b, n, k, d)."""
-        return self._changed(coefficients, "bkcnm,bmkc->bnkc")
-
-    def _changed(self, coefficients: Tensor, how: str) -> Tensor:
-        changed = coefficients.clone()
-        changed[..., self.features] = torch.einsum(
-            how, self.basis.to(coefficients), coefficients[..., self.features]
-        )
-        return changed
-
-    def placed(self, mean: Tensor) -> Tensor:
-        """A mean (d,) for all, with what is expected of each: (b, n, f, d)."""
-        placed = mean.expand(*self.mean.shape[:3], -1).clone()
-        placed[..., self.features] += self.mean
-        return placed
-
-    def spreads(self, spread: Tensor) -> Tensor:
-        """Those of all features (k, d), with those of the modes: (b, n, k, d)."""
-        b, n = self.mean.shape[:2]
-        spreads = spread.expand(b, n, -1, -1).clone()
-        spreads[..., self.features] = self.spread
-        return spreads
-
-
 class Preconditioning(nn.Module):
     r"""From the network's output to a guess of x_0, one frequency at a time.
 
@@ -134,6 +89,9 @@ class Preconditioning(nn.Module):
     True
     """
 
+    mean: Tensor
+    spread: Tensor
+
     def __init__(self, num_frames: int, dim: int):
         super().__init__()
         self.register_buffer("mean", torch.zeros(dim))
@@ -145,7 +103,7 @@ class Preconditioning(nn.Module):
 
         ``weights``: how much a window of each piece counts; by default all count the same.
         """
-        mean, power, count = 0.0, 0.0, 0.0
+        mean, power, count = torch.zeros(()), torch.zeros(()), 0.0
         for x, weight in zip(windows, weights or repeat(1.0), strict=weights is not None):
             C = table(dct_matrix, x.shape[1], like=x)
             mean = mean + weight * x.double().mean(1).sum(0)

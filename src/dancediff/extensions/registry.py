@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 KINDS = ("network", "training", "hook", "guidance", "sampling")
 # modules that several extensions use
-SHARED = ("build", "constraint", "networks", "parts", "projection", "registry")
+SHARED = ("build", "constraint", "group_modes", "networks", "parts", "projection", "registry")
 
 
 @dataclass(frozen=True)

@@ -73,6 +73,8 @@ class Attention(nn.Module):
     torch.Size([3, 10, 16])
     """
 
+    frequencies: Tensor
+
     def __init__(self, d_model: int, num_heads: int):
         """Learned: query, key with value, and out, each with a bias."""
         super().__init__()

@@ -103,13 +103,14 @@ class TimestepEncoder(nn.Module):
     def __init__(self, d_model: int):
         """A hidden layer four times as wide, then two heads."""
         super().__init__()
+        self.d_model = d_model
         self.hidden = nn.Sequential(BatchInvariantLinear(d_model, 4 * d_model), nn.Mish())
         self.to_vector = BatchInvariantLinear(4 * d_model, d_model)
         self.to_tokens = BatchInvariantLinear(4 * d_model, 2 * d_model)
 
     def forward(self, t: Tensor) -> tuple[Tensor, Tensor]:
         """Both forms of the step."""
-        hidden = self.hidden(sinusoid(t, self.hidden[0].in_features))
+        hidden = self.hidden(sinusoid(t, self.d_model))
         return self.to_vector(hidden), self.to_tokens(hidden).unflatten(-1, (2, -1))
 
 
@@ -227,8 +228,9 @@ class MusicConditioning(nn.Module):
         if pool < 1 or music_frames % pool:
             raise ValueError(f"pool={pool} must divide music_frames={music_frames}")
         self.timestep = TimestepEncoder(d_model)
-        blocks = {"num_heads": num_heads, "ff_dim": ff_dim, "dropout": dropout}
-        self.music = MusicEncoder(music_dim, d_model, pool=pool, **blocks)
+        self.music = MusicEncoder(
+            music_dim, d_model, num_heads=num_heads, ff_dim=ff_dim, pool=pool, dropout=dropout
+        )
         self.pooled_music = nn.Sequential(
             nn.LayerNorm(d_model),
             BatchInvariantLinear(d_model, d_model),

@@ -10,6 +10,7 @@ Symbols (axes: b batch · l motion tokens · k memory tokens · d channels)
 """
 
 from collections.abc import Callable, Iterable
+from typing import Any
 
 import torch
 from torch import Tensor, nn
@@ -84,6 +85,8 @@ class DanceDecoder(MusicConditioning):
     torch.Size([2, 8, 139])
     """
 
+    token_frames: Tensor
+
     def __init__(
         self,
         d_model: int,
@@ -98,7 +101,7 @@ class DanceDecoder(MusicConditioning):
         dropout: float = 0.0,
     ):
         """Learned: the conditions' encoders, maps into and out of the model, the layers."""
-        blocks = {"num_heads": num_heads, "ff_dim": ff_dim, "dropout": dropout}
+        blocks: dict[str, Any] = {"num_heads": num_heads, "ff_dim": ff_dim, "dropout": dropout}
         super().__init__(
             d_model, music_dim=music_dim, music_frames=music_frames, pool=pool, **blocks
         )
@@ -117,11 +120,11 @@ class DanceDecoder(MusicConditioning):
         h = h.float()  # the residual stream stays in float32 under autocast
         # Only music belongs to a frame. Frame 0 means "not turned" to the other tokens.
         num_music = memory[0].shape[1]
-        memory = self.norm_memory(torch.cat(memory, dim=1))
-        memory_frames = self.token_frames.new_zeros(memory.shape[1])
+        tokens = self.norm_memory(torch.cat(memory, dim=1))
+        memory_frames = self.token_frames.new_zeros(tokens.shape[1])
         memory_frames[:num_music] = self.token_frames[:num_music]
         for layer in self.layers:
-            h = layer(h, memory, cond, frames, memory_frames)
+            h = layer(h, tokens, cond, frames, memory_frames)
         return h
 
     def read(self, h: Tensor) -> Tensor:

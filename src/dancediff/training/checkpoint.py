@@ -6,6 +6,7 @@ import threading
 import warnings
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import TypeVar
 
 import torch
 from safetensors import SafetensorError, safe_open
@@ -16,6 +17,7 @@ from dancediff.training.config import TrainConfig
 from dancediff.training.ema import EMA
 
 NAME = "checkpoint.safetensors"
+Network = TypeVar("Network", bound=nn.Module)
 _ERRORS = (SafetensorError, OSError, AttributeError, RuntimeError, KeyError, ValueError, TypeError)
 _MAY_CHANGE = {"steps", "save_every", "evaluate_every", "evaluate_batches", "preview_every"}
 
@@ -146,7 +148,7 @@ def save_average(path, model: nn.Module, facts: dict) -> None:
     _write(path, _named("ema", model.state_dict()), facts)
 
 
-def load_average(path, model: nn.Module) -> nn.Module:
+def load_average(path, model: Network) -> Network:
     """Put a checkpoint's averaged weights into a model; returns it.
 
     Raises: ValueError naming the file when it is no checkpoint of this model.

@@ -13,12 +13,11 @@ A group is n dancers who do not know of each other: that makes it the baseline o
 from dataclasses import dataclass
 
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
 from dancediff.diffusion.conditions import Conditions
-from dancediff.diffusion.schedule import cosine_abar
-from dancediff.motion.representation import TCDIFFPP, Normalizer
-from dancediff.music.features import MusicNormalizer
+from dancediff.motion.representation import TCDIFFPP
+from dancediff.nn.dance_network import DanceNetwork
 from dancediff.nn.decoder import DanceDecoder
 
 SPACING = 1.2  # metres between the start slots, about as in the training data
@@ -53,7 +52,7 @@ class EDGEConfig:
         return cls(**sizes | changes)
 
 
-class EDGE(nn.Module):
+class EDGE(DanceNetwork):
     r"""A transformer decoder for one dancer: self-attention, cross-attention, feed-forward, FiLM.
 
     $$\hat x = \text{decoder}(x_t, t, M)$$
@@ -74,8 +73,9 @@ class EDGE(nn.Module):
 
     def __init__(self, config: EDGEConfig | None = None):
         """Random weights; normalisers that change nothing until training fits them."""
-        super().__init__()
-        self.config = c = config or EDGEConfig()
+        c = config or EDGEConfig()
+        super().__init__(c.motion_dim, c.music_dim, c.num_steps)
+        self.config = c
         self.decoder = DanceDecoder(
             c.d_model,
             c.num_heads,
@@ -86,10 +86,6 @@ class EDGE(nn.Module):
             music_frames=c.num_frames,
             dropout=c.dropout,
         )
-        one = torch.ones(c.motion_dim)
-        self.normalizer = Normalizer(-one, one)
-        self.music_normalizer = MusicNormalizer(torch.zeros(c.music_dim), torch.ones(c.music_dim))
-        self.register_buffer("abar", cosine_abar(c.num_steps), persistent=False)
 
     def forward(self, x_t: Tensor, t: Tensor, conditions: Conditions) -> Tensor:
         """Guess the clean dance; every dancer is a row of the batch."""

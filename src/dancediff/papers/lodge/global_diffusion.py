@@ -17,15 +17,14 @@ from dataclasses import dataclass
 
 import torch
 from einops import rearrange
-from torch import Tensor, nn
+from torch import Tensor
 
 from dancediff.diffusion.conditions import Conditions
-from dancediff.diffusion.schedule import cosine_abar
-from dancediff.motion.representation import Normalizer
-from dancediff.music.features import MusicNormalizer
+from dancediff.nn.dance_network import DanceNetwork
 from dancediff.nn.decoder import DanceDecoder
 from dancediff.papers.lodge.primitives import Layout
 from dancediff.papers.lodge.shapes import check_shapes
+from dancediff.papers.lodge.style import StyleToken
 
 VARIANTS = ("continuous", "discrete")
 
@@ -107,7 +106,7 @@ def token_frames(config: GlobalConfig) -> Tensor:
     return (starts[:, None] + torch.arange(c.primitive_frames)).flatten().float()
 
 
-class GlobalDenoiser(nn.Module):
+class GlobalDenoiser(DanceNetwork):
     r"""The denoiser of the first stage: $\hat x_0 = f_\theta(x_t, t, M)$.
 
     Source: Lodge section 3.3: EDGE's network, whose output is 13 primitives of 8 frames; 47,459,979
@@ -125,10 +124,13 @@ class GlobalDenoiser(nn.Module):
     torch.Size([2, 32, 139])
     """
 
+    frames: Tensor
+
     def __init__(self, config: GlobalConfig | None = None):
         """Random weights; normalisers that change nothing until training fits them."""
-        super().__init__()
-        self.config = c = config or GlobalConfig()
+        c = config or GlobalConfig()
+        super().__init__(c.motion_dim, c.music_dim, c.num_steps)
+        self.config = c
         self.decoder = DanceDecoder(
             c.d_model,
             c.num_heads,
@@ -140,11 +142,7 @@ class GlobalDenoiser(nn.Module):
             pool=c.pool,
             dropout=c.dropout,
         )
-        self.style = None  # this stage is told no genre
-        one = torch.ones(c.motion_dim)
-        self.normalizer = Normalizer(-one, one)
-        self.music_normalizer = MusicNormalizer(torch.zeros(c.music_dim), torch.ones(c.music_dim))
-        self.register_buffer("abar", cosine_abar(c.num_steps), persistent=False)
+        self.style: StyleToken | None = None  # this stage is told no genre
         self.register_buffer("frames", token_frames(c), persistent=False)
 
     def clips(self, x: Tensor) -> Tensor:

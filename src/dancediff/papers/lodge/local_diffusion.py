@@ -13,13 +13,11 @@ Symbols (axes: b batch · f frames · d motion, m music features)
 from dataclasses import dataclass
 
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
 from dancediff.diffusion.conditions import Conditions
-from dancediff.diffusion.schedule import cosine_abar
 from dancediff.genre import FINEDANCE
-from dancediff.motion.representation import Normalizer
-from dancediff.music.features import MusicNormalizer
+from dancediff.nn.dance_network import DanceNetwork
 from dancediff.nn.decoder import DanceDecoder
 from dancediff.papers.lodge.foot_refine import FootRefine, NoFootRefine, foot_features, joints_of
 from dancediff.papers.lodge.shapes import check_shapes
@@ -55,7 +53,7 @@ class LocalConfig:
             raise ValueError(f"genres={self.genres} must hold at least one name, each once")
 
 
-class LocalDenoiser(nn.Module):
+class LocalDenoiser(DanceNetwork):
     r"""The denoiser of the second stage.
 
     $$x_r = \text{decoder}(x_t, t, M, s), \qquad \hat x_0 = x_r + \text{FRB}(x_r)$$
@@ -76,10 +74,13 @@ class LocalDenoiser(nn.Module):
     torch.Size([2, 20, 139])
     """
 
+    frames: Tensor
+
     def __init__(self, config: LocalConfig | None = None):
         """Random weights; normalisers that change nothing until training fits them."""
-        super().__init__()
-        self.config = c = config or LocalConfig()
+        c = config or LocalConfig()
+        super().__init__(c.motion_dim, c.music_dim, c.num_steps)
+        self.config = c
         self.decoder = DanceDecoder(
             c.d_model,
             c.num_heads,
@@ -94,10 +95,6 @@ class LocalDenoiser(nn.Module):
         sizes = {"num_heads": c.num_heads, "ff_dim": c.ff_dim, "dropout": c.dropout}
         block = FootRefine if c.foot_refine else NoFootRefine
         self.foot_refine = block(c.d_model, motion_dim=c.motion_dim, **sizes)
-        one = torch.ones(c.motion_dim)
-        self.normalizer = Normalizer(-one, one)
-        self.music_normalizer = MusicNormalizer(torch.zeros(c.music_dim), torch.ones(c.music_dim))
-        self.register_buffer("abar", cosine_abar(c.num_steps), persistent=False)
         self.register_buffer("frames", torch.arange(c.num_frames), persistent=False)
 
     def forward(self, x_t: Tensor, t: Tensor, conditions: Conditions) -> tuple[Tensor, Tensor]:

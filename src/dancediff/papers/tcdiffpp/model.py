@@ -9,13 +9,10 @@ Symbols (axes: b batch · n dancers · f frames · d motion, m music features)
 
 from dataclasses import dataclass, fields
 
-import torch
 from torch import Tensor, nn
 
 from dancediff.diffusion.conditions import Conditions
-from dancediff.diffusion.schedule import cosine_abar
-from dancediff.motion.representation import Normalizer
-from dancediff.music.features import MusicNormalizer
+from dancediff.nn.dance_network import DanceNetwork
 from dancediff.papers.tcdiffpp.footwork_adaptor import (
     FootworkAdaptor,
     NoFootworkAdaptor,
@@ -74,7 +71,7 @@ class TCDiffPPConfig:
         return cls(**sizes | {"fusion_hidden": 1024, "dropout": 0.1} | changes)
 
 
-class TCDiffPP(nn.Module):
+class TCDiffPP(DanceNetwork):
     r"""The whole model: Group Dance Decoder, Footwork Adaptor, normalisers and noise schedule.
 
     $$\hat x_r = \text{GDD}(x_t, t, M, S), \qquad \hat x = \text{FA}(\hat x_r)$$
@@ -94,16 +91,13 @@ class TCDiffPP(nn.Module):
 
     def __init__(self, config: TCDiffPPConfig | None = None):
         """Random weights; normalisers that change nothing until training fits them."""
-        super().__init__()
-        self.config = c = config or TCDiffPPConfig()
+        c = config or TCDiffPPConfig()
+        super().__init__(c.motion_dim, c.music_dim, c.num_steps)
+        self.config = c
         self.decoder = GroupDanceDecoder(c)
-        self.footwork_adaptor = FootworkAdaptor(c.footwork_hidden)
+        self.footwork_adaptor: nn.Module = FootworkAdaptor(c.footwork_hidden)
         if "footwork_adaptor" in c.without:
             self.footwork_adaptor = NoFootworkAdaptor()
-        one = torch.ones(c.motion_dim)
-        self.normalizer = Normalizer(-one, one)
-        self.music_normalizer = MusicNormalizer(torch.zeros(c.music_dim), torch.ones(c.music_dim))
-        self.register_buffer("abar", cosine_abar(c.num_steps), persistent=False)
 
     def forward(self, x_t: Tensor, t: Tensor, conditions: Conditions) -> tuple[Tensor, Tensor]:
         """Guess the clean dance, without and with the Footwork Adaptor."""

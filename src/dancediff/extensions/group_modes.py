@@ -1,0 +1,54 @@
+r"""How the dancers of a group vary together.
+
+Read first: `dancediff.extensions.preconditioning` · `dancediff.extensions.formation_prior`.
+"""
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+
+@dataclass
+class GroupModes:
+    r"""How dancers vary together: another basis for some features, one for each frequency.
+
+    $$\tilde c_{m} = \sum_n U_{nm}\, c_n$$
+
+    with the symbols of `dancediff.extensions.formation_prior`, which makes them:
+    ``features`` c of them, ``mean`` (b, n, f, c), ``basis`` U (b, k, c, n, n) orthonormal, and
+    ``spread`` of the modes (b, n, k, c).
+    """
+
+    features: slice
+    mean: Tensor
+    basis: Tensor
+    spread: Tensor
+
+    def turn(self, coefficients: Tensor) -> Tensor:
+        """From dancers to modes, (b, n, k, d)."""
+        return self._changed(coefficients, "bkcnm,bnkc->bmkc")
+
+    def turn_back(self, coefficients: Tensor) -> Tensor:
+        """From modes to dancers, (b, n, k, d)."""
+        return self._changed(coefficients, "bkcnm,bmkc->bnkc")
+
+    def _changed(self, coefficients: Tensor, how: str) -> Tensor:
+        changed = coefficients.clone()
+        changed[..., self.features] = torch.einsum(
+            how, self.basis.to(coefficients), coefficients[..., self.features]
+        )
+        return changed
+
+    def placed(self, mean: Tensor) -> Tensor:
+        """A mean (d,) for all, with what is expected of each: (b, n, f, d)."""
+        placed = mean.expand(*self.mean.shape[:3], -1).clone()
+        placed[..., self.features] += self.mean
+        return placed
+
+    def spreads(self, spread: Tensor) -> Tensor:
+        """Those of all features (k, d), with those of the modes: (b, n, k, d)."""
+        b, n = self.mean.shape[:2]
+        spreads = spread.expand(b, n, -1, -1).clone()
+        spreads[..., self.features] = self.spread
+        return spreads

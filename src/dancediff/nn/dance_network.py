@@ -1,0 +1,26 @@
+"""What all networks that denoise dances have besides their layers."""
+
+import torch
+from torch import Tensor, nn
+
+from dancediff.diffusion.schedule import cosine_abar
+from dancediff.motion.representation import Normalizer
+from dancediff.music.features import MusicNormalizer
+
+
+class DanceNetwork(nn.Module):
+    """Normalisers that change nothing until training fits them, and the noise schedule.
+
+    >>> network = DanceNetwork(motion_dim=151, music_dim=35, num_steps=1000)
+    >>> network.abar.shape, network.normalizer.normalize(torch.ones(151)).unique().tolist()
+    (torch.Size([1000]), [1.0])
+    """
+
+    abar: Tensor
+
+    def __init__(self, motion_dim: int, music_dim: int, num_steps: int):
+        super().__init__()
+        one = torch.ones(motion_dim)
+        self.normalizer = Normalizer(-one, one)
+        self.music_normalizer = MusicNormalizer(torch.zeros(music_dim), torch.ones(music_dim))
+        self.register_buffer("abar", cosine_abar(num_steps), persistent=False)
