@@ -5,8 +5,6 @@ Symbols (axes: n dancers · f frames · c channels)
     root  pelvis position, metres                   (n, f, 3)
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 import torch
 
@@ -14,6 +12,7 @@ from dancediff.axes import FPS
 from dancediff.data.choreographer.arms import ARM_JOINTS, arm_matrices, arm_track, elbow_room
 from dancediff.data.choreographer.body import (
     LEGS,
+    Part,
     Pelvis,
     Personal,
     floor_path,
@@ -21,31 +20,18 @@ from dancediff.data.choreographer.body import (
     rise_of,
     spine,
 )
-from dancediff.data.choreographer.footsteps import FootPath, foot_path, time_steps
+from dancediff.data.choreographer.footsteps import foot_path, time_steps
 from dancediff.data.choreographer.moves import CHANNEL, Genre
 from dancediff.data.choreographer.quaternion import euler
-from dancediff.data.choreographer.score import Count, Score
+from dancediff.data.choreographer.score import Score
 from dancediff.data.choreographer.tracks import count_track, smoothed
-from dancediff.data.choreographer.walk import Walk, plan_walk
+from dancediff.data.choreographer.walk import plan_walk
 from dancediff.motion.ik import two_bone_ik
 from dancediff.motion.skeleton import SMPL24
 
 _OFFSETS = SMPL24.offsets.numpy().astype(np.float64)
 _FACE = CHANNEL["face"]
 _SPINE = tuple(SMPL24.index(name) for name in ("belly", "spine", "chest", "neck", "head"))
-
-
-@dataclass(frozen=True)
-class Part:
-    """One dancer's plan and paths; ``track`` are the torso channels frame by frame (f, c)."""
-
-    counts: list[Count]
-    walk: Walk
-    me: Personal
-    track: np.ndarray
-    feet: tuple[FootPath, FootPath]
-    floor: np.ndarray
-    lean: np.ndarray
 
 
 def plan_parts(score: Score, genre: Genre, beat, spb: float, reach: float, seeds) -> list[Part]:
@@ -102,18 +88,8 @@ def assemble(dance: list[Part], genre: Genre, beat, spb: float):
 
 def _trunk(part: Part, pose: np.ndarray, genre: Genre, beat, spb: float) -> Pelvis:
     """Pelvis, spine and head of one dancer; writes the spine into ``pose``."""
-    walk, lag = part.walk, genre.style.lag
-    fpb = spb * FPS
-    pelvis = pelvis_path(
-        beat, part.floor, part.lean, part.feet, part.track, genre.groove, part.me,
-        genre.energy, fpb, walk.jumps,
-    )  # fmt: skip
-    early, late = (
-        np.stack([np.interp(beat + d, beat, x) for x in part.track.T], -1) for d in (lag, -lag)
-    )
-    pose[:, _SPINE] = spine(
-        part.track, early, late, pelvis, beat, genre.groove, part.me, genre.energy
-    )
+    pelvis = pelvis_path(part, genre, beat, spb)
+    pose[:, _SPINE] = spine(part, genre, pelvis, beat)
     return pelvis
 
 

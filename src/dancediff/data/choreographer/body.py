@@ -16,10 +16,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
+from dancediff.axes import FPS
 from dancediff.data.choreographer.footsteps import FootPath, Jump
-from dancediff.data.choreographer.moves import CHANNEL, Groove
+from dancediff.data.choreographer.moves import CHANNEL, Genre, Groove
 from dancediff.data.choreographer.quaternion import euler
+from dancediff.data.choreographer.score import Count
 from dancediff.data.choreographer.tracks import warp
+from dancediff.data.choreographer.walk import Walk
 from dancediff.motion.skeleton import SMPL24
 
 GRAVITY = 9.81
@@ -50,6 +53,19 @@ class Personal:
             size=rng.uniform(0.9, 1.1),
             late=rng.uniform(-0.02, 0.02),
         )
+
+
+@dataclass(frozen=True)
+class Part:
+    """One dancer's plan and paths; ``track`` are the torso channels frame by frame (f, c)."""
+
+    counts: list[Count]
+    walk: Walk
+    me: Personal
+    track: np.ndarray
+    feet: tuple[FootPath, FootPath]
+    floor: np.ndarray
+    lean: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -88,8 +104,9 @@ def rise_of(beat: np.ndarray, jumps: list[Jump], spb: float) -> np.ndarray:
     return rise
 
 
-def pelvis_path(beat, floor, lean, feet, track, groove: Groove, me: Personal, energy, fpb, jumps):
-    """Height and rotation of the pelvis; ``track`` are the torso channels (f, c)."""
+def pelvis_path(part: Part, genre: Genre, beat: np.ndarray, spb: float) -> Pelvis:
+    """Height and rotation of the pelvis."""
+    track, lean, me, groove, fpb = part.track, part.lean, part.me, genre.groove, spb * FPS
     facing = np.radians(track[:, CHANNEL["face"]])
     down = track[:, CHANNEL["level"]] / 100
     fold = 60 * np.clip(down - 0.04, 0, None)  # who sinks low folds at the hips
@@ -105,17 +122,17 @@ def pelvis_path(beat, floor, lean, feet, track, groove: Groove, me: Personal, en
     pitch, bend, twist = np.radians(turn).T
     rotation = euler(pitch, bend, facing + twist)
     side = track[:, CHANNEL["hip"]] / 100
-    floor = floor + side[:, None] * np.stack([np.cos(facing), -np.sin(facing)], -1)
+    floor = part.floor + side[:, None] * np.stack([np.cos(facing), -np.sin(facing)], -1)
     wave = 0.5 * (1 + np.cos(2 * np.pi * (beat - me.late)))
-    bounce = me.bounce * energy * (groove.bounce * wave + groove.offbeat * (1 - wave))
+    bounce = me.bounce * genre.energy * (groove.bounce * wave + groove.offbeat * (1 - wave))
     wanted = groove.height + me.height - bounce - down
-    room = _room(floor, rotation, feet)
+    room = _room(floor, rotation, part.feet)
     # soften only what lies below the wish, so that a straightening leg does not snap
     excess = np.maximum(wanted - room, 0)
     width = max(3, round(0.6 * fpb))
     lower = gaussian_filter1d(maximum_filter1d(excess, width), width / 4, mode="nearest")
     height = wanted - np.maximum(lower, excess)
-    height = _with_jumps(beat, height, room, jumps, groove.height + 0.025, fpb / 30)
+    height = _with_jumps(beat, height, room, part.walk.jumps, groove.height + 0.025, fpb / 30)
     root = np.stack([floor[:, 0], height, floor[:, 1]], -1)
     return Pelvis(root, rotation, turn, lean)
 
@@ -157,15 +174,15 @@ def _with_jumps(beat, height, room, jumps: list[Jump], top: float, spb: float) -
     return height
 
 
-def spine(track, early, late, pelvis: Pelvis, beat, groove: Groove, me: Personal, energy: float):
-    """Belly, spine, chest, neck and head rotations, (f, 5, 3, 3), and the chest's yaw (f,).
-
-    ``track`` holds the channels (f, c); ``early`` and ``late`` the same, shifted in time for a
-    movement that runs up the back.
-    """
-    wave = 0.5 * (1 + np.cos(2 * np.pi * (beat - me.late)))
+def spine(part: Part, genre: Genre, pelvis: Pelvis, beat: np.ndarray) -> np.ndarray:
+    """Belly, spine, chest, neck and head rotations, (f, 5, 3, 3)."""
+    track, groove, energy, lag = part.track, genre.groove, genre.energy, genre.style.lag
+    early, late = (  # a movement runs up the back
+        np.stack([np.interp(beat + d, beat, x) for x in track.T], -1) for d in (lag, -lag)
+    )
+    wave = 0.5 * (1 + np.cos(2 * np.pi * (beat - part.me.late)))
     lean_bend = -groove.sway * pelvis.lean
-    size = me.size * energy
+    size = part.me.size * energy
     total = []
     for shift, x in ((0.09, early), (0.0, track), (-0.09, late)):
         rock = groove.rock * np.interp(beat + shift, beat, wave) * energy
