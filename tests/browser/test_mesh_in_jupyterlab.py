@@ -15,10 +15,9 @@ import numpy as np
 from dancediff.data.choreographer import choreograph
 from dancediff.viz.stage import stage
 dance = choreograph(np.arange(0.2, 6, 0.5), dancers=3, seed=1, seconds=6.0)[0]
-look = {"trails": False, "contacts": False, "size": (560, 320)}
 """,
-    "stage(dance, **look)",
-    "stage(dance, body='mesh', **look)",
+    "stage(dance, size=(560, 320))",
+    "stage(dance, body='mesh', size=(560, 320))",
 )
 
 
@@ -33,6 +32,8 @@ def notebook(chromium, new_page, tmp_path_factory):
             page.keyboard.press("Shift+Enter")
             found = "document.querySelectorAll('.jupyter-threejs canvas').length"
             until(page, f"{found} >= {count}", 30 * SLOW)
+        for box in page.locator(".widget-checkbox input").all():
+            box.uncheck()  # trails and contacts have colours, too
         page.wait_for_timeout(1000 * SLOW)
         yield page
         page.close()
