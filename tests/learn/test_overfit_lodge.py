@@ -13,8 +13,7 @@ from dancediff.data.choreographed import make_choreographed
 from dancediff.data.windows import SoloCut, WindowSampler
 from dancediff.diffusion.conditions import Conditions
 from dancediff.extensions.lodge_stages import ExtendedLocalDenoiser
-from dancediff.motion.representation import at_origin
-from dancediff.papers.lodge.foot_refine import joints_of
+from dancediff.motion.representation import LODGE, at_origin, joints_of
 from dancediff.papers.lodge.local_diffusion import LocalConfig
 from dancediff.papers.lodge.losses import LodgeWeights
 from dancediff.training.config import TrainConfig, TrainingExtensions
@@ -80,7 +79,7 @@ def guess(model, M, genre):
         style = model.style(genre, torch.randn(len(M), 8, generator=g))
         steps = torch.full((len(M),), 999)
         x_hat = model(x_T, steps, Conditions(model.music_normalizer.normalize(M), style=style))[1]
-    return joints_of(model.normalizer.unnormalize(x_hat))[2]
+    return joints_of(model.normalizer.unnormalize(x_hat), LODGE)
 
 
 def distance(a, b):
@@ -93,7 +92,7 @@ def test_music_alone_tells_which_clip(solos, tmp_path):
 
     assert sum(float(row["recon"]) for row in losses[-10:]) / 10 < 0.1 * still
     x, M, genre = data.clips
-    truth = joints_of(x)[2]
+    truth = joints_of(x, LODGE)
     other = distance(truth.flip(0), truth)
     assert (distance(truth, guess(model, M, genre)) < 0.4 * other).all()
     assert (distance(truth.flip(0), guess(model, M.flip(0), genre)) < 0.4 * other).all()
@@ -103,7 +102,7 @@ def test_genre_alone_tells_which_clip(solos, tmp_path):
     """The same song, two genres: the style token decides, whatever its noise."""
     model, data, _, _ = learn(solos, tmp_path, same_music=True)
     x, M, genre = data.clips
-    truth = joints_of(x)[2]
+    truth = joints_of(x, LODGE)
     other = distance(truth.flip(0), truth)
     assert (distance(truth, guess(model, M, genre)) < 0.4 * other).all()
     assert (distance(truth.flip(0), guess(model, M, genre.flip(0))) < 0.4 * other).all()

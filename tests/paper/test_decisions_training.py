@@ -11,6 +11,7 @@ import torch
 
 from dancediff.diffusion.schedule import cosine_abar
 from dancediff.extensions import ssd
+from dancediff.extensions.hard_contact import hard_contact
 from dancediff.generation.request import GroupDanceRequest, default_of
 from dancediff.generation.segments import SegmentPlan
 from dancediff.motion.representation import Normalizer
@@ -33,7 +34,7 @@ def test_t16_a_misplaced_dancer_costs_the_papers_weight():
     wrong[:, 0] += 1.0
     released = 100 * (wrong - root).diff(dim=2).square().mean()
     assert released.item() < 1e-9 < LossWeights().dist * l_dist(wrong, root).item()
-    assert LossWeights().dist == 0.636 and LossWeights().dist_axis == "pairs"
+    assert LossWeights().dist == 0.636
     pairs = l_dist(wrong, root).item()
     assert pairs == pytest.approx(2 / 3)  # a mean: 2 of 3 pairs are wrong by 1 in each of 3 axes
     assert l_dist(wrong.repeat(1, 1, 5, 1), root.repeat(1, 1, 5, 1)).item() == pytest.approx(pairs)
@@ -120,18 +121,18 @@ def test_t25_long_dances_are_judged_at_720_frames():
     assert request.frames == 720 and SegmentPlan.of(request, 150).count == 9
 
 
-def test_t27_contact_is_a_hard_mask_in_physical_units():
+def test_t27_contact_is_as_printed_or_a_hard_mask_in_physical_units():
     """Released: values above 0.95 after scaling; a dancer who always stands never reaches that."""
     joints = torch.zeros(1, 1, 3, 24, 3)
     joints[0, 0, :, 7, 0] = torch.arange(3.0)  # an ankle slides a metre a frame
     standing = torch.ones(1, 1, 3, 4)
     assert l_contact(joints, standing).item() > 0.05
     refitted = Normalizer.fit(standing.flatten(0, 2)).normalize(standing)  # for this clip alone
-    assert l_contact(joints, refitted, threshold=0.95).item() == 0
-    assert l_contact(joints, 0.4 * standing).item() == 0  # not planted: free, not 0.16 of the cost
-    assert l_contact(joints, 0.4 * standing, threshold=None).item() > 0
-    sure, hardly = (l_contact(joints, share * standing) for share in (1.0, 0.6))
-    assert sure == hardly
+    assert l_contact(joints, (refitted > 0.95).float()).item() == 0
+    printed = [l_contact(joints, share * standing).item() for share in (0.4, 0.6, 1.0)]
+    assert printed == pytest.approx([share**2 * printed[2] for share in (0.4, 0.6, 1.0)])
+    hard = [l_contact(joints, hard_contact(share * standing)).item() for share in (0.4, 0.6, 1.0)]
+    assert hard == [0, printed[2], printed[2]]
 
 
 @pytest.mark.parametrize("kind", ["mamba", "ssd"])

@@ -43,11 +43,20 @@ from dancediff.motion.rotation import (
 )
 from dancediff.music.features import MusicNormalizer, music_features
 from dancediff.music.song import Music
+from dancediff.nn.losses import compare
 from dancediff.papers.edge.model import EDGE, EDGEConfig
 from dancediff.papers.lodge.losses import LodgeWeights, l_jacc, l_jvel, lodge_losses
 from dancediff.papers.lodge.primitives import LAYOUT, Layout, primitives_of
-from dancediff.papers.tcdiffpp.losses import LossWeights, l_vel, pair_distances, tcdiffpp_losses
+from dancediff.papers.tcdiffpp.losses import (
+    LossWeights,
+    five_losses,
+    l_vel,
+    pair_distances,
+    tcdiffpp_losses,
+)
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
+from dancediff.training.config import TrainingExtensions
+from dancediff.training.extended_losses import extended_losses
 
 often = settings(deadline=None, derandomize=True, max_examples=40)
 seeds = st.integers(0, 2**32 - 1)
@@ -196,16 +205,24 @@ def test_distances_of_sets_that_hardly_vary(seed, count, d, dtype, size):
 
 
 @often
-@given(kinds, kinds, seeds, counts, st.sampled_from([2, 3, 20]), dtypes, st.booleans())
-def test_losses(kind, other, seed, n, f, dtype, soft):
+@given(kinds, kinds, seeds, counts, st.sampled_from([2, 3, 20]), dtypes)
+def test_losses(kind, other, seed, n, f, dtype):
     x_0, x_hat = (dance(k, seed + i, n, f)[None] for i, k in enumerate((kind, other)))
     if dtype == torch.float16:  # its largest number is 65504, less than the square of 1e4
         x_0, x_hat = x_0.clamp(-5, 5), x_hat.clamp(-5, 5)
     x_0, x_hat = x_0.to(dtype), x_hat.to(dtype).requires_grad_()
     one = torch.ones(151)
-    for axis in ("pairs", "adjacent", "time"):
-        weights = LossWeights(joint_vel=0.1, slide=0.1, dist_axis=axis, soft_contact=soft)
-        terms = tcdiffpp_losses(x_hat, x_hat, x_0, Normalizer(-one, one), weights=weights)
+    on = TrainingExtensions(
+        both_guesses=True, hard_contact=True, joint_velocity_loss=0.1, slide_loss=0.1
+    )
+    for extensions in (on, TrainingExtensions()):
+        terms = extended_losses(
+            compare(x_hat, x_hat, x_0, Normalizer(-one, one)),
+            five_losses,
+            LossWeights().terms(),
+            extensions=extensions,
+            reconstruction="simple",
+        )
         assert finite({name: value.detach() for name, value in terms.items()})
         (gradient,) = torch.autograd.grad(terms["total"], x_hat)
         assert finite(gradient)
@@ -219,7 +236,7 @@ def test_losses_of_lodge(kind, other, seed, n, f):
     x_hat.requires_grad_()
     norm = Normalizer(-torch.ones(139), torch.ones(139))
     for weights in (LodgeWeights.coarse(), LodgeWeights.local(), LodgeWeights.fine_tune()):
-        terms = lodge_losses(x_hat, x_0, norm, weights=weights, x_raw=x_hat)
+        terms = lodge_losses(x_hat, x_0, norm, weights=weights)
         assert finite({name: value.detach() for name, value in terms.items()})
         assert finite(torch.autograd.grad(terms["total"], x_hat)[0])
 

@@ -25,7 +25,7 @@ def _strangers(p):
 def _fools_released_loss(got, p) -> str:
     if wrong := unlike(got, p.shape):
         return wrong
-    noticed = l_dist(got[None], p[None], dist_axis="time").item()
+    noticed = (got - p).diff(dim=1).square().mean().item()  # frames of one dancer
     if noticed > 1e-6:
         return f"the released loss is {noticed:.2g}, expected less than 0.000001"
     i, j = torch.triu_indices(len(p), len(p), 1)

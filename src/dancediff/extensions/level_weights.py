@@ -10,11 +10,14 @@ from those that decide when to step.
 Source: EDM section 5 (there $1 / c_\text{out}^2$, which is p = 1).
 """
 
+from dataclasses import replace
+
 import torch
 from torch import Tensor
 
 from dancediff.extensions.preconditioning import preconditioning_of
 from dancediff.nn.dance_network import DanceNetwork
+from dancediff.nn.losses import Comparison
 
 
 def level_weights(error: Tensor, power: float) -> Tensor:
@@ -48,3 +51,16 @@ def draw_levels(weights: Tensor, b: int, generator: torch.Generator) -> tuple[Te
     odds = weights.sqrt().cpu()
     t = torch.multinomial(odds, b, replacement=True, generator=generator)
     return t, weights.cpu()[t] / odds[t] * odds.mean()
+
+
+def weigh_rows(c: Comparison, weight: Tensor) -> Comparison:
+    """Scale motion and joints of each row, so that it counts by its weight (b,) in every loss.
+
+    Losses are quadratic in them, hence the root of the weight; contacts stay as they are.
+    """
+
+    def scaled(x: Tensor) -> Tensor:
+        return x * weight.sqrt().reshape(-1, *(1,) * (x.ndim - 1))
+
+    names = ("x_raw", "x_hat", "x_0", "root", "joints", "root_0", "joints_0")
+    return replace(c, **{name: scaled(getattr(c, name)) for name in names})

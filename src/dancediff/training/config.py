@@ -29,6 +29,8 @@ class TrainingExtensions:
 
     metre_unit: bool = False  # a metre is a unit of the floor
     level_weights: float = 0.0  # the power p; 0: all noise levels count the same
+    both_guesses: bool = False  # the reconstruction term counts both guesses
+    hard_contact: bool = False  # predicted contacts above 0.5 count as 1, others as 0
     joint_velocity_loss: float = 0.0  # weight
     slide_loss: float = 0.0  # weight
     masked_music: tuple[str, ...] = ()  # blocks of the music features that are always 0

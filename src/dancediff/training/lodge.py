@@ -14,7 +14,7 @@ Tables of the file
 
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import torch
@@ -115,8 +115,9 @@ def stage_config(tables: dict, stage: str) -> TrainConfig | None:
     if settings.get("steps") == 0:
         return None
     extensions = TrainingExtensions(**tables["extensions"])
-    slide = 0.0 if stage == "global" else extensions.slide_loss  # primitives are eight frames
-    weights = STAGES[stage](**tables[f"weights_{stage}"], slide=slide)
+    if stage == "global":
+        extensions = replace(extensions, slide_loss=0.0)  # primitives are eight frames
+    weights = STAGES[stage](**tables[f"weights_{stage}"])
     return TrainConfig(**settings, weights=weights, extensions=extensions)
 
 

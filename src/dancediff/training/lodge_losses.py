@@ -8,17 +8,21 @@ Symbols (axes: b batch · f frames · d = 139 motion features)
     D            the discriminator, whose logits say "real"
 """
 
+from functools import partial
 from pathlib import Path
 
 import torch
 from torch import Tensor
 
 from dancediff.diffusion.conditions import Conditions
+from dancediff.motion.representation import LODGE
+from dancediff.nn.losses import compare
 from dancediff.papers.lodge.cue_guidance import clean_borders
 from dancediff.papers.lodge.genre_discriminator import DiscriminatorConfig, GenreDiscriminator
 from dancediff.papers.lodge.global_diffusion import GlobalDenoiser
-from dancediff.papers.lodge.losses import l_critic, l_diversity, l_focus, l_genre, lodge_losses
+from dancediff.papers.lodge.losses import l_critic, l_diversity, l_focus, l_genre, motion_losses
 from dancediff.training.checkpoint import load_extra
+from dancediff.training.extended_losses import extended_losses
 from dancediff.training.objective import Objective
 
 
@@ -44,19 +48,19 @@ class LodgeObjective(Objective):
         style, z = style_of(model, genre, noised.generator)
         with self.deterministic_autocast(number):
             guess = model(x_t, noised.t, Conditions(M, style=style, music_mask=noised.mask))
-        x_raw, x_hat = guess if isinstance(guess, tuple) else (None, guess)
-        x_raw, x_hat = (None if x is None else x.float() for x in (x_raw, x_hat))
+        x_raw, x_hat = guess if isinstance(guess, tuple) else (guess, guess)
         clips = model.clips if isinstance(model, GlobalDenoiser) else lambda x: x
-        terms = lodge_losses(
-            clips(x_hat),
-            clips(x_0),
-            model.normalizer,
-            weights=self.config.weights,
-            x_raw=None if x_raw is None else clips(x_raw),
-            weight=noised.weight,
+        parts = (clips(x.float()) for x in (x_raw, x_hat, x_0))
+        terms = extended_losses(
+            compare(*parts, model.normalizer, LODGE),
+            partial(motion_losses, relative=self.config.weights.relative),
+            self.config.weights.terms(),
+            extensions=self.config.extensions,
+            reconstruction="recon",
+            row_weights=noised.weight,
         )
         if self.critic is not None and model.training:
-            added = self.critic.terms(x_hat, x_0, M, genre, number, noised.generator)
+            added = self.critic.terms(x_hat.float(), x_0, M, genre, number, noised.generator)
             if z is not None:
                 other, other_z = style_of(model, genre, noised.generator)
                 added["diversity"] = l_diversity(z, other_z, style, other)

@@ -9,6 +9,7 @@ Symbols (axes: b batch · n dancers · f frames · d motion features)
     weight     of a row in the losses                  (b,)
 """
 
+from abc import ABC, abstractmethod
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
@@ -19,8 +20,10 @@ from torch import Tensor, nn
 from dancediff.diffusion.conditions import Conditions
 from dancediff.diffusion.schedule import q_sample
 from dancediff.extensions.level_weights import draw_levels, weights_of
-from dancediff.papers.tcdiffpp.losses import tcdiffpp_losses
+from dancediff.nn.losses import compare
+from dancediff.papers.tcdiffpp.losses import five_losses
 from dancediff.training.config import TrainConfig
+from dancediff.training.extended_losses import extended_losses
 
 
 @dataclass(frozen=True)
@@ -34,15 +37,15 @@ class Noised:
     generator: torch.Generator
 
 
-class Objective:
+class Objective(ABC):
     """The losses of a batch; a subclass says which, in `losses`."""
 
     def __init__(self, model: nn.Module, config: TrainConfig):
         self.model, self.config = model, config
 
+    @abstractmethod
     def losses(self, model: nn.Module, batch, number: int) -> dict[str, Tensor]:
         """All terms of a batch by name, and their weighted sum "total"."""
-        raise NotImplementedError
 
     def state(self) -> dict[str, Tensor]:
         """What a checkpoint must hold besides model and optimiser."""
@@ -98,11 +101,11 @@ class GroupObjective(Objective):
         with self.deterministic_autocast(number):
             guess = model(noised.x_t, noised.t, Conditions(M, S, music_mask=noised.mask))
         x_raw, x_hat = guess if isinstance(guess, tuple) else (guess, guess)  # EDGE adapts nothing
-        return tcdiffpp_losses(
-            x_raw.float(),
-            x_hat.float(),
-            x_0,
-            model.normalizer,
-            weights=self.config.weights,
-            weight=noised.weight,
+        return extended_losses(
+            compare(x_raw.float(), x_hat.float(), x_0, model.normalizer),
+            five_losses,
+            self.config.weights.terms(),
+            extensions=self.config.extensions,
+            reconstruction="simple",
+            row_weights=noised.weight,
         )

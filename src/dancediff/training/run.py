@@ -73,11 +73,7 @@ def check_tables(config: dict, source: str) -> dict:
 def settings_of(tables: dict) -> TrainConfig:
     """How to train, of checked tables."""
     extensions = TrainingExtensions(**tables["extensions"])
-    weights = LossWeights(
-        **tables["weights"],
-        joint_vel=extensions.joint_velocity_loss,
-        slide=extensions.slide_loss,
-    )
+    weights = LossWeights(**tables["weights"])
     return TrainConfig(**tables["train"], weights=weights, extensions=extensions)
 
 

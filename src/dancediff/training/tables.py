@@ -16,6 +16,8 @@ _NOW = {  # keys of before, and what they are now
     "level_power": "level_weights in [extensions]",
     "joint_vel": "joint_velocity_loss in [extensions]",
     "slide": "slide_loss in [extensions]",
+    "soft_contact": "gone: true is eq. 15 and the default; for false, hard_contact in [extensions]",
+    "dist_axis": "gone: dist compares pairs of dancers, eq. 16",
     "max_minutes": "gone: stop the run (SIGTERM writes a checkpoint) and go on with --resume",
     "beat_waves": "'beat_phase' in extensions of [model]",
     "non_local": "'non_local_filter' in extensions of [model]",
@@ -110,7 +112,7 @@ def check_table(values, kind: type, source: str) -> dict:
         raise ValueError(f"{source} is {values!r}, no table; write its keys below its [name]")
     kinds = kinds_of(kind) | {"class": str}
     for key, value in values.items():
-        if key in _NOW and (key not in kinds or key in ("joint_vel", "slide")):
+        if key in _NOW and key not in kinds:
             raise ValueError(f"{source}: {key}={value!r} is now {_NOW[key]}")
         if key not in kinds:
             raise ValueError(f"{source} has no {key!r}; known: {', '.join(sorted(kinds))}")

@@ -57,6 +57,8 @@ def test_values_of_another_kind_are_named(config, words):
         ("train", "level_power", "level_weights in [extensions]"),
         ("train", "max_minutes", "gone: "),
         ("weights", "slide", "slide_loss in [extensions]"),
+        ("weights", "soft_contact", "gone: true is eq. 15 and the default"),
+        ("weights", "dist_axis", "gone: dist compares pairs of dancers"),
         ("model", "fp", "'fusion_projection' in without"),
         ("model", "ssm", "'ssd' in extensions of [model], or 'ssm' in without"),
         ("model", "formation_prior", "'formation_prior' in extensions of [model]"),

@@ -235,12 +235,12 @@ def test_heavy_levels_are_drawn_more_often_and_count_as_much_as_they_should():
     model, weights = Toy(), level_weights(1.001 - cosine_abar().float(), 1.0)
     counted = []
 
-    def note(*_, weight=None, **__):
-        counted.append(weight)
-        return {"total": weight.sum()}
+    def note(*_, row_weights=None, **__):
+        counted.append(row_weights)
+        return {"total": row_weights.sum()}
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(objective, "tcdiffpp_losses", note)
+        patch.setattr(objective, "extended_losses", note)
         patch.setattr(GroupObjective, "level_weights", weights)
         wanted = GroupObjective(model, TrainConfig())
         for number in range(200):

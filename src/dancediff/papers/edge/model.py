@@ -59,8 +59,9 @@ class EDGE(DanceNetwork):
 
     Source: EDGE section 3.  Differs: positions are rotated after the projection, head by head, as
     everywhere here; music is the 35-d features instead of Jukebox's 4800; the contact loss counts
-    contacts above 0.5 instead of 0.95, and joints are in metres.  Trained with TCDiff++'s loop,
-    whose weights for EDGE's four losses are EDGE's; L_D is zero for one dancer.
+    the predicted contact, as printed, where the code cuts it at 0.95, and joints are in metres.
+    Trained with TCDiff++'s loop, whose weights for EDGE's four losses are EDGE's; L_D is zero for
+    one dancer.
 
     Shapes: x_t (b, n, f, d), t (b,), conditions with music -> x_hat (b, n, f, d).
     Raises: ValueError naming the argument whose shape does not fit.

@@ -18,8 +18,7 @@ from torch import Tensor, nn
 from dancediff.axes import FPS, ON_FLOOR
 from dancediff.lookup import table
 from dancediff.motion.contact import feet_low
-from dancediff.motion.representation import LODGE, unpack
-from dancediff.motion.skeleton import SMPL24, feet_of, forward_kinematics
+from dancediff.motion.skeleton import feet_of
 from dancediff.nn.decoder import DecoderLayer
 
 FEATURES = 48  # 4 joints x 4 quantities x 3 numbers
@@ -27,21 +26,6 @@ SCORE_HEIGHT = (0.12, 0.12, 0.08, 0.08)  # metres above the floor: ankles, toes
 SCORE_SPEED = 0.01  # metres a frame in the floor plane
 STEEPNESS = 5.0
 FASTEST = 3.0  # m/s: behind a noisy guess stands no speed
-
-
-def joints_of(x: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-    """Contact (..., 4), root (..., 3) and all joints (..., 24, 3) of 139-d motion, in metres.
-
-    The two hands that the vector leaves out go straight on from the wrists.
-
-    >>> contact, root, joints = joints_of(torch.randn(2, 9, 139))
-    >>> joints.shape
-    torch.Size([2, 9, 24, 3])
-    """
-    contact, root, pose = unpack(x, LODGE)
-    missing = SMPL24.num_joints - LODGE.num_joints
-    straight = table(torch.eye, 3, like=pose).expand(*pose.shape[:-3], missing, 3, 3)
-    return contact, root, forward_kinematics(torch.cat([pose, straight], dim=-3), root)
 
 
 def step_of(feet: Tensor) -> Tensor:

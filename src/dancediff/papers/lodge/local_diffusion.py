@@ -17,9 +17,10 @@ from torch import Tensor
 
 from dancediff.diffusion.conditions import Conditions
 from dancediff.genre import FINEDANCE
+from dancediff.motion.representation import LODGE, joints_of
 from dancediff.nn.dance_network import DanceNetwork
 from dancediff.nn.decoder import DanceDecoder
-from dancediff.papers.lodge.foot_refine import FootRefine, NoFootRefine, foot_features, joints_of
+from dancediff.papers.lodge.foot_refine import FootRefine, NoFootRefine, foot_features
 from dancediff.papers.lodge.shapes import check_shapes
 from dancediff.papers.lodge.style import StyleToken
 
@@ -113,8 +114,7 @@ class LocalDenoiser(DanceNetwork):
     def feet(self, x_raw: Tensor) -> Tensor:
         """`foot_features` of normalised motion (b, f, d), in float32: they are millimetres."""
         with torch.autocast(x_raw.device.type, enabled=False):
-            _, _, joints = joints_of(self.normalizer.unnormalize(x_raw.float()))
-            return foot_features(joints)
+            return foot_features(joints_of(self.normalizer.unnormalize(x_raw.float()), LODGE))
 
     def check(self, x_t: Tensor, t: Tensor, conditions: Conditions) -> None:
         """Refuse shapes that do not fit."""

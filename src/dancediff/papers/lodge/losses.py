@@ -4,8 +4,7 @@ Read first: notebook 12 · Lodge section 3.4, eq. 3 to 10.
 
 Symbols (axes: b batch · f frames · d motion features · j joints · g genres)
     x_0       the true motion, normalised                          (b, f, d)
-    x_raw     the guess before the Foot Refine Block               (b, f, d)
-    x_hat     the guess                                            (b, f, d)
+    x_hat     the guess after the Foot Refine Block                (b, f, d)
     joints    forward kinematics of a guess (eq. 3), metres        (b, f, j, 3)
     contact   predicted contact, about 0..1                        (b, f, 4)
     real, made   the discriminator's logits for true and made dances   (b,)
@@ -23,7 +22,7 @@ from torch import Tensor
 from dancediff.axes import FPS
 from dancediff.motion.representation import LODGE, Normalizer
 from dancediff.motion.skeleton import feet_of
-from dancediff.papers.lodge.foot_refine import joints_of
+from dancediff.nn.losses import Comparison, compare, mean, with_total
 
 FORMS = ("hinge", "log")
 
@@ -47,7 +46,6 @@ class LodgeWeights:
     contact: float = 0.0  # eq. 7, (m/s)^2
     root_vel: float = 0.0  # the code's "trans", (m/s)^2
     root_acc: float = 0.0  # the same, (m/s^2)^2
-    slide: float = 0.0  # see `dancediff.extensions.slide_loss`, (m/s)^2
     relative: bool = True  # eq. 4 on joints relative to the root, as in the code's second stage
     form: str = "hinge"  # of eq. 9, as in the code; "log": as printed
     genre: float = 0.01  # eq. 9, for the generator
@@ -116,17 +114,11 @@ def l_vel(x_hat: Tensor, x_0: Tensor) -> Tensor:
 def l_foot(joints_hat: Tensor, contact: Tensor) -> Tensor:
     r"""A foot that is in contact should not move: $\lVert \dot f_i \cdot b_i \rVert^2$.
 
-    Source: EDGE eq. 5, in Lodge's code; b is 1 where the contact is above 0.5.
+    Source: EDGE eq. 5, in Lodge's code; b is the predicted contact.
     Shapes: joints_hat (..., f, j, 3) metres, contact (..., f, 4) about 0..1 -> scalar, m^2.
     """
     step = feet_of(joints_hat).diff(dim=-3)
-    b = (contact[..., :-1, :] > 0.5).to(step)
-    return mean((step * b[..., None]).square())
-
-
-def mean(error: Tensor) -> Tensor:
-    """The mean; 0 where there is nothing, as in a clip of one frame."""
-    return error.mean() if error.numel() else error.sum()
+    return mean((step * contact[..., :-1, :, None]).square())
 
 
 def l_joint(joints_hat: Tensor, joints_0: Tensor, *, relative: bool = False) -> Tensor:
@@ -181,9 +173,8 @@ def l_contact(joints_hat: Tensor, contact: Tensor) -> Tensor:
     $f_{hv}$ is the horizontal part of a foot's velocity, $f_{dv}$ its downward part: a foot may
     rise off the floor, but not go through it.
 
-    Source: Lodge eq. 7, after LEMO.  Differs: b is 1 where the predicted contact is above 0.5; as
-    printed it is the predicted contact itself, and in the code, whose weight for it is 0, it is 1
-    where the foot is low.
+    Source: Lodge eq. 7, after LEMO.  Differs: b is the predicted contact, as printed; in the code,
+    whose weight for this loss is 0, it is 1 where the foot is low.
 
     Shapes: joints_hat (..., f, j, 3) metres, contact (..., f, 4) -> scalar, (m/s)^2.
 
@@ -195,27 +186,36 @@ def l_contact(joints_hat: Tensor, contact: Tensor) -> Tensor:
     feet = feet_of(joints_hat)
     lateral, up, depth = (FPS * feet.diff(dim=-3)).unbind(-1)
     velocity = torch.stack([lateral, up.clamp(max=0), depth], dim=-1)
-    b = (contact > 0.5).to(feet)
-    return mean((velocity * b[..., :-1, :, None]).square())
+    return mean((velocity * contact[..., :-1, :, None]).square())
+
+
+def motion_losses(c: Comparison, *, relative: bool) -> dict[str, Tensor]:
+    """The terms of eq. 8 but the discriminator's, unweighted and by name.
+
+    ``relative``: of `LodgeWeights`.
+    """
+    root, root_0 = c.root[..., None, :], c.root_0[..., None, :]
+    return {
+        "recon": l_recon(c.x_hat, c.x_0),
+        "vel": l_vel(c.x_hat, c.x_0),
+        "joint": l_joint(c.joints, c.joints_0, relative=relative),
+        "foot": l_foot(c.joints, c.contact),
+        "jvel": l_jvel(c.joints, c.joints_0),
+        "jacc": l_jacc(c.joints, c.joints_0),
+        "contact": l_contact(c.joints, c.contact),
+        "root_vel": l_jvel(root, root_0),
+        "root_acc": l_jacc(root, root_0),
+    }
 
 
 def lodge_losses(
-    x_hat: Tensor,
-    x_0: Tensor,
-    normalizer: Normalizer,
-    *,
-    weights: LodgeWeights,
-    x_raw: Tensor | None = None,
-    weight: Tensor | None = None,
+    x_hat: Tensor, x_0: Tensor, normalizer: Normalizer, *, weights: LodgeWeights
 ) -> dict[str, Tensor]:
-    r"""All terms of eq. 8 but the discriminator's, unweighted and by name, and their sum "total".
+    r"""`motion_losses` and their weighted sum "total".
 
-    Source: Lodge eq. 8.  Differs: with ``x_raw`` the reconstruction is the mean of both guesses',
-    so that the Foot Refine Block starts from a dance and not from anything it likes; the other
-    terms are taken on x_hat. A term of weight 0 is reported and costs no backward pass.
+    Source: Lodge eq. 8.
 
-    Shapes: (..., f, d) normalised; weight (b,) of each row in every term, see
-    `dancediff.extensions.level_weights` -> dict of scalars.
+    Shapes: (..., f, d) normalised -> dict of scalars.
 
     >>> norm = Normalizer(-torch.ones(139), torch.ones(139))
     >>> x = torch.rand(2, 8, 139)
@@ -223,31 +223,8 @@ def lodge_losses(
     >>> losses["total"].item()
     0.0
     """
-    contact, root, joints = joints_of(normalizer.unnormalize(x_hat.float()))
-    with torch.no_grad():  # the truth needs no graph
-        contact_0, root_0, joints_0 = joints_of(normalizer.unnormalize(x_0.float()))
-    if weight is not None:  # every term is quadratic in these
-        parts = (x_hat, x_0, x_hat if x_raw is None else x_raw, root, root_0, joints, joints_0)
-        scaled = [x * weight.sqrt().reshape(-1, *(1,) * (x.ndim - 1)) for x in parts]
-        x_hat, x_0, x_raw, root, root_0, joints, joints_0 = scaled
-    recon = l_recon(x_hat, x_0)
-    if x_raw is not None:
-        recon = 0.5 * (recon + l_recon(x_raw, x_0))
-    terms = {
-        "recon": recon,
-        "vel": l_vel(x_hat, x_0),
-        "joint": l_joint(joints, joints_0, relative=weights.relative),
-        "foot": l_foot(joints, contact),
-        "jvel": l_jvel(joints, joints_0),
-        "jacc": l_jacc(joints, joints_0),
-        "contact": l_contact(joints, contact),
-        "root_vel": l_jvel(root[..., None, :], root_0[..., None, :]),
-        "root_acc": l_jacc(root[..., None, :], root_0[..., None, :]),
-        "slide": l_foot(FPS * joints, contact_0),
-    }
-    used = {name: weight for name, weight in weights.terms().items() if weight}
-    terms["total"] = sum((w * terms[name] for name, w in used.items()), x_hat.new_zeros(()))
-    return terms
+    c = compare(x_hat, x_hat, x_0, normalizer, LODGE)
+    return with_total(motion_losses(c, relative=weights.relative), weights.terms())
 
 
 def l_critic(real: Tensor, made: Tensor, *, form: str = "hinge") -> Tensor:

@@ -1,4 +1,4 @@
-r"""The five losses of TCDiff++, and two of ours that are off by default.
+r"""The five losses of TCDiff++.
 
 Read first: notebook 05 · TCDiff++ section 4.3, eq. 12 to 18.
 
@@ -15,41 +15,28 @@ import torch
 from einops import rearrange
 from torch import Tensor
 
-from dancediff.axes import FPS
-from dancediff.motion.representation import TCDIFFPP, Normalizer, unpack
-from dancediff.motion.skeleton import feet_of, forward_kinematics
+from dancediff.motion.representation import TCDIFFPP, Normalizer
+from dancediff.motion.skeleton import feet_of
+from dancediff.nn.losses import Comparison, compare, mean, with_total
 
 
 @dataclass(frozen=True)
 class LossWeights:
-    """Weight of each term, and the two terms that paper and released code write differently.
+    """Weight of each term: TCDiff++ section 5.1.
 
     >>> LossWeights().terms()["contact"]
     10.942
     """
 
-    simple: float = 0.636  # TCDiff++ section 5.1, as are the next four
+    simple: float = 0.636
     vel: float = 2.964
     fk: float = 0.646
     contact: float = 10.942
-    dist: float = 0.636  # the released code: 100, with dist_axis "time"
-    joint_vel: float = 0.0  # ours: error of joint velocities, (m/s)^2
-    slide: float = 0.0  # ours: foot speed where the TRUE foot is planted, (m/s)^2
-    dist_axis: str = "pairs"  # see `l_dist`
-    soft_contact: bool = False  # eq. 15 as printed; see `l_contact`
+    dist: float = 0.636  # the released code: 100
 
     def terms(self) -> dict[str, float]:
-        """The weights alone, by the name of their term."""
-        return {k: v for k, v in asdict(self).items() if k not in ("dist_axis", "soft_contact")}
-
-
-def mean(error: Tensor) -> Tensor:
-    """Mean over everything; 0 of nothing, as of the changes from frame to frame of one frame.
-
-    >>> mean(torch.zeros(1, 0)).item()
-    0.0
-    """
-    return error.mean() if error.numel() else error.sum()
+        """The weights by the name of their term."""
+        return asdict(self)
 
 
 def l_simple(x_hat: Tensor, x_0: Tensor) -> Tensor:
@@ -88,59 +75,55 @@ def l_fk(joints_hat: Tensor, joints_0: Tensor) -> Tensor:
     return mean((joints_hat - joints_0).square())
 
 
-def l_contact(
-    joints_hat: Tensor,
-    contact_hat: Tensor,
-    *,
-    threshold: float | None = 0.5,
-) -> Tensor:
+def l_contact(joints_hat: Tensor, contact_hat: Tensor) -> Tensor:
     r"""A foot that the dancer calls planted should not move.
 
     $$\lVert (FK(\hat x)_{i+1} - FK(\hat x)_i) \cdot \hat b_i \rVert^2$$
 
-    Source: TCDiff++ eq. 15.  With a ``threshold`` (0..1) the predicted contact is a hard mask, as
-    in EDGE's and TCDiff++'s code, in physical units; ``None`` multiplies by it, as in the paper.
+    Source: TCDiff++ eq. 15.  Differs: b is the predicted contact, as printed; in EDGE's and
+    TCDiff++'s code it is 1 where the scaled contact is above 0.95, else 0.
 
     Shapes: joints_hat (b, n, f, j, 3) metres, contact_hat (b, n, f, 4) about 0..1 -> scalar.
 
     >>> joints = torch.arange(3.0)[None, None, :, None, None].expand(1, 1, 3, 24, 3)
-    >>> l_contact(joints, torch.full((1, 1, 3, 4), 0.4)).item()      # nobody claims contact
-    0.0
+    >>> l_contact(joints, torch.full((1, 1, 3, 4), 0.5)).item()      # all move by 1 m a frame
+    0.25
     """
     step = feet_of(joints_hat).diff(dim=-3)
-    b = contact_hat[..., :-1, :]
-    b = b if threshold is None else (b > threshold).to(b)
-    return mean((step * b[..., None]).square())
+    return mean((step * contact_hat[..., :-1, :, None]).square())
 
 
-def l_dist(root_hat: Tensor, root_0: Tensor, *, dist_axis: str = "pairs") -> Tensor:
+def l_dist(root_hat: Tensor, root_0: Tensor) -> Tensor:
     r"""Distance consistency: the offsets between dancers should be right.
 
     $$\tfrac{2}{C(C-1)} \sum_{i<j} \lVert (p_i - p_j) - (\hat p_i - \hat p_j) \rVert^2$$
 
     Source: TCDiff++ eq. 16 and 17.  Differs: a mean over frames and pairs where the paper sums.
-    ``dist_axis`` "adjacent" compares neighbours only (TCDiff v1), "time" compares frames of one
-    dancer, which is what the released TCDiff++ does under this name (its weight: 100).
+    The released code compares frames of one dancer under this name (weight 100).
 
     Shapes: root (b, n, f, 3) metres -> scalar; 0 for a solo.
-    Raises: ValueError for another ``dist_axis``.
 
     >>> root = torch.randn(1, 3, 10, 3)
     >>> l_dist(root + 1.0, root).item() < 1e-12                # the whole group shifted: no error
     True
     """
-    n = root_hat.shape[1]
-    error = root_hat - root_0
-    if dist_axis == "time":
-        return mean(error.diff(dim=2).square())
-    if dist_axis not in ("pairs", "adjacent"):
-        raise ValueError(f"dist_axis={dist_axis!r} is not one of 'pairs', 'adjacent', 'time'")
-    if n < 2:
-        return error.sum() * 0
+    error, n = root_hat - root_0, root_hat.shape[1]
     i, j = torch.triu_indices(n, n, 1)
-    if dist_axis == "adjacent":
-        i, j = torch.arange(n - 1), torch.arange(1, n)
     return mean((error[:, i] - error[:, j]).square())
+
+
+def five_losses(c: Comparison) -> dict[str, Tensor]:
+    """The terms of eq. 18, unweighted and by name.
+
+    The reconstruction term is taken on the decoder's guess, every other term on the adapted one.
+    """
+    return {
+        "simple": l_simple(c.x_raw, c.x_0),
+        "vel": l_vel(c.x_hat, c.x_0),
+        "fk": l_fk(c.joints, c.joints_0),
+        "contact": l_contact(c.joints, c.contact),
+        "dist": l_dist(c.root, c.root_0),
+    }
 
 
 def tcdiffpp_losses(
@@ -150,48 +133,20 @@ def tcdiffpp_losses(
     normalizer: Normalizer,
     *,
     weights: LossWeights | None = None,
-    joints_0: Tensor | None = None,
-    weight: Tensor | None = None,
 ) -> dict[str, Tensor]:
-    r"""All terms, unweighted and by name, and their weighted sum "total".
+    r"""`five_losses` and their weighted sum "total".
 
-    Source: TCDiff++ eq. 18 (the sum).  The reconstruction term is taken on the raw output, as the
-    paper writes it, and on the adapted one, so that both paths learn; every other term is taken
-    on the adapted output.  A term of weight 0 is reported and costs no backward pass.
+    Source: TCDiff++ eq. 18, with the weights of section 5.1 by default.
 
-    Shapes: x_raw, x_hat, x_0 (b, n, f, d) normalised; joints_0 (b, n, f, j, 3) metres, if the true
-    joints are known already; weight (b,) of each group in every term, see
-    `dancediff.extensions.level_weights` -> dict of scalars.
+    Shapes: x_raw, x_hat, x_0 (b, n, f, d) normalised -> dict of scalars.
 
     >>> norm = Normalizer(-torch.ones(151), torch.ones(151))
     >>> x = torch.rand(1, 2, 8, 151)
     >>> sorted(tcdiffpp_losses(x, x, x, norm))
-    ['contact', 'dist', 'fk', 'joint_vel', 'simple', 'slide', 'total', 'vel']
+    ['contact', 'dist', 'fk', 'simple', 'total', 'vel']
     """
-    weights = weights or LossWeights()
-    contact, root, pose = unpack(normalizer.unnormalize(x_hat.float()))
-    joints = forward_kinematics(pose, root)
-    with torch.no_grad():  # the truth needs no graph; recording one nearly doubled the time
-        contact_0, root_0, pose_0 = unpack(normalizer.unnormalize(x_0.float()))
-        joints_0 = forward_kinematics(pose_0, root_0) if joints_0 is None else joints_0
-    hard = None if weights.soft_contact else 0.5
-    if weight is not None:  # every term is quadratic in these
-        root_of = weight.sqrt()[:, None, None, None]
-        x_raw, x_hat, x_0 = x_raw * root_of, x_hat * root_of, x_0 * root_of
-        root, root_0 = root * root_of, root_0 * root_of
-        joints, joints_0 = joints * root_of[..., None], joints_0 * root_of[..., None]
-    terms = {
-        "simple": 0.5 * (l_simple(x_raw, x_0) + l_simple(x_hat, x_0)),
-        "vel": l_vel(x_hat, x_0),
-        "fk": l_fk(joints, joints_0),
-        "contact": l_contact(joints, contact, threshold=hard),
-        "dist": l_dist(root, root_0, dist_axis=weights.dist_axis),
-        "joint_vel": l_fk(joints.diff(dim=2) * FPS, joints_0.diff(dim=2) * FPS),
-        "slide": l_contact(joints * FPS, contact_0),
-    }
-    used = {name: w for name, w in weights.terms().items() if w}
-    terms["total"] = sum((w * terms[name] for name, w in used.items()), x_hat.new_zeros(()))
-    return terms
+    terms = five_losses(compare(x_raw, x_hat, x_0, normalizer))
+    return with_total(terms, (weights or LossWeights()).terms())
 
 
 def pair_distances(root: Tensor) -> Tensor:

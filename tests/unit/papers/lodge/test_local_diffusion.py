@@ -8,8 +8,7 @@ import torch
 
 from dancediff.diffusion.conditions import Conditions
 from dancediff.extensions.build import check_extensions
-from dancediff.motion.representation import Normalizer
-from dancediff.papers.lodge.foot_refine import joints_of
+from dancediff.motion.representation import LODGE, Normalizer, joints_of
 from dancediff.papers.lodge.local_diffusion import LocalConfig, LocalDenoiser
 from dancediff.papers.lodge.model import Lodge
 from tiny_lodge import tiny_lodge
@@ -78,7 +77,7 @@ def test_feet_are_computed_in_metres():
     x = torch.rand(1, 64, 139)
     physical.normalizer = Normalizer(-2 * torch.ones(139), 3 * torch.ones(139))
     height = physical.feet(x).reshape(1, 64, 4, 4, 3)[:, :, 2, :, 1]
-    _, _, joints = joints_of(physical.normalizer.unnormalize(x))
+    joints = joints_of(physical.normalizer.unnormalize(x), LODGE)
     torch.testing.assert_close(height, joints[..., (7, 8, 10, 11), 1])
     assert (model.feet(x) - physical.feet(x)).abs().max() > 0.1
 

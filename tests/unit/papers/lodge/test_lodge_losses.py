@@ -23,8 +23,8 @@ def motion(*shape, seed=0):
 
 def test_truth_costs_nothing_but_its_own_sliding_feet():
     x = NORM.normalize(motion(2, 9))
-    terms = lodge_losses(x, x, NORM, weights=LodgeWeights.fine_tune(), x_raw=x)
-    assert all(terms[name] == 0 for name in terms.keys() - {"foot", "contact", "slide", "total"})
+    terms = lodge_losses(x, x, NORM, weights=LodgeWeights.fine_tune())
+    assert all(terms[name] == 0 for name in terms.keys() - {"foot", "contact", "total"})
 
 
 @pytest.mark.parametrize("kind", ["coarse", "local", "fine_tune"])
@@ -49,16 +49,6 @@ def test_every_weighted_term_teaches():
             assert x.grad.isfinite().all() and x.grad.abs().max() > 0, (kind, name)
 
 
-def test_both_guesses_learn():
-    x, y = (NORM.normalize(motion(1, 9, seed=k)) for k in (0, 1))
-    weights = LodgeWeights.local()
-    one, two = (
-        lodge_losses(x, y, NORM, weights=weights, x_raw=y),
-        lodge_losses(x, y, NORM, weights=weights),
-    )
-    torch.testing.assert_close(one["recon"], 0.5 * two["recon"])
-
-
 def test_primitives_are_not_compared_across_the_gaps():
     x = NORM.normalize(motion(2, 13, 8))
     moved = x.clone()
@@ -77,16 +67,6 @@ def test_relative_joints_do_not_ask_where_the_dancer_stands():
         weights = LodgeWeights.local(relative=relative)
         joint = lodge_losses(moved, x, NORM, weights=weights)["joint"]
         assert (joint < 1e-10) == relative
-
-
-def test_slide_asks_the_truth_which_feet_are_planted():
-    x = motion(1, 9)
-    x[..., :4], claim = 0, x.clone()
-    claim[..., :4] = 1  # the guess says all feet are planted; the truth, that none is
-    weights = LodgeWeights.local()
-    guess, truth = NORM.normalize(claim), NORM.normalize(x)
-    assert lodge_losses(guess, truth, NORM, weights=weights)["slide"] == 0
-    assert lodge_losses(truth, guess, NORM, weights=weights)["slide"] > 0
 
 
 def test_hinge_stops_where_the_verdict_is_clear():

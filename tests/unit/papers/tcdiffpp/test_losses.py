@@ -1,9 +1,8 @@
 import pytest
 import torch
 
-from dancediff.motion.representation import Normalizer, pack, unpack
+from dancediff.motion.representation import Normalizer, pack
 from dancediff.motion.rotation import axis_angle_to_matrix
-from dancediff.motion.skeleton import forward_kinematics
 from dancediff.papers.tcdiffpp.losses import (
     LossWeights,
     l_contact,
@@ -54,8 +53,7 @@ def test_tcdiffpp_eq15_contact_by_hand():
     claim = torch.zeros(1, 1, 2, 4)
     assert l_contact(joints, claim).item() == 0
     claim[0, 0, 0, 1] = 0.8
-    assert l_contact(joints, claim).item() == pytest.approx(0.25 / 12)
-    assert l_contact(joints, claim, threshold=None).item() == pytest.approx(0.64 * 0.25 / 12)
+    assert l_contact(joints, claim).item() == pytest.approx(0.64 * 0.25 / 12)
     claim[0, 0, 0] = torch.tensor([1.0, 0.0, 1.0, 1.0])  # the other feet stand still
     assert l_contact(joints, claim).item() == 0
 
@@ -76,23 +74,15 @@ def test_distance_is_blind_to_a_shift_of_the_group():
     assert torch.allclose(pair_distances(root + 1.0), pair_distances(root), atol=1e-4)
 
 
-def test_the_released_distance_loss_misses_a_misplaced_dancer():
-    """TCDiff++'s code compares frames, not dancers: a dancer standing wrong costs nothing."""
-    root = torch.randn(1, 3, 9, 3)
-    wrong = root.clone()
-    wrong[:, 0] += 1.0
-    assert l_dist(wrong, root, dist_axis="time").item() < 1e-10 < l_dist(wrong, root).item()
-
-
 def test_a_solo_has_no_distance():
-    assert l_dist(torch.randn(2, 1, 5, 3), torch.randn(2, 1, 5, 3)).item() == 0
-    with pytest.raises(ValueError, match="dist_axis='x'"):
-        l_dist(torch.zeros(1, 2, 3, 3), torch.zeros(1, 2, 3, 3), dist_axis="x")
+    root = torch.randn(2, 1, 5, 3, requires_grad=True)
+    l_dist(root, torch.randn(2, 1, 5, 3)).backward()
+    assert root.grad.eq(0).all()
 
 
 def test_total_is_the_weighted_sum():
     x, y = motion(seed=0), motion(seed=1)
-    weights = LossWeights(joint_vel=0.5, slide=0.25)
+    weights = LossWeights(vel=0.5, dist=0.25)
     terms = tcdiffpp_losses(y, x, x, NORM, weights=weights)
     by_hand = sum(getattr(weights, k) * v for k, v in terms.items() if k != "total")
     assert torch.isclose(terms["total"], by_hand)
@@ -101,7 +91,7 @@ def test_total_is_the_weighted_sum():
 def test_a_perfect_guess_costs_only_its_own_sliding():
     x = motion()
     terms = tcdiffpp_losses(x, x, x, NORM)
-    assert all(terms[k].item() < 1e-8 for k in ("simple", "vel", "fk", "dist", "joint_vel"))
+    assert all(terms[k].item() < 1e-8 for k in ("simple", "vel", "fk", "dist"))
 
 
 def test_gradients_are_finite_for_a_raw_network_output():
@@ -110,73 +100,19 @@ def test_gradients_are_finite_for_a_raw_network_output():
     assert y.grad.isfinite().all() and y.grad.abs().sum() > 0
 
 
-def test_forms_of_the_released_code_can_be_chosen():
-    x, y = motion(seed=0), motion(seed=1)
-    root = [NORM.unnormalize(k)[..., 4:7] for k in (y, x)]
-    for axis in ("pairs", "adjacent", "time"):
-        terms = tcdiffpp_losses(y, y, x, NORM, weights=LossWeights(dist_axis=axis))
-        assert torch.isclose(terms["dist"], l_dist(*root, dist_axis=axis)), axis
-    hard, soft = (
-        tcdiffpp_losses(y, y, x, NORM, weights=LossWeights(soft_contact=k))["contact"]
-        for k in (False, True)
-    )
-    assert not torch.isclose(hard, soft)
-
-
-def test_known_joints_give_the_same_losses():
-    x, y = motion(seed=0), motion(seed=1)
-    _, root, pose = unpack(NORM.unnormalize(x))
-    known = tcdiffpp_losses(y, y, x, NORM, joints_0=forward_kinematics(pose, root))
-    for name, value in tcdiffpp_losses(y, y, x, NORM).items():
-        assert torch.isclose(known[name], value), name
-
-
 def test_a_term_of_weight_zero_has_no_gradient():
     x, y = motion(seed=0), motion(seed=1).requires_grad_()
     none = {name: 0.0 for name in LossWeights().terms()}
     total = tcdiffpp_losses(y, y, x, NORM, weights=LossWeights(**none))["total"]
     assert total.item() == 0 and not total.requires_grad
     only_simple = LossWeights(**none | {"simple": 1.0})
-    tcdiffpp_losses(x, y, x, NORM, weights=only_simple)["total"].backward()
-    assert torch.allclose(y.grad, (y - x).detach() / x.numel(), atol=1e-9)
+    tcdiffpp_losses(y, x, x, NORM, weights=only_simple)["total"].backward()
+    assert torch.allclose(y.grad, 2 * (y - x).detach() / x.numel(), atol=1e-9)
 
 
 def test_both_outputs_learn():
-    """The raw output has only the reconstruction term: without it, it would not be trained."""
+    """The raw output has the reconstruction term alone, the adapted one all others."""
     x = motion(seed=0)
     raw, hat = motion(seed=1).requires_grad_(), motion(seed=2).requires_grad_()
     tcdiffpp_losses(raw, hat, x, NORM)["total"].backward()
     assert raw.grad.abs().sum() > 0 and hat.grad.abs().sum() > 0
-
-
-def test_slide_uses_the_true_contacts():
-    """A guess that denies its contacts escapes eq. 15; it does not escape the slide term."""
-    x = torch.zeros(1, 1, 4, 151)
-    x[..., :4], x[..., 7:] = 1.0, torch.tensor([1.0, 0, 0, 0, 1, 0]).repeat(24)
-    sliding = x.clone()
-    sliding[..., 4] = torch.arange(4.0)
-    sliding[..., :4] = 0.0
-    norm = Normalizer(-torch.ones(151), torch.ones(151))
-    terms = tcdiffpp_losses(sliding, sliding, x, norm)
-    assert terms["contact"].item() == 0
-    assert terms["slide"].item() == pytest.approx(30**2 / 3, rel=1e-4)  # 1 m a frame, one axis of 3
-    flying = x.clone()
-    flying[..., :4] = 0.0
-    assert tcdiffpp_losses(sliding, sliding, flying, norm)["slide"].item() == 0
-
-
-def test_a_group_of_weight_two_counts_twice_in_every_term():
-    torch.manual_seed(0)
-    x_0, x_raw, x_hat = (motion(b=2, seed=k) for k in range(3))
-    weights = LossWeights(joint_vel=0.1, slide=0.1)
-
-    def terms(part, weight=None):
-        guess = x_raw[part], x_hat[part], x_0[part]
-        return tcdiffpp_losses(*guess, NORM, weights=weights, weight=weight)
-
-    both = terms(slice(None), torch.tensor([2.0, 0.5]))
-    first, second = terms(slice(0, 1)), terms(slice(1, 2))
-    for name in both:
-        assert both[name].item() == pytest.approx(
-            (2 * first[name] + 0.5 * second[name]).item() / 2, rel=1e-4
-        )
