@@ -19,6 +19,7 @@ from collections.abc import Sequence
 from torch import Tensor
 
 from dancediff.diffusion.conditions import Conditions
+from dancediff.extensions.aligned_attention import align_attention
 from dancediff.extensions.networks import Extended, parts_of
 from dancediff.extensions.parts import Pass
 from dancediff.papers.lodge.global_diffusion import GlobalDenoiser
@@ -30,7 +31,10 @@ from dancediff.papers.lodge.style import StyleToken
 def extended_lodge(config: LodgeConfig, extensions: Sequence[str]) -> Lodge:
     """Both stages, each with those of the extensions that it has."""
     first = ExtendedGlobalDenoiser(config, extensions)
-    return Lodge(config, first, ExtendedLocalDenoiser(config.local_stage, extensions))
+    model = Lodge(config, first, ExtendedLocalDenoiser(config.local_stage, extensions))
+    if "aligned_attention" in extensions:
+        align_attention(model)
+    return model
 
 
 class ExtendedGlobalDenoiser(Extended, GlobalDenoiser):

@@ -47,7 +47,7 @@ _ALL = (
     Extension("non_local_filter", "network", "Frames that look alike are averaged.",
               "non_local_filter", ALL, needs=LINEAR, lesson=5),
     Extension("aligned_attention", "network", "Half of the heads start at their own frame.",
-              "aligned_attention", ("tcdiffpp", "edge")),
+              "aligned_attention", ALL),
     Extension("ssd", "network", "State space models with one decay a head: matrix products.",
               "ssd", GROUP, lesson=8),
     Extension("footwork_residual", "network", "The Footwork Adaptor corrects legs.",
