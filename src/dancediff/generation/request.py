@@ -18,7 +18,8 @@ from dataclasses import Field, dataclass, field, fields, replace
 from types import UnionType
 from typing import TYPE_CHECKING, Any, ClassVar, get_args
 
-from dancediff.generation.presets import PRESETS
+from dancediff.extensions.registry import REGISTRY
+from dancediff.generation.presets import PAPER, PRESETS
 from dancediff.genre import genre_for, genre_number
 
 if TYPE_CHECKING:
@@ -34,16 +35,6 @@ RENAMED = {  # old name: (new name, what the old values are now)
     "order": ("order_constraint", {"kept": True, "free": False}),
     "home": ("return_to_origin", {}),
     "long": ("long_sampling", {}),
-}
-# what needs the statistics of preconditioning, and what it is without them
-NEEDS_PRECONDITIONING = {
-    "autoguidance": 1.0,
-    "frequency_clip": False,
-    "collision_avoidance": False,
-    "order_constraint": False,
-    "return_to_origin": False,
-    "cue_constraint": False,
-    "border_smoothing": False,
 }
 
 
@@ -158,14 +149,13 @@ class SamplingConfig:
         asked = {name: value for name, value in vars(self).items() if value is not None}
         usual = dict(PRESETS[self.preset][self.family])
         if not has_preconditioning(model):
-            for name, off in NEEDS_PRECONDITIONING.items():
+            for name, off in needs_preconditioning(self.family).items():
                 if asked.get(name, off) != off:
                     raise ValueError(
                         f"{name}={asked[name]!r} needs statistics of the training data that only "
                         f"a model with preconditioning has; use {off!r}"
                     )
-                if name in usual:
-                    usual[name] = off
+                usual[name] = off
         filled = replace(self, **usual | asked | {"seconds": seconds})
         for name, high in self._limits(model.config).items():
             _in_range(name, getattr(filled, name), 1, high)
@@ -397,6 +387,19 @@ def has_preconditioning(model) -> bool:
     from dancediff.extensions.preconditioning import preconditioning_of
 
     return preconditioning_of(model) is not None
+
+
+def needs_preconditioning(family: str) -> dict:
+    """Options that need the statistics of preconditioning, and what they are without them.
+
+    >>> needs_preconditioning("edge")
+    {'autoguidance': 1.0, 'frequency_clip': False}
+    """
+    return {
+        name: off
+        for name, off in PAPER[family].items()
+        if name in REGISTRY and "preconditioning" in REGISTRY[name].needs
+    }
 
 
 def default_of(family: str, name: str, preset: str = "packaged"):

@@ -19,12 +19,12 @@ from dancediff.extensions.group_relations import MAX_DANCERS, RELATIONS
 from dancediff.extensions.preconditioning import Preconditioning
 from dancediff.generation.presets import PACKAGED, PAPER, PRESETS
 from dancediff.generation.request import (
-    NEEDS_PRECONDITIONING,
     REQUESTS,
     EDGERequest,
     GroupDanceRequest,
     LodgeRequest,
     default_of,
+    needs_preconditioning,
 )
 from places import SOURCE
 
@@ -74,8 +74,9 @@ def test_every_option_says_what_it_does(family):
 def test_the_paper_is_the_papers():
     for family, preset in PAPER.items():
         assert [preset[k] for k in ("sampler", "steps", "eta", "guidance")] == ["ddim", 50, 1, 2]
-        for name, off in NEEDS_PRECONDITIONING.items():
-            assert preset.get(name, off) == off, f"{family} {name}"
+        assert (
+            needs_preconditioning(family).items() <= preset.items() and preset["autoguidance"] == 1
+        )
         assert not preset["foot_contact"]
     assert PAPER["tcdiffpp"]["pinning"] == "init"
 
