@@ -1,22 +1,22 @@
 """What each extension brings when the packaged models dance: switched off, one at a time.
 
-    python benchmarks/extensions.py tcdiffpp                 # 8 songs of 10 s, three dancers
-    python benchmarks/extensions.py lodge --seconds 17
+    python benchmarks/extensions.py tcdiffpp         # 8 songs of 10 s, three dancers
+    python benchmarks/extensions.py tcdiffpp_long    # 8 songs of 30 s: what acts between segments
+    python benchmarks/extensions.py tcdiffpp_strange # 8 sounds that no training had
+    python benchmarks/extensions.py lodge            # 8 songs of 34 s
     python benchmarks/extensions.py tcdiffpp --songs 1 --only speed_limit     # does it work?
 
-Songs and seeds are fixed: synthetic songs, the k-th danced with seed k, and with all extensions and
-without one the same noise. Dancers of TCDiff++ are asked to change places and to end in a
-formation every second time. What was measured is kept in --out and not danced again. The results
-of a model take their place in docs/extensions.json. What only training has cannot be switched off.
-Inputs of networks are taken away from weights that were trained with them, which says what the
-weights make of them, not what a model trained without would do.
-
-Cells: the mean with everything, then for each extension how much it changes without it, with a 95 %
-bootstrap interval over songs, bold where that does not contain 0.
+Songs and seeds are fixed: the k-th song is danced with seed k, and with all extensions and without
+one the same noise. Dancers of TCDiff++ are asked to change places and to end in a formation every
+second time; in long dances all of them also walk along a path. What was measured is kept in --out
+and not danced again. Results go to docs/results/extensions_SETTING.json. What only training has
+cannot be switched off. Inputs of networks are taken away from weights that were trained with them,
+which says what the weights make of them, not what a model trained without would do.
 """
 
 import json
-from collections.abc import Callable, Iterator
+import sys
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, field
 from functools import partial
@@ -33,8 +33,10 @@ from tqdm.auto import tqdm
 from dancediff import hub
 from dancediff.extensions import foot_contact_projection as feet
 from dancediff.extensions import foot_cues
+from dancediff.extensions.control import WalkAlong
 from dancediff.extensions.floor_contact import AIR, flights
 from dancediff.extensions.initial_frames import InitialFrames
+from dancediff.extensions.parts import Part, Parts
 from dancediff.extensions.registry import REGISTRY
 from dancediff.generation.request import GroupDanceRequest
 from dancediff.metrics.bootstrap import bootstrap_interval
@@ -46,10 +48,20 @@ from dancediff.metrics.swaps import obeys
 from dancediff.motion.contact import TOE_CLEARANCE
 from dancediff.motion.motion import Motion
 from dancediff.motion.skeleton import SMPL24
+from dancediff.music.features import SAMPLE_RATE
+from dancediff.music.song import Music
 from dancediff.music.synth import synth_song
 
-DOCS = Path(__file__).parents[1] / "docs"
+sys.path.insert(0, str(Path(__file__).parents[1] / "docs" / "site"))
+
+from tables import RESULTS, markdown
+
 FIRST_SONG = 900_000  # no training saw it
+PAIRED = {n for n in SMPL24.names if {"l" + n[1:], "r" + n[1:]} <= set(SMPL24.names)}
+MIRRORED = [
+    SMPL24.index({"l": "r", "r": "l"}[name[0]] + name[1:]) if name in PAIRED else k
+    for k, name in enumerate(SMPL24.names)
+]
 WRISTS = [SMPL24.index(side + "wrist") for side in "lr"]
 ROW, WEDGE = [(-1.2, 0.0), (0.0, 0.0), (1.2, 0.0)], [(-1.0, 0.5), (0.0, -0.5), (1.0, 0.5)]
 ORDERS = list(permutations(range(3)))[1:]
@@ -72,9 +84,8 @@ def without_step(step: Callable) -> Without:
 @contextmanager
 def without_part(model: torch.nn.Module, name: str) -> Iterator[None]:
     """A network whose part of that name does nothing."""
-    from dancediff.extensions.parts import Part
-
-    owners = [m.parts for m in model.modules() if name in getattr(m, "parts", ())]
+    owners = [m.parts for m in model.modules() if isinstance(getattr(m, "parts", None), Parts)]
+    owners = [parts for parts in owners if name in parts]
     if not owners:
         raise ValueError(f"{name!r} is no part of this model")
     before = [parts[name] for parts in owners]
@@ -97,56 +108,125 @@ def patched(owner, name: str, to) -> Without:
     return Without(change=lambda model: mock.patch.object(owner, name, to))
 
 
-PARTS = {
-    name: Without(change=partial(without_part, name=name))
-    for name in ("formation_prior", "beat_phase", "non_local_filter")
-}
-FEET = {step.__name__: without_step(step) for step in feet.STEPS}
-OFF = {
-    "tcdiffpp": FEET
-    | {
-        "foot_cues": patched(foot_cues, "foot_cues", no_feet),
-        "autoguidance": Without({"autoguidance": 1.0}),
-        "frequency_clip": Without({"frequency_clip": False}),
-        "collision_avoidance": Without({"collision_avoidance": False}),
-        "order_constraint": Without({"order_constraint": False}),
-        "initial_frames": patched(InitialFrames, "for_segment", lambda self, segment: None),
-        "same_noise": Without({"pinning": "renoise"}),
-        "resampled_overlap": patched(GroupDanceRequest, "resampled", 0),
-        "dpm_solver": Without({"sampler": "ddim"}),
-    }
-    | PARTS,
-    "lodge": FEET
-    | {
-        "autoguidance": Without({"autoguidance": 1.0}),
-        "border_smoothing": Without({"border_smoothing": False}),
-        "return_to_origin": Without({"return_to_origin": False}),
-        "smooth_primitives": Without({"smooth_primitives": False}),
-        "repeat_sections": Without({"repeat_sections": False}),
-        "dpm_solver": Without({"sampler": "ddim"}),
-    }
-    | {name: PARTS[name] for name in ("beat_phase", "non_local_filter")},
-}
+def strange(k: int, seconds: float) -> tuple[Music, np.ndarray, tuple]:
+    """The k-th sound that is no song: noise in bursts, ever more of them; no beats, no sections."""
+    rng, n = np.random.default_rng(k), round(seconds * SAMPLE_RATE)
+    time = np.arange(n) / SAMPLE_RATE
+    a_second = 2.0 + 4 * k  # bursts
+    burst = np.exp(-((time * a_second) % 1) * 20 / (1 + k % 3))
+    gain = (np.sin(2 * np.pi * time * (k + 1) / 7) > 0) if k % 2 else 1.0  # sudden silences
+    sound = rng.uniform(-1, 1, n) * burst * gain
+    return Music(sound.astype(np.float32), SAMPLE_RATE, f"strange {k}"), np.array([]), ()
 
 
-def request(model: str, k: int) -> dict:
-    """What is asked of the k-th dance, beside its length."""
-    if model != "tcdiffpp":
-        return {"seed": k, "dancers": 1}
+def synthetic(k: int, seconds: float) -> tuple[Music, np.ndarray, Sequence]:
+    """The k-th song, its beats and its sections."""
+    song, truth = synth_song(FIRST_SONG + k, seconds=seconds)
+    return song, truth.beats, truth.sections
+
+
+def group(k: int) -> dict:
+    """What three dancers are asked: an order, or every second time formations."""
     asked = {"start": ROW, "end": WEDGE} if k % 2 else {"swap": ORDERS[k // 2 % len(ORDERS)]}
     return {"seed": k, "dancers": 3} | asked
 
 
-def measured(dance: Motion, beats, asked: dict) -> dict[str, float | None]:
+def guided_group(k: int) -> dict:
+    """Three dancers from a row to a wedge, the middle one to the front and back on the way."""
+    path = WalkAlong(1, [(4.0, 0.0, 0.0), (7.0, 0.0, 1.2), (12.0, 0.0, 1.2), (15.0, 0.0, 0.0)])
+    return {"seed": k, "dancers": 3, "start": ROW, "end": WEDGE, "constraints": (path,)}
+
+
+def hard_to_dance(k: int) -> dict:
+    """Three dancers, pushed as far from the mean as the panels allow."""
+    return {"seed": k, "dancers": 3, "guidance": 2.0, "autoguidance": 2.2}
+
+
+FEET = {step.__name__: without_step(step) for step in feet.STEPS}
+PARTS = {
+    name: Without(change=partial(without_part, name=name))
+    for name in ("formation_prior", "beat_phase", "non_local_filter")
+}
+CLIP = {"frequency_clip": Without({"frequency_clip": False})}
+SOLVER = {"dpm_solver": Without({"sampler": "ddim"})}
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What is danced, and what is switched off."""
+
+    model: str
+    seconds: float
+    off: dict[str, Without]
+    request: Callable[[int], dict]
+    song: Callable[[int, float], tuple[Music, np.ndarray, Sequence]] = synthetic
+    data: str = "synthetic"
+
+
+SETTINGS = {
+    "tcdiffpp": Setting(
+        "tcdiffpp",
+        10.0,
+        FEET
+        | PARTS
+        | CLIP
+        | SOLVER
+        | {
+            "foot_cues": patched(foot_cues, "foot_cues", no_feet),
+            "autoguidance": Without({"autoguidance": 1.0}),
+            "collision_avoidance": Without({"collision_avoidance": False}),
+            "order_constraint": Without({"order_constraint": False}),
+        },
+        group,
+    ),
+    "tcdiffpp_long": Setting(
+        "tcdiffpp",
+        30.0,
+        {
+            "initial_frames": patched(InitialFrames, "for_segment", lambda self, segment: None),
+            "same_noise": Without({"pinning": "renoise"}),
+            "resampled_overlap": patched(GroupDanceRequest, "resampled", 0),
+        },
+        guided_group,
+    ),
+    "tcdiffpp_strange": Setting(
+        "tcdiffpp", 10.0, FEET | CLIP, hard_to_dance, strange, "noise in bursts"
+    ),
+    "lodge": Setting(
+        "lodge",
+        34.0,
+        FEET
+        | {name: PARTS[name] for name in ("beat_phase", "non_local_filter")}
+        | SOLVER
+        | {
+            name: Without({name: False})
+            for name in (
+                "cue_constraint",
+                "border_smoothing",
+                "return_to_origin",
+                "root_stitching",
+                "smooth_primitives",
+                "repeat_sections",
+            )
+        }
+        | {"autoguidance": Without({"autoguidance": 1.0})},
+        lambda k: {"seed": k},
+    ),
+}
+
+
+def measured(dance: Motion, beats: np.ndarray, sections, asked: dict) -> dict[str, float | None]:
     """Every metric of a dance; None where it says nothing."""
-    joints, fps = dance.joints(), dance.fps
+    joints, fps, floor = dance.joints(), dance.fps, dance.root[..., ::2]
     lowest = joints[..., 1].amin(-1) - TOE_CLEARANCE
     bend = joints.diff(n=2, dim=1).norm(dim=-1).amax((0, 2))  # of frames 1 ... F - 2
     seams = [s - 1 + o for s in dance.meta["seams"] for o in (-1, 0) if 0 <= s - 1 + o < len(bend)]
-    floor = dance.root[..., ::2]
-    end = asked.get("end")
-    missed = None if end is None else (floor[:, -1] - torch.tensor(end)).norm(dim=-1).max().item()
-    swap = asked.get("swap")
+    end, swap, paths = asked.get("end"), asked.get("swap"), asked.get("constraints", ())
+    missed = [
+        (floor[path.dancer, round(at * fps)] - torch.tensor([x, z])).norm().item()
+        for path in paths
+        for at, x, z in path.points
+    ]
     return {
         "FSR": fsr(joints),
         "off the floor, %": 100 * ((lowest.abs() > AIR) & ~flights(lowest)).float().mean().item(),
@@ -154,77 +234,107 @@ def measured(dance: Motion, beats, asked: dict) -> dict[str, float | None]:
         "jerk, m/s3": fps**3 * joints.diff(n=3, dim=1).norm(dim=-1).mean().item(),
         "fastest root, m/s": fps * floor.diff(dim=1).norm(dim=-1).max().item(),
         "fastest joint, m/s": fps * joints.diff(dim=1).norm(dim=-1).max().item(),
+        "largest turn, degrees a frame": largest_turn(dance.pose),
         "furthest, m": floor.norm(dim=-1).max().item(),
         "knee bend, degrees": knee_bend(joints),
         "turning, degrees/s": turning(joints),
         "arms wide, %": 100 * arms_wide(joints),
         "TIF, %": 100 * tif(joints) if len(joints) > 1 else None,
         "orders kept": None if swap is None else float(obeys(dance.root, swap)),
-        "end missed, m": missed,
+        "end missed, m": end and (floor[:, -1] - torch.tensor(end)).norm(dim=-1).max().item(),
+        "path missed, m": max(missed, default=None),
         "seam ratio": (bend[seams].mean() / bend.median()).item() if seams else None,
-        "BAS": beat_alignment(joints, beats),
-        "MMC": beat_alignment(joints, beats, direction="motion"),
+        "BAS": beat_alignment(joints, beats) if len(beats) else None,
+        "MMC": beat_alignment(joints, beats, direction="motion") if len(beats) else None,
+        "sections differ, m": sections_differ(joints, sections, fps) if len(joints) == 1 else None,
     }
+
+
+def largest_turn(pose: Tensor) -> float:
+    """How far a joint turns from a frame to the next, at most."""
+    trace = (pose[:, :-1] * pose[:, 1:]).sum((-1, -2))
+    return torch.rad2deg(torch.acos(((trace - 1) / 2).clamp(-1, 1))).max().item()
+
+
+def sections_differ(joints: Tensor, sections, fps: float) -> float | None:
+    """How far joints are, relative to the pelvis, from where they were in a section's first time.
+
+    Sections that come again mirrored are compared with the mirrored first time: the nearer counts.
+    """
+    pose, first, far = joints[0] - joints[0, :, :1], {}, []
+    for start, stop, label in sections:
+        here = pose[round(start * fps) : round(stop * fps)]
+        if label in first:
+            k = min(len(here), len(first[label]))
+            mirrored = first[label][:k, MIRRORED] * torch.tensor([-1.0, 1.0, 1.0])
+            pairs = (first[label][:k], mirrored)
+            far.append(min((here[:k] - then).norm(dim=-1).mean().item() for then in pairs))
+        first.setdefault(label, here)
+    return float(np.mean(far)) if far else None
 
 
 @dataclass
 class Extensions:
-    """Dance with everything and without each extension, measure, write docs/extensions.json."""
+    """Dance with everything and without each extension, measure, write docs/results."""
 
-    model: tyro.conf.Positional[str]
+    setting: tyro.conf.Positional[str]
     songs: int = 8
-    seconds: float = 10.0
     only: tuple[str, ...] = ()
     out: Path = field(default_factory=lambda: Path("runs/extensions"))
 
     def run(self) -> None:
         """Dance what is missing, then print the table; write it if nothing was left out."""
-        off = {name: OFF[self.model][name] for name in self.only or OFF[self.model]}
+        here = SETTINGS[self.setting]
+        off = {name: here.off[name] for name in self.only or here.off}
         unknown = sorted(set(off) - set(REGISTRY))
         if unknown:
             raise SystemExit(f"not in the registry: {', '.join(unknown)}")
         variants = {"everything": Without()} | off
-        pipeline, bar = hub.load(self.model), tqdm(total=self.songs * len(variants), unit="dance")
+        pipeline, bar = hub.load(here.model), tqdm(total=self.songs * len(variants), unit="dance")
         found: dict[str, list[dict]] = {name: [] for name in variants}
         for k in range(self.songs):
-            song, truth = synth_song(FIRST_SONG + k, seconds=self.seconds)
+            song, beats, sections = here.song(k, here.seconds)
             for name, without in variants.items():
                 bar.set_description(name)
-                file = self.out / f"{self.model}-{self.seconds:g}s" / f"{name}-{k}.json"
+                file = self.out / self.setting / f"{name}-{k}.json"
                 if not file.exists():
-                    asked = request(self.model, k)
+                    asked = here.request(k)
                     with without.change(pipeline.model):
                         how = asked | without.options
-                        dance = pipeline.generate(song, seconds=self.seconds, **how)
+                        dance = pipeline.generate(song, seconds=here.seconds, **how)
                     file.parent.mkdir(parents=True, exist_ok=True)
-                    file.write_text(json.dumps(measured(dance, truth.beats, asked)))
+                    file.write_text(json.dumps(measured(dance, beats, sections, asked)))
                 found[name].append(json.loads(file.read_text()))
                 bar.update()
         bar.close()
         table = self.table(found)
-        print(shown(table))
+        print(markdown(table))
         if not self.only:
-            path = DOCS / "extensions.json"
-            tables = json.loads(path.read_text()) if path.exists() else {}
-            tables[self.model] = table
-            path.write_text(json.dumps(tables, indent=1, ensure_ascii=False) + "\n")
+            path = RESULTS / f"extensions_{self.setting}.json"
+            path.write_text(json.dumps(table, indent=1, ensure_ascii=False) + "\n")
 
     def table(self, found: dict[str, list[dict]]) -> dict:
-        """Rows and columns, in the form of docs/results/*.json."""
-        everything, metrics = found["everything"], list(found["everything"][0])
-        rows = [["everything", *(mean([d[m] for d in everything]) for m in metrics)]]
+        """What changes without each extension, in the form of docs/results/*.json."""
+        here, everything = SETTINGS[self.setting], found["everything"]
+        metrics = [m for m in everything[0] if any(d[m] is not None for d in everything)]
+        rows = []
         for name, dances in found.items():
-            if name != "everything":
-                pairs = list(zip(dances, everything, strict=True))
-                rows.append([f"without {name}", *(change(pairs, m) for m in metrics)])
+            if name == "everything":
+                continue
+            pairs = list(zip(dances, everything, strict=True))
+            seen = [(m, cell) for m in metrics if (cell := change(pairs, m)) is not None]
+            rows += [[f"`{name}`", m, mean([d[m] for d in everything]), cell] for m, cell in seen]
+            rows += [] if seen else [[f"`{name}`", f"none of the {len(metrics)}", None, None]]
         return {
-            "about": f"The packaged model `{self.model}` with everything, and what changes without "
-            "an extension.",
-            "data": f"synthetic, {self.songs} songs of {self.seconds:g} s",
+            "about": f"The packaged model `{here.model}` with everything, and the mean change "
+            f"without an extension, same songs and noise; of {len(metrics)} metrics "
+            f"({', '.join(metrics)}) those whose interval does not contain 0. By chance that "
+            "happens to one in twenty.",
+            "data": f"{here.data}, {self.songs} of {here.seconds:g} s",
             "seed": f"songs from {FIRST_SONG} on, dances from 0 on",
-            "intervals": "95 % bootstrap over songs; bold: does not contain 0",
-            "command": f"python benchmarks/extensions.py {self.model} --seconds {self.seconds:g}",
-            "columns": ["", *metrics],
+            "intervals": "95 % bootstrap over songs",
+            "command": f"python benchmarks/extensions.py {self.setting}",
+            "columns": ["without", "metric", "with everything", "change"],
             "rows": rows,
         }
 
@@ -235,32 +345,18 @@ def mean(values: list) -> float | None:
     return round3(np.mean(known)) if known else None
 
 
-def change(pairs: list[tuple[dict, dict]], metric: str):
-    """Mean of the differences with its interval, bold where it does not contain 0."""
+def change(pairs: list[tuple[dict, dict]], metric: str) -> list[float] | None:
+    """Mean of the differences with its interval; None where that contains 0."""
     steps = [a[metric] - b[metric] for a, b in pairs if None not in (a[metric], b[metric])]
     if len(steps) < 2:
-        return mean(steps)
+        return None
     low, high = bootstrap_interval(np.mean, np.array(steps))
-    cell = [round3(v) for v in (np.mean(steps), low, high)]
-    return {"bold": cell} if low > 0 or high < 0 else cell
+    return [round3(v) for v in (np.mean(steps), low, high)] if low > 0 or high < 0 else None
 
 
 def round3(value: float) -> float:
     """Three digits."""
     return float(f"{value:.3g}")
-
-
-def shown(table: dict) -> str:
-    """The table as Markdown; values only, with * where an interval does not contain 0."""
-
-    def text(cell) -> str:
-        bold = isinstance(cell, dict)
-        cell = cell["bold"] if bold else cell
-        cell = cell[0] if isinstance(cell, list) else cell
-        return "-" if cell is None else f"{cell}{' *' * bold}"
-
-    lines = [table["columns"], ["---"] * len(table["columns"]), *table["rows"]]
-    return "\n".join(f"| {' | '.join(map(text, line))} |" for line in lines)
 
 
 if __name__ == "__main__":
