@@ -31,7 +31,7 @@ def gather(folder: Path) -> set[str]:
     modules = public_modules(ROOT / "src" / "dancediff")
     names = full_names(modules)
     pages: dict[str, bytes] = {}
-    for path in (ROOT / "docs" / "images").glob("*.png"):
+    for path in (ROOT / "docs" / "images").iterdir():
         pages[_name(path)] = path.read_bytes()
     for path in (ROOT / "notebooks").glob("*.ipynb"):
         pages[_name(path)] = lesson(path.read_text(encoding="utf-8")).encode()

@@ -16,7 +16,8 @@ between them is written here, from ``docs/results/NAME.json``:
 Numbers keep the digits of the file, so 0.90 stays 0.90.
 
 ``<!-- map: PART PART ... -->`` asks for a line for each package and module of the first level, in
-this order: what its docstring says it is, and the modules in it.
+this order: what its docstring says it is, and the modules in it. What `dance_page.py` makes is
+written, too.
 """
 
 import ast
@@ -27,8 +28,11 @@ import textwrap
 from decimal import Decimal
 from pathlib import Path
 
+import dance_page
+
 DOCS = Path(__file__).parents[1]
 RESULTS = DOCS / "results"
+PAGES = sorted(DOCS.glob("*.md"))
 SOURCE = DOCS.parent / "src" / "dancediff"
 BLOCK = re.compile(r"(<!-- table: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 MAP = re.compile(r"(<!-- map: ([\w\s]+) -->\n).*?(<!-- end -->)", re.DOTALL)
@@ -95,22 +99,22 @@ def map_of_source(parts: list[str]) -> str:
 
 def written(text: str) -> str:
     """A page with the tables that it asks for."""
+    text = dance_page.written(text)
     text = MAP.sub(lambda m: f"{m[1]}\n{map_of_source(m[2].split())}\n{m[3]}", text)
     return BLOCK.sub(lambda m: f"{m[1]}\n{markdown(load(m[2]))}\n{m[3]}", text)
 
 
 def asked_for() -> set[str]:
     """Names of all tables that some page asks for."""
-    pages = (path.read_text(encoding="utf-8") for path in DOCS.glob("*.md"))
+    pages = (path.read_text(encoding="utf-8") for path in PAGES)
     return {match[2] for page in pages for match in BLOCK.finditer(page)}
 
 
 def main(check: bool) -> int:
     """Write the pages, or only look; returns the exit status."""
-    stale = []
-    for path in sorted(DOCS.glob("*.md")):
-        text = path.read_text(encoding="utf-8")
-        if (now := written(text)) != text:
+    stale, pages = [], {path: written(path.read_text(encoding="utf-8")) for path in PAGES}
+    for path, now in (pages | {dance_page.PICTURE: dance_page.picture()}).items():
+        if not path.exists() or path.read_text(encoding="utf-8") != now:
             stale.append(path.name)
             if not check:
                 path.write_text(now, encoding="utf-8")

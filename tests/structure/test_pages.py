@@ -7,10 +7,13 @@ from importlib import import_module
 
 import pytest
 
+from dancediff.extensions.registry import REGISTRY
+from dancediff.generation.presets import PACKAGED, PAPER
 from places import ROOT
 
 sys.path.insert(0, str(ROOT / "docs" / "site"))
 
+import dance_page
 import tables
 
 LOG = sorted((ROOT / "docs" / "log").glob("*.md"))
@@ -27,7 +30,8 @@ def prose(text: str) -> list[str]:
     >>> len(prose("# A page\\n\\nThree [short words](x.md).\\n\\n| a | b |\\n"))
     5
     """
-    text = tables.MAP.sub("", tables.BLOCK.sub("", text))
+    for block in (tables.BLOCK, tables.MAP, dance_page.MADE):
+        text = block.sub("", text)
     text = re.sub(r"^```.*?^```[^\n]*$", "", text, flags=re.DOTALL | re.MULTILINE)
     text = "\n".join(line for line in text.splitlines() if not line.lstrip().startswith("|"))
     text = re.sub(r"\]\([^)]*\)", "]", text)
@@ -49,6 +53,24 @@ def test_lines_are_wrapped(path):
 def test_tables_are_those_of_the_numbers(path):
     text = path.read_text(encoding="utf-8")
     assert tables.written(text) == text, "run: python docs/site/tables.py"
+
+
+def test_the_picture_is_that_of_the_registry():
+    picture = dance_page.PICTURE.read_text(encoding="utf-8")
+    assert picture == dance_page.picture(), "run: python docs/site/tables.py"
+    assert len(picture) < 10_000
+
+
+@pytest.mark.parametrize("family", dance_page.PAPERS)
+def test_how_a_dance_is_made_names_all_options_and_additions(family):
+    page = (ROOT / "docs" / "how_a_dance_is_made.md").read_text(encoding="utf-8")
+    block = next(m[0] for m in dance_page.MADE.finditer(page) if m[2] == family)
+    for preset in (PAPER, PACKAGED):
+        for name, value in preset[family].items():
+            assert f"`{name}={value!r}`" in block
+    for one in REGISTRY.values():
+        here = family in one.models and "packaged" in one.presets
+        assert (f"[{one.name}]" in block) == here
 
 
 def test_a_changed_number_is_noticed(tmp_path, monkeypatch):

@@ -1,8 +1,8 @@
 """The registry: everything that this library adds to the papers, with what each addition needs.
 
-The page "how a dance is made" is made from it, and tests hold it against the modules and presets.
-What switching one off costs when the packaged models dance: docs/extensions.json, measured by
-benchmarks/extensions.py.
+Parts of networks and hooks stand in the order in which they act. The page
+docs/how_a_dance_is_made.md is made from it, and tests hold it against modules and presets. What
+dances lose without an addition: docs/ablations.md, measured by benchmarks/extensions.py.
 """
 
 from dataclasses import dataclass
@@ -36,10 +36,10 @@ LINEAR = ("preconditioning",)
 
 _ALL = (
     # ---- network ----
-    Extension("preconditioning", "network", "The network adds to the best linear guess.",
-              "preconditioning", ALL, lesson=6),
     Extension("formation_prior", "network", "The linear guess knows formations and swap modes.",
               "formation_prior", GROUP, needs=LINEAR, lesson=7),
+    Extension("preconditioning", "network", "The network adds to the best linear guess.",
+              "preconditioning", ALL, lesson=6),
     Extension("foot_cues", "network", "Heights and speeds of a guess's feet are an input.",
               "foot_cues", GROUP, needs=LINEAR),
     Extension("beat_phase", "network", "How far a frame is between two beats is an input.",
@@ -79,26 +79,26 @@ _ALL = (
     Extension("frequency_clip", "guidance", "Guesses are cut frequency by frequency, not at +-1.",
               "frequency_clip", BY_SEGMENTS, needs=LINEAR, lesson=6),
     # ---- hooks on guesses ----
-    Extension("speed_limit", "hook", "Joints and dancers are no faster than bodies are.",
-              "speed_limit", ALL, lesson=9),
-    Extension("floor_contact", "hook", "Bodies neither float nor sink.", "floor_contact", ALL,
-              lesson=9),
-    Extension("foot_contact_projection", "hook", "Feet that stand do not slide.",
-              "foot_contact_projection", ALL, lesson=9),
-    Extension("collision_avoidance", "hook", "Dancers who would collide make room.",
-              "collision_avoidance", GROUP, needs=LINEAR, lesson=10),
-    Extension("order_constraint", "hook", "Who is asked to change places ends there.",
-              "order_constraint", GROUP, needs=LINEAR, lesson=9),
     Extension("initial_frames", "hook", "A segment sets out from where the last one ended.",
               "initial_frames", GROUP, needs=(*LINEAR, "same_noise"), lesson=10),
     Extension("control", "hook", "Places, paths and parts of other dances are met.", "control",
               GROUP, needs=(*LINEAR, "same_noise"), lesson=10),
+    Extension("order_constraint", "hook", "Who is asked to change places ends there.",
+              "order_constraint", GROUP, needs=LINEAR, lesson=9),
+    Extension("collision_avoidance", "hook", "Dancers who would collide make room.",
+              "collision_avoidance", GROUP, needs=LINEAR, lesson=10),
     Extension("cue_constraint", "hook", "Guesses meet hard cues without a jump.",
               "cue_constraint", SOLO, needs=LINEAR, lesson=12),
     Extension("return_to_origin", "hook", "Segments of 8.5 s end where they began.",
               "cue_constraint", SOLO, needs=(*LINEAR, "root_stitching"), lesson=12),
     Extension("border_smoothing", "hook", "Cues are met without a jerk.", "border_smoothing", SOLO,
               needs=LINEAR, lesson=12),
+    Extension("speed_limit", "hook", "Joints and dancers are no faster than bodies are.",
+              "speed_limit", ALL, lesson=9),
+    Extension("floor_contact", "hook", "Bodies neither float nor sink.", "floor_contact", ALL,
+              lesson=9),
+    Extension("foot_contact_projection", "hook", "Feet that stand do not slide.",
+              "foot_contact_projection", ALL, lesson=9),
     # ---- sampling ----
     Extension("dpm_solver", "sampling", "DPM-Solver++ instead of DDIM: fewer steps.",
               "diffusion.samplers", ALL, lesson=6),

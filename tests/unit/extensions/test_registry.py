@@ -2,12 +2,18 @@
 
 from importlib import import_module
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
+import torch
 
 import dancediff.extensions
+from dancediff import hub
+from dancediff.extensions.parts import Parts
 from dancediff.extensions.registry import KINDS, REGISTRY, SHARED
+from dancediff.generation.group_dance import hooks_of
 from dancediff.generation.presets import PRESETS
+from dancediff.generation.solo_dance import LodgeSampler
 from places import ROOT
 
 FOLDER = Path(dancediff.extensions.__file__).parent
@@ -49,3 +55,36 @@ def test_presets_have_what_the_registry_says(preset):
             extension = REGISTRY.get(OPTIONS.get(option, option))
             if extension is not None and model in extension.models:
                 assert on(value) == (preset in extension.presets), (model, option)
+
+
+def hooks_in_registry(model: str) -> list[str]:
+    return [e.module for e in REGISTRY.values() if e.kind == "hook" and model in e.models]
+
+
+def modules_of(hooks: list) -> list[str]:
+    """Modules of what acts on a guess, one after the other."""
+    parts = [part for hook in hooks for part in getattr(hook, "sources", [hook])]
+    acting = [step for part in parts for step in getattr(part, "steps", [type(part)])]
+    names = [one.__module__.rsplit(".", 1)[1] for one in acting]
+    return ["control" if name == "constraint" else name for name in names]
+
+
+def test_hooks_act_in_the_order_of_the_registry():
+    song, trio, lodge = hub.packaged_song(), hub.load("tcdiffpp"), hub.load("lodge")
+    request = trio.resolve(song, dancers=2, start=[(-1, 0), (1, 0)])
+    assert modules_of(hooks_of(trio.model, request, request.known())) == hooks_in_registry(
+        "tcdiffpp"
+    )
+    y = torch.zeros(1, 256, 139)
+    pin = SimpleNamespace(hard=y.bool(), y=y, hard_frames=y.bool().any(-1))
+    stages = (lodge.model.global_stage, lodge.model.local_stage)
+    hooks = LodgeSampler(*stages, lodge.resolve(song)).hooks(pin)
+    assert modules_of(hooks) == hooks_in_registry("lodge")
+
+
+@pytest.mark.parametrize("name", ["tcdiffpp", "lodge"])
+def test_parts_take_turns_in_the_order_of_the_registry(name):
+    parts = [m for m in hub.load(name).model.modules() if isinstance(m, Parts)]
+    assert parts
+    for one in parts:
+        assert list(one) == [known for known in REGISTRY if known in one]
