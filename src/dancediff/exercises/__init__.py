@@ -3,13 +3,16 @@
 EXERCISES["04.1"].judge(answer)   # a Verdict: open, wrong and why, or right
 """
 
+import tomllib
 from importlib import import_module
+from pathlib import Path
 
 from dancediff.exercises.exercise import OPEN, RIGHT, WRONG, Exercise, Verdict, copies
 
-LESSONS = 14
-EXERCISES: dict[str, Exercise] = {}
-for _lesson in range(LESSONS):
-    EXERCISES |= import_module(f"dancediff.exercises.lesson_{_lesson:02d}").EXERCISES
+_TEXTS = tomllib.loads((Path(__file__).parent / "exercises.toml").read_text(encoding="utf-8"))
+_SPECS: dict[str, dict] = {}
+for _lesson in range(1, 14):  # lesson 00 has predictions only
+    _SPECS |= import_module(f"dancediff.exercises.lesson_{_lesson:02d}").SPECS
+EXERCISES = {key: Exercise(**text, **_SPECS.get(key, {})) for key, text in _TEXTS.items()}
 
 __all__ = ["EXERCISES", "OPEN", "RIGHT", "WRONG", "Exercise", "Verdict", "copies"]

@@ -2,7 +2,6 @@
 
 import torch
 
-from dancediff.exercises.exercise import Exercise
 from dancediff.motion.rotation import (
     axis_angle_to_matrix,
     matrix_to_rot6d,
@@ -74,33 +73,8 @@ def _jumps(got) -> str:
     return "" if angle >= 90 else f"your rotations are {angle:.0f} degrees apart, expected 90"
 
 
-EXERCISES = {
-    "01.1": Exercise(
-        "what comes along",
-        {"18 left elbow": 2, "22 left hand": 0, "9 chest": 12, "0 root": 23},
-        "a turn moves what hangs below the joint, never the joint itself; count the joints below "
-        "in the picture of the skeleton",
-    ),
-    "01.2": Exercise(
-        "raise your hand",
-        _raise_hand,
-        "in the world the shoulder is turned by Q[13] @ R[16]: choose R[16] so that this is a "
-        "quarter turn about z, and let elbow and wrist be straight",
-        _poses,
-        _raised,
-    ),
-    "01.3": Exercise(
-        "six numbers to a rotation",
-        rot6d_to_matrix,
-        "rows: make the first one unit length, take its share out of the second, make that unit "
-        "length too; the third is their cross product, in this order",
-        _rotation_cases,
-    ),
-    "01.4": Exercise(
-        "find the jump",
-        _two_near,
-        "the second row loses its share of the first one: what is left when the two point nearly "
-        "the same way, and how long is it before it is made unit length?",
-        accepts=_jumps,
-    ),
+SPECS = {
+    "01.2": {"spec": _raise_hand, "cases": _poses, "accepts": _raised},
+    "01.3": {"spec": rot6d_to_matrix, "cases": _rotation_cases},
+    "01.4": {"spec": _two_near, "accepts": _jumps},
 }

@@ -4,7 +4,6 @@ import numpy as np
 import torch
 
 from dancediff.axes import FPS
-from dancediff.exercises.exercise import Exercise
 from dancediff.music.features import BEATS, HOP
 
 
@@ -74,33 +73,8 @@ def _same_windows(got, *case) -> str:
     return f"frame {wrong[0]} of your windows is not that of the song" if len(wrong) else ""
 
 
-EXERCISES = {
-    "02.1": Exercise(
-        "band by band",
-        _new_tone,
-        "let some bands get much louder while others get as much softer: one tone ends where "
-        "another begins",
-        accepts=_hears_a_tone,
-    ),
-    "02.2": Exercise(
-        "beats per minute",
-        _tempo,
-        f"column 34 marks beats at {FPS} frames a second; the tracker may miss a beat, so take "
-        "the median of the gaps, not their mean",
-        _tempo_cases,
-    ),
-    "02.3": Exercise(
-        "half as loud",
-        {"onset": False, "mfcc": True, "chroma": False, "peaks": False, "beats": False},
-        "in decibels half as loud is 6 less, in every band and every frame; what does a difference "
-        "of two frames see of it? And what still says how loud it is?",
-    ),
-    "02.4": Exercise(
-        "cut last",
-        _cut_last,
-        "call features once, on the whole sound; then take the rows start … start + 149 for each "
-        "start",
-        _cut_cases,
-        _same_windows,
-    ),
+SPECS = {
+    "02.1": {"spec": _new_tone, "accepts": _hears_a_tone},
+    "02.2": {"spec": _tempo, "cases": _tempo_cases},
+    "02.4": {"spec": _cut_last, "cases": _cut_cases, "accepts": _same_windows},
 }

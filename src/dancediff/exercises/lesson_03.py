@@ -2,7 +2,6 @@
 
 import torch
 
-from dancediff.exercises.exercise import Exercise
 from dancediff.motion.representation import Normalizer
 
 GRAVITY = 9.81  # m/s²
@@ -81,33 +80,9 @@ def _clip_cases() -> list[tuple]:
     return [(train, new), (train, train[2:])]
 
 
-EXERCISES = {
-    "03.1": Exercise(
-        "the header lies",
-        _true_fps,
-        "the second difference, height.diff(n=2), is -9.81 divided by the frame rate, squared",
-        _jump_cases,
-    ),
-    "03.2": Exercise(
-        "find the leak",
-        _leaks,
-        "two windows share a frame when they are of one take and their starts differ by less than "
-        "150, to either side; count each test window once",
-        _leaks_cases,
-    ),
-    "03.3": Exercise(
-        "split it safely",
-        _split,
-        "make groups of takes that are tied, by a song or by a part, and by ties of ties; then put "
-        "whole groups into the test set until it is large enough",
-        _take_cases,
-        _splits,
-    ),
-    "03.4": Exercise(
-        "one scale for all",
-        _rescale,
-        "one minimum and one maximum for each channel, over all clips and frames of train "
-        "alone; new may go beyond -1 … 1",
-        _clip_cases,
-    ),
+SPECS = {
+    "03.1": {"spec": _true_fps, "cases": _jump_cases},
+    "03.2": {"spec": _leaks, "cases": _leaks_cases},
+    "03.3": {"spec": _split, "cases": _take_cases, "accepts": _splits},
+    "03.4": {"spec": _rescale, "cases": _clip_cases},
 }

@@ -3,7 +3,6 @@
 import torch
 
 from dancediff.diffusion.schedule import cosine_abar, q_sample
-from dancediff.exercises.exercise import Exercise
 
 
 def _x0_from(x_t, eps, t, abar):
@@ -69,38 +68,9 @@ def _is_a_plan(got, num_steps) -> str:
     return "" if middle >= 0.7 else f"{middle:.0%} of the steps are in the middle, expected 70%"
 
 
-EXERCISES = {
-    "04.1": Exercise(
-        "undo the noise",
-        _x0_from,
-        "solve x_t = √ᾱ x_0 + √(1-ᾱ) ε for x_0, with ᾱ = abar[t]; mind both roots",
-        _x0_cases,
-    ),
-    "04.2": Exercise(
-        "walk on",
-        _further,
-        "the share abar[t] / abar[s] of the power is kept; noise makes up the rest to 1",
-        _further_cases,
-    ),
-    "04.3": Exercise(
-        "what drowns first",
-        {"sway": 650, "kick": 310, "tremble": 70},
-        "the noise is as strong in a slow movement as in a fast one; which of the three is the "
-        "largest in metres?",
-    ),
-    "04.4": Exercise(
-        "small loss, broken dance",
-        _fool_the_loss,
-        "the loss allows an error of 0.1 in every number of the noise; from which step on does it "
-        "arrive ten times larger?",
-        _noise_cases,
-        _fools_the_loss,
-    ),
-    "04.5": Exercise(
-        "your own plan",
-        _even_abar,
-        "spread the steps evenly over the power itself; end above 0, so that nobody divides by it",
-        lambda: [(1000,), (50,)],
-        _is_a_plan,
-    ),
+SPECS = {
+    "04.1": {"spec": _x0_from, "cases": _x0_cases},
+    "04.2": {"spec": _further, "cases": _further_cases},
+    "04.4": {"spec": _fool_the_loss, "cases": _noise_cases, "accepts": _fools_the_loss},
+    "04.5": {"spec": _even_abar, "cases": lambda: [(1000,), (50,)], "accepts": _is_a_plan},
 }

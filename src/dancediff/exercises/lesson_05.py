@@ -2,7 +2,6 @@
 
 import torch
 
-from dancediff.exercises.exercise import Exercise
 from dancediff.exercises.shared import unlike, walks
 from dancediff.papers.tcdiffpp.losses import l_dist
 
@@ -34,25 +33,7 @@ def _fools_released_loss(got, p) -> str:
     return "" if least >= 0.5 else f"a distance is wrong by {least:.2f} m only, expected 0.5 m"
 
 
-EXERCISES = {
-    "05.1": Exercise(
-        "who notices?",
-        {"simple": True, "vel": False, "fk": True, "contact": False, "dist": False},
-        "a shift that is the same for all, in every frame, goes out of every difference: between "
-        "frames, between dancers",
-    ),
-    "05.2": Exercise(
-        "keep your distance",
-        _distance_loss,
-        "the error of an offset is the difference of two dancers' errors; take each pair of "
-        "different dancers once, square, and take the mean over pairs, frames and x, y, z",
-        _distance_cases,
-    ),
-    "05.3": Exercise(
-        "fool the released loss",
-        _strangers,
-        "differences of neighbouring frames forget a constant: give each dancer another one",
-        walks,
-        _fools_released_loss,
-    ),
+SPECS = {
+    "05.2": {"spec": _distance_loss, "cases": _distance_cases},
+    "05.3": {"spec": _strangers, "cases": walks, "accepts": _fools_released_loss},
 }

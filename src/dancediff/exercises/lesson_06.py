@@ -2,7 +2,6 @@
 
 import torch
 
-from dancediff.exercises.exercise import Exercise
 from dancediff.exercises.shared import unlike
 from dancediff.extensions.frequency_clip import FrequencyClip
 from dancediff.extensions.preconditioning import dct_matrix
@@ -59,27 +58,8 @@ def _is_bent(got, path, y) -> str:
     return ""
 
 
-EXERCISES = {
-    "06.1": Exercise(
-        "listen harder",
-        _guide,
-        "start from the guess without music and go w times the way to the one with it: w = 0 is "
-        "silence, w = 1 plain",
-        _guide_cases,
-    ),
-    "06.2": Exercise(
-        "cut where no dance is",
-        _within,
-        "take the mean away, go to frequencies with C, cut each at four of its spreads, go back "
-        "with C.T, add the mean",
-        _wild_guesses,
-    ),
-    "06.3": Exercise(
-        "bend it yourself",
-        _bent,
-        "add a share of what is missing at the end, y - path[-1], to every frame: 0 at the first, "
-        "1 at the last, and nowhere in haste",
-        _paths,
-        _is_bent,
-    ),
+SPECS = {
+    "06.1": {"spec": _guide, "cases": _guide_cases},
+    "06.2": {"spec": _within, "cases": _wild_guesses},
+    "06.3": {"spec": _bent, "cases": _paths, "accepts": _is_bent},
 }

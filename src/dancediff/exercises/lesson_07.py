@@ -2,7 +2,6 @@
 
 import torch
 
-from dancediff.exercises.exercise import Exercise
 from dancediff.exercises.shared import unlike
 
 
@@ -57,32 +56,8 @@ def _token_cases() -> list[tuple]:
     ]
 
 
-EXERCISES = {
-    "07.1": Exercise(
-        "hear all, know nobody's name",
-        _nameless,
-        "a sum or a mean over the dancers does not know their order; the dancers are axis 1",
-        _crowds,
-        _mixes_without_order,
-    ),
-    "07.2": Exercise(
-        "who can part them?",
-        {"nothing": False, "FP": True, "DPE": True, "DPE, FP": True, "all": True},
-        "whatever treats the first in the row otherwise than the second can part them; the weights "
-        "of FP are other ones for each place in the row",
-    ),
-    "07.3": Exercise(
-        "what is my rank?",
-        _ranks,
-        "the order says who stands k-th; a rank says which k somebody has: the inverse. Look at x, "
-        "at the first frame only",
-        _ranks_cases,
-    ),
-    "07.4": Exercise(
-        "a vector on the right token",
-        _mark,
-        "token k is dancer k % n, so the whole table comes again in every frame: repeat it, not "
-        "its rows",
-        _token_cases,
-    ),
+SPECS = {
+    "07.1": {"spec": _nameless, "cases": _crowds, "accepts": _mixes_without_order},
+    "07.3": {"spec": _ranks, "cases": _ranks_cases},
+    "07.4": {"spec": _mark, "cases": _token_cases},
 }

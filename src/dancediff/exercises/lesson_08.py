@@ -2,7 +2,6 @@
 
 import torch
 
-from dancediff.exercises.exercise import Exercise
 from dancediff.exercises.shared import unlike
 from dancediff.nn.ssm import selective_scan
 
@@ -54,32 +53,12 @@ def _stream_cases() -> list[tuple]:
     return [(torch.randn(f * n, d, generator=draw), n, _fading_memory) for f, n, d in sizes]
 
 
-EXERCISES = {
-    "08.1": Exercise(
-        "the memory as a kernel",
-        _kernel,
-        "follow one pulse: it enters as delta * B, is multiplied by exp(delta * A) once per frame "
-        "(not in its own frame), and C reads the sum of all states",
-        _kernel_cases,
-    ),
-    "08.2": Exercise(
-        "forget on command",
-        _forget_at,
-        "in frame i everything older is multiplied by exp(-delta[i]): next to 1 where the frame is "
-        "short, next to 0 where it is long",
-        lambda: [(90, 30), (40, 5)],
-        _forgets_there_only,
-    ),
-    "08.3": Exercise(
-        "four times as long",
-        {"Python loop": 4, "the same scan in chunks": 4, "self-attention": 16},
-        "a scan does the same work for every frame; attention does some for every pair of frames",
-    ),
-    "08.4": Exercise(
-        "whose memory?",
-        _each_remembers,
-        "make a batch of n streams, (n, f, d), let the memory run along the frames, and put the "
-        "tokens back as they came; tokens.reshape(f, n, d) is frame by frame",
-        _stream_cases,
-    ),
+SPECS = {
+    "08.1": {"spec": _kernel, "cases": _kernel_cases},
+    "08.2": {
+        "spec": _forget_at,
+        "cases": lambda: [(90, 30), (40, 5)],
+        "accepts": _forgets_there_only,
+    },
+    "08.4": {"spec": _each_remembers, "cases": _stream_cases},
 }

@@ -2,7 +2,6 @@
 
 import torch
 
-from dancediff.exercises.exercise import Exercise
 from dancediff.exercises.shared import unlike, walks
 from dancediff.extensions.order_constraint import in_order
 from dancediff.motion.representation import TCDIFFPP
@@ -48,27 +47,8 @@ def _floor_velocity(root):
     return ground_velocity(x)
 
 
-EXERCISES = {
-    "09.1": Exercise(
-        "swap twice",
-        _swap_twice,
-        "the dancer who is k-th in the end was S2[k]-th in the middle, and S1 says for each place "
-        "of the middle who stands there",
-        _swap_pairs,
-    ),
-    "09.2": Exercise(
-        "put them in order",
-        in_order,
-        "go through S from the left and give every dancer a place, or, if that is too near, one "
-        "gap right of the last; in the end shift all until the middle is where it was",
-        _out_of_order,
-        _stands_in_order,
-    ),
-    "09.3": Exercise(
-        "too slow to matter",
-        _floor_velocity,
-        "x and z are numbers 0 and 2; differences of neighbouring frames times 30 are metres a "
-        "second; frame 0 has no frame before it: zeros in front",
-        walks,
-    ),
+SPECS = {
+    "09.1": {"spec": _swap_twice, "cases": _swap_pairs},
+    "09.2": {"spec": in_order, "cases": _out_of_order, "accepts": _stands_in_order},
+    "09.3": {"spec": _floor_velocity, "cases": walks},
 }

@@ -5,7 +5,6 @@ from itertools import permutations
 import torch
 
 from dancediff.axes import FPS
-from dancediff.exercises.exercise import Exercise
 from dancediff.exercises.shared import unlike
 
 
@@ -64,26 +63,8 @@ def _formations() -> list[tuple]:
     ]
 
 
-EXERCISES = {
-    "10.1": Exercise(
-        "join the segments",
-        _join,
-        "take the first segment whole, of every later one only what comes behind the overlap, and "
-        "join along the frames",
-        _segments,
-    ),
-    "10.2": Exercise(
-        "a seam that nobody measured",
-        _backwards,
-        "begin where they stand, and go on in a direction in which nobody was going",
-        _before_seams,
-        _hides_a_seam,
-    ),
-    "10.3": Exercise(
-        "who goes where?",
-        _shortest,
-        "with five dancers there are 120 ways to give out the places: measure all, keep the "
-        "shortest; the result says for each dancer which place",
-        _formations,
-    ),
+SPECS = {
+    "10.1": {"spec": _join, "cases": _segments},
+    "10.2": {"spec": _backwards, "cases": _before_seams, "accepts": _hides_a_seam},
+    "10.3": {"spec": _shortest, "cases": _formations},
 }

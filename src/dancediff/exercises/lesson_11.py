@@ -3,7 +3,6 @@
 import numpy as np
 import torch
 
-from dancediff.exercises.exercise import Exercise
 from dancediff.exercises.shared import NUMBERS, unlike
 from dancediff.motion.beats import mean_speed
 from dancediff.papers.lodge.primitives import Layout, primitive_frames
@@ -69,45 +68,13 @@ def _roots() -> list[tuple]:
     return [(torch.randn(p, 8, 3, generator=draw).cumsum(1),) for p in (13, 2)]
 
 
-EXERCISES = {
-    "11.1": Exercise(
-        "find the valleys",
-        _valleys,
-        "compare the inner frames v[1:-1] with v[:-2] (higher) and v[2:] (as high or higher); the "
-        "first inner frame is frame 1",
-        _curves,
-    ),
-    "11.2": Exercise(
-        "rests that nobody sees",
-        _wave,
-        "joints that rest together make a valley; let each rest at its own time, like a wave that "
-        "runs through the body: joint k is k / 24 of the way from one rest to the next",
-        lambda: [(90,), (150,)],
-        _hides_its_rests,
-    ),
-    "11.3": Exercise(
-        "cut at the border",
-        _hard_frames,
-        "the middles are the multiples of n from 0 to N, the first and the last moved inside by "
-        "half a primitive; add -4 ... 3 to each",
-        lambda: [(1024, 256), (1024, 128), (512, 256)],
-        _at_borders,
-    ),
-    "11.4": Exercise(
-        "forget the place",
-        _forget,
-        "take from every frame of a primitive where its own first frame stands, x and z only",
-        _roots,
-    ),
-    "11.5": Exercise(
-        "who decides what",
-        {
-            "how many soft ones": False,
-            "frames of the soft ones": True,
-            "frames of the hard ones": False,
-            "poses in the hard ones": True,
-        },
-        "the network has 13 places to fill, always; a border is where it is, whatever is danced "
-        "there; and a primitive is cut from the dance",
-    ),
+SPECS = {
+    "11.1": {"spec": _valleys, "cases": _curves},
+    "11.2": {"spec": _wave, "cases": lambda: [(90,), (150,)], "accepts": _hides_its_rests},
+    "11.3": {
+        "spec": _hard_frames,
+        "cases": lambda: [(1024, 256), (1024, 128), (512, 256)],
+        "accepts": _at_borders,
+    },
+    "11.4": {"spec": _forget, "cases": _roots},
 }

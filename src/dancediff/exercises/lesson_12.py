@@ -4,7 +4,6 @@ import torch
 
 from dancediff.diffusion.samplers import sampling_times
 from dancediff.diffusion.schedule import cosine_abar
-from dancediff.exercises.exercise import Exercise
 from dancediff.exercises.shared import NUMBERS, unlike
 from dancediff.motion.rotation import rot6d_to_matrix
 from dancediff.papers.lodge.cue_guidance import guided_steps
@@ -68,45 +67,9 @@ def _verdicts() -> list[tuple]:
     return [(2 * torch.randn(6, generator=draw), 2 * torch.randn(6, generator=draw)), sure]
 
 
-EXERCISES = {
-    "12.1": Exercise(
-        "in the mirror",
-        _mirror,
-        "each joint takes its partner's rotation, R[:, swap], seen from the other side, D R D: "
-        "signs change where a row or a column of x meets one of y or z",
-        _poses,
-    ),
-    "12.2": Exercise(
-        "the dead knob",
-        guided_steps,
-        "count the starts of steps, times[:-2] without the last one, above T (1 - s), with T = "
-        "times[0] + 1 and t + 1 for t",
-        _ways,
-    ),
-    "12.3": Exercise(
-        "a network that does not listen",
-        {
-            "a hard cue": True,
-            "the frame beside a hard cue": False,
-            "a soft cue, s = 0.5": False,
-            "a soft cue, s = 1": False,
-        },
-        "the last step's result is the network's guess; what is put into it after that step, and "
-        "what only before? Soft cues never follow the last step",
-    ),
-    "12.4": Exercise(
-        "a path without a kink",
-        _path,
-        "go from places to steps, and let the steps, 7 before and 7 after a seam, change little "
-        "by little; then add all steps up",
-        _walks,
-        _joins,
-    ),
-    "12.5": Exercise(
-        "the critic's loss",
-        l_critic,
-        "what is missing to 1 for real dances, what is above -1 for made ones, never below 0; "
-        "half of each mean",
-        _verdicts,
-    ),
+SPECS = {
+    "12.1": {"spec": _mirror, "cases": _poses},
+    "12.2": {"spec": guided_steps, "cases": _ways},
+    "12.4": {"spec": _path, "cases": _walks, "accepts": _joins},
+    "12.5": {"spec": l_critic, "cases": _verdicts},
 }

@@ -5,7 +5,9 @@ from dataclasses import replace
 import numpy as np
 import torch
 
-from dancediff.exercises.exercise import Exercise
+from dancediff.motion.motion import Motion
+
+BEATS = np.arange(0.3, 6, 0.5)  # seconds
 
 
 def _slides(foot):
@@ -29,8 +31,15 @@ def _feet() -> list[tuple]:
 def _dances() -> list[tuple]:
     from dancediff.data.choreographer import choreograph
 
-    grid = np.arange(0.3, 6, 0.5)
-    return [(choreograph(grid, dancers=2, seed=seed, seconds=6)[0],) for seed in (1, 2)]
+    return [(choreograph(BEATS, dancers=2, seed=seed, seconds=6)[0],) for seed in (1, 2)]
+
+
+def _other_kind(got, dance) -> str:
+    if not isinstance(got, Motion):
+        return f"type {type(got).__name__}, expected a Motion"
+    if got.root.shape != dance.root.shape:
+        return f"shape {tuple(got.root.shape)} of the root, expected {tuple(dance.root.shape)}"
+    return ""
 
 
 def _stand_still(dance):
@@ -40,17 +49,10 @@ def _stand_still(dance):
 def _fools_pfc(got, dance) -> str:
     from dancediff.metrics.physical import pfc
     from dancediff.metrics.rhythm import beat_alignment
-    from dancediff.motion.motion import Motion
 
-    if not isinstance(got, Motion):
-        return f"type {type(got).__name__}, expected a Motion"
-    if got.root.shape != dance.root.shape:
-        return f"shape {tuple(got.root.shape)} of the root, expected {tuple(dance.root.shape)}"
-    beats = np.arange(0.3, 6, 0.5)
-    for name, metric in (
-        ("PFC", pfc),
-        ("BAS", lambda joints: beat_alignment(joints, beats)),
-    ):
+    if wrong := _other_kind(got, dance):
+        return wrong
+    for name, metric in (("PFC", pfc), ("BAS", lambda joints: beat_alignment(joints, BEATS))):
         mine, its = metric(got.joints()), metric(dance.joints())
         if not mine <= its / 2:
             return f"your {name} is {mine:.3g}, expected at most half of the dance's {its:.3g}"
@@ -104,12 +106,9 @@ def _move(dance):
 
 def _fools_published_energy(got, dance) -> str:
     from dancediff.metrics.kinetic import kinetic_features
-    from dancediff.motion.motion import Motion
 
-    if not isinstance(got, Motion):
-        return f"type {type(got).__name__}, expected a Motion"
-    if got.root.shape != dance.root.shape:
-        return f"shape {tuple(got.root.shape)} of the root, expected {tuple(dance.root.shape)}"
+    if wrong := _other_kind(got, dance):
+        return wrong
     mine, its = got.joints(), dance.joints()
     a, b = kinetic_features(mine), kinetic_features(its)
     if not (a - b).norm() <= 0.01 * b.norm():
@@ -120,42 +119,9 @@ def _fools_published_energy(got, dance) -> str:
     return ""
 
 
-EXERCISES = {
-    "13.1": Exercise(
-        "a foot that slides sideways",
-        _slides,
-        "30 frames a second; the length of the step on the floor, over x and z and not y, for the "
-        "ankle and for the toe; one of the two is enough",
-        _feet,
-    ),
-    "13.2": Exercise(
-        "make a metric lie",
-        _stand_still,
-        "PFC multiplies the root's acceleration with how far the feet travel: what if nobody "
-        "travels? And BAS needs moments of rest between movements",
-        _dances,
-        _fools_pfc,
-    ),
-    "13.3": Exercise(
-        "a score with two sides",
-        _rhythm,
-        "closeness(music, motion, 0.1) is BAS, closeness(motion, music, 0.1) MMC; each cheat keeps "
-        "one of them high, so the lower one must count; a mean lets the higher one help",
-        _rhythms,
-        _is_no_fool,
-    ),
-    "13.4": Exercise(
-        "one hit, sixty times",
-        {"BAS": False, "PFC": False, "FID_k": True, "Div_k": True},
-        "BAS and PFC look at one dance after the other and never at two; each of these is a good "
-        "one. FID_k and Div_k look at the whole set",
-    ),
-    "13.5": Exercise(
-        "the same dance elsewhere",
-        _move,
-        "multiply the brackets out: too much of p itself is left in the sum, so what if p were "
-        "larger, and its differences the same?",
-        lambda: _dances()[:1],
-        _fools_published_energy,
-    ),
+SPECS = {
+    "13.1": {"spec": _slides, "cases": _feet},
+    "13.2": {"spec": _stand_still, "cases": _dances, "accepts": _fools_pfc},
+    "13.3": {"spec": _rhythm, "cases": _rhythms, "accepts": _is_no_fool},
+    "13.5": {"spec": _move, "cases": lambda: _dances()[:1], "accepts": _fools_published_energy},
 }

@@ -2,7 +2,7 @@
 
 import torch
 
-from dancediff.exercises.lesson_10 import EXERCISES
+from dancediff.exercises import EXERCISES
 
 
 def one_way(first, speed):
