@@ -1,13 +1,16 @@
 """Which joint of a recording plays which joint of SMPL-24, for the common skeletons.
 
-A map is a dict from SMPL-24 names to names in the file. Three are known by name: "cmu" (the BVH
-conversion of the CMU database for Daz figures), "mixamo", and "generic", which tries the names that
-most other programs write. An End Site is called after its joint, with "_end" behind.
+A map is a dict from SMPL-24 names to names in the file. Three are known by name and written down in
+``joint_maps.toml``: "cmu" (the BVH conversion of the CMU database for Daz figures), "mixamo", and
+"generic", which tries the names that most other programs write. An End Site is called after its
+joint, with "_end" behind.
 """
 
 import re
+import tomllib
 from collections.abc import Iterable
 from itertools import pairwise
+from pathlib import Path
 
 from dancediff.motion.skeleton import SMPL24
 
@@ -21,54 +24,7 @@ CHAINS = (  # joints of one line; what is not mapped is passed over
 GIRDLES = (("rhip", "lhip"), ("rshoulder", "lshoulder"))
 
 
-def _both(spine: dict[str, str], side: dict[str, str], left: str, right: str) -> dict[str, str]:
-    """A map from one for the middle and one for the sides, in which # is left or right."""
-    sides = {"l": left, "r": right}
-    return spine | {
-        k + j: v.replace("#", name) for k, name in sides.items() for j, v in side.items()
-    }
-
-
-_CMU = _both(
-    {"root": "hip", "belly": "abdomen", "spine": "chest", "neck": "neck", "head": "head"},
-    {
-        **{"hip": "#Thigh", "knee": "#Shin", "ankle": "#Foot", "toe": "#Foot_end"},
-        **{"collar": "#Collar", "shoulder": "#Shldr", "elbow": "#ForeArm", "wrist": "#Hand"},
-        "hand": "#Mid1",
-    },
-    *("l", "r"),
-)
-_MIXAMO = _both(
-    {
-        **{"root": "Hips", "belly": "Spine", "spine": "Spine1", "chest": "Spine2"},
-        **{"neck": "Neck", "head": "Head"},
-    },
-    {
-        **{"hip": "#UpLeg", "knee": "#Leg", "ankle": "#Foot", "toe": "#ToeBase"},
-        **{"collar": "#Shoulder", "shoulder": "#Arm", "elbow": "#ForeArm", "wrist": "#Hand"},
-        "hand": "#HandMiddle1",
-    },
-    *("Left", "Right"),
-)
-# the first name that the file has and that no earlier joint has taken, letters only
-_GENERIC = {
-    "root": "root hips hip pelvis",
-    "belly": "belly spine abdomen spinea lowerback spine0",
-    "chest": "chest spine2 spine3 upperchest thorax",
-    "spine": "spine spine1 spine2 chest",
-    "neck": "neck neck1",
-    "head": "head",
-    "#shoulder": "%shoulder #arm #upperarm #uparm #shldr #shoulder",
-    "#elbow": "%elbow #forearm #lowerarm #lowarm #elbow",
-    "#wrist": "%wrist #hand #wrist",
-    "#collar": "%collar #collar #clavicle #shoulder",
-    "#hand": "%hand #handmiddle1 #middle1 #handend #wristend",
-    "#hip": "%hip #upleg #thigh #upperleg #hip",
-    "#knee": "%knee #leg #shin #calf #lowleg #lowerleg #knee",
-    "#ankle": "%ankle #foot #ankle",
-    "#toe": "%toe #toebase #toe #ball #footend #ankleend",
-}
-MAPS = ("cmu", "mixamo", "generic")
+MAPS = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
 
 
 def find_joints(names: Iterable[str], joints: str | dict[str, str] = "generic") -> dict[str, str]:
@@ -119,11 +75,8 @@ def _named(names: list[str], which: str) -> dict[str, str]:
     bare: dict[str, str] = {}
     for name in names:
         bare.setdefault(_bare(name), name)
-    if which != "generic":
-        wanted = _CMU if which == "cmu" else _MIXAMO
-        return {ours: bare[_bare(name)] for ours, name in wanted.items() if _bare(name) in bare}
     found: dict[str, str] = {}
-    for ours, options in _GENERIC.items():
+    for ours, options in MAPS[which].items():
         for k, side in (("l", "left"), ("r", "right")) if "#" in ours else (("", ""),):
             # SMPL's own short names first ("lhip"); others may write left, l or _l
             tries = [

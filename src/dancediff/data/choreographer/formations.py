@@ -5,39 +5,16 @@ Symbols (axes: n dancers · f steps along the way)
     paths   from one place to the next, metres     (n, f, 2)
 """
 
+import tomllib
+from pathlib import Path
+
 import numpy as np
 
 MIN_DISTANCE = 0.75  # metres between two roots on their way, before steps and sway are added
 FAR = 3.0  # metres; nobody changes places over a longer way
 _EASE = 0.4  # how much slower a way begins and ends than it would at an even speed
 
-# Slots are listed left to right. No two share an x, so that "left to right" is always defined.
-_FORMATIONS = {
-    1: {"centre": [(0, 0)], "left": [(-0.7, 0.2)], "right": [(0.7, -0.2)]},
-    2: {
-        "line": [(-0.7, 0), (0.7, 0)],
-        "diagonal": [(-0.65, 0.5), (0.65, -0.5)],
-        "counter-diagonal": [(-0.65, -0.5), (0.65, 0.5)],
-    },
-    3: {
-        "line": [(-1.3, 0), (0, 0), (1.3, 0)],
-        "triangle": [(-1.0, -0.5), (0, 0.6), (1.0, -0.5)],
-        "V": [(-1.0, 0.5), (0, -0.6), (1.0, 0.5)],
-        "diagonal": [(-1.1, 0.7), (0, 0), (1.1, -0.7)],
-    },
-    4: {
-        "line": [(-1.8, 0), (-0.6, 0), (0.6, 0), (1.8, 0)],
-        "diamond": [(-1.35, 0), (-0.35, 0.9), (0.35, -0.9), (1.35, 0)],
-        "V": [(-1.6, 0.6), (-0.6, -0.4), (0.6, -0.4), (1.6, 0.6)],
-        "box": [(-1.0, 0.7), (-0.6, -0.7), (0.6, 0.7), (1.0, -0.7)],
-    },
-    5: {
-        "line": [(-2.2, 0), (-1.1, 0), (0, 0), (1.1, 0), (2.2, 0)],
-        "V": [(-1.9, 0.7), (-0.95, 0), (0, -0.7), (0.95, 0), (1.9, 0.7)],
-        "triangle": [(-1.7, -0.8), (-0.85, 0.1), (0, 0.9), (0.85, 0.1), (1.7, -0.8)],
-        "circle": [(-1.35, 0), (-0.8, 1.05), (-0.2, -1.2), (0.8, 1.0), (1.35, -0.35)],
-    },
-}
+_FORMATIONS = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
 
 
 def formation_names(n: int) -> list[str]:
@@ -46,7 +23,7 @@ def formation_names(n: int) -> list[str]:
     >>> formation_names(2)
     ['line', 'diagonal', 'counter-diagonal']
     """
-    return list(_FORMATIONS[n])
+    return list(_FORMATIONS[str(n)])
 
 
 def slots(n: int, name: str) -> np.ndarray:
@@ -55,7 +32,7 @@ def slots(n: int, name: str) -> np.ndarray:
     >>> slots(3, "line")[:, 0].tolist()
     [-1.3, 0.0, 1.3]
     """
-    return np.array(_FORMATIONS[n][name], dtype=np.float64)
+    return np.array(_FORMATIONS[str(n)][name], dtype=np.float64)
 
 
 def min_distance(paths: np.ndarray) -> float:

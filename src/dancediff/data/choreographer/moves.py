@@ -31,7 +31,6 @@ CHANNELS = (
 CHANNEL = {name: i for i, name in enumerate(CHANNELS)}
 FLIPPED = ("bend", "twist", "rib", "roll", "hip", "look", "tilt", "face")
 FLIP_SIGN = np.array([-1.0 if name in FLIPPED else 1.0 for name in CHANNELS])
-LANDINGS = ("step", "ball", "tap", "heel", "air", "jump", "leap")
 _FALL = re.compile(
     r"([LR])(\d)(&?) (\S+) (\S+)(?: (step|ball|tap|heel|air|jump|leap)(?::(\S+))?)?"
     r"(?: \^(\S+))?(?: @(\S+))?$"
