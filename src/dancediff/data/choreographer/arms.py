@@ -11,13 +11,12 @@ import numpy as np
 
 from dancediff.data.choreographer.footsteps import smoothstep
 from dancediff.data.choreographer.moves import Style
-from dancediff.data.choreographer.poses import pose_between, pose_key
-from dancediff.data.choreographer.quaternion import to_matrix
+from dancediff.data.choreographer.poses import ARM_JOINTS, pose_between, pose_key
+from dancediff.data.choreographer.quaternion import euler, to_matrix
 from dancediff.data.choreographer.score import Count
 from dancediff.data.choreographer.tracks import pose_track, same_hemisphere, smoothed
 from dancediff.motion.skeleton import SMPL24
 
-ARM_JOINTS = ((13, 16, 18, 20), (14, 17, 19, 21))  # left, right: collar, shoulder, elbow, wrist
 _OFFSETS = SMPL24.offsets.numpy().astype(np.float64)
 _REST = "low"  # smaller arms are nearer to this
 _NARROW = "bent"  # and those of dancers who pass each other to this
@@ -29,29 +28,24 @@ _ROUNDS = 2
 
 
 def arm_keys(counts: list[Count], side: int):
-    """Pose keys of one arm: beats (k,), names, whether they are only passed through.
+    """Pose keys of one arm: beats (k,), names, whether they are only passed through, sizes.
 
     ``side`` +1 left, -1 right; a flipped move gives its left arm to the right side.
     """
-    time, names, through, size = [], [], [], []
+    keys = []
     for k, count in enumerate(counts):
         left, right = (count.arms or count.move).arms
         mine = left if (side > 0) != count.flip else right
-        for at, name, passing in mine:
-            if int(at) == count.within:
-                time.append(k + at - count.within)
-                names.append(name)
-                through.append(passing)
-                size.append(count.size)
-    if not time or time[0] > 0:
-        time.insert(0, -0.01)
-        names.insert(0, names[0] if names else _REST)
-        through.insert(0, False)
-        size.insert(0, 1.0)
-    time.append(len(counts) + 1.0)
-    names.append(names[-1])
-    through.append(False)
-    size.append(size[-1])
+        keys += [
+            (k + at - count.within, name, through, count.size)
+            for at, name, through in mine
+            if int(at) == count.within
+        ]
+    if not keys or keys[0][0] > 0:
+        keys.insert(0, (-0.01, keys[0][1] if keys else _REST, False, 1.0))
+    _, name, _, size = keys[-1]
+    keys.append((len(counts) + 1.0, name, False, size))
+    time, names, through, size = zip(*keys, strict=True)
     return np.array(time), names, np.array(through), np.array(size)
 
 
@@ -102,7 +96,7 @@ def arm_matrices(q: np.ndarray, shrug: np.ndarray, body: np.ndarray) -> np.ndarr
     R = to_matrix(q)
     lift = np.radians(shrug)
     for s, sign in ((0, 1.0), (1, -1.0)):
-        R[:, s, :, 0] = _about_z(sign * lift) @ R[:, s, :, 0]
+        R[:, s, :, 0] = euler(0.0, -sign * lift, 0.0) @ R[:, s, :, 0]
     shoulder = [
         _OFFSETS[c] + R[:, s, :, 0] @ _OFFSETS[a] for s, (c, a, _, _) in enumerate(ARM_JOINTS)
     ]
@@ -161,15 +155,6 @@ def _apart(elbows, hands):
 
 def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return (a * b).sum(-1, keepdims=True)
-
-
-def _about_z(angle: np.ndarray) -> np.ndarray:
-    R = np.zeros((*angle.shape, 3, 3))
-    R[..., 0, 0] = R[..., 1, 1] = np.cos(angle)
-    R[..., 1, 0] = np.sin(angle)
-    R[..., 0, 1] = -R[..., 1, 0]
-    R[..., 2, 2] = 1
-    return R
 
 
 def _push(p, top, bottom, radius: float) -> np.ndarray:

@@ -9,7 +9,7 @@ import numpy as np
 import torch
 
 from dancediff.axes import FPS
-from dancediff.data.choreographer.arms import ARM_JOINTS, arm_matrices, arm_track, elbow_room
+from dancediff.data.choreographer.arms import arm_matrices, arm_track, elbow_room
 from dancediff.data.choreographer.body import (
     LEGS,
     Part,
@@ -22,6 +22,7 @@ from dancediff.data.choreographer.body import (
 )
 from dancediff.data.choreographer.footsteps import foot_path, time_steps
 from dancediff.data.choreographer.moves import CHANNEL, Genre
+from dancediff.data.choreographer.poses import ARM_JOINTS
 from dancediff.data.choreographer.quaternion import euler
 from dancediff.data.choreographer.score import Score
 from dancediff.data.choreographer.tracks import count_track, smoothed

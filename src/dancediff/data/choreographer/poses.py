@@ -19,7 +19,7 @@ from dancediff.data.choreographer.quaternion import from_matrix
 from dancediff.motion.skeleton import SMPL24
 
 ARM_POSES = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
-_PARTS = {+1: (13, 16, 18, 20), -1: (14, 17, 19, 21)}  # collar, shoulder, elbow, wrist
+ARM_JOINTS = ((13, 16, 18, 20), (14, 17, 19, 21))  # left, right: collar, shoulder, elbow, wrist
 _OFFSETS = SMPL24.offsets.numpy().astype(np.float64)
 
 
@@ -51,7 +51,7 @@ def arm_quaternions(u, v, hinge, flexion: float, side: int) -> np.ndarray:
     >>> arm_quaternions([1, 0, 0.0], [1, 0, 0.1], [0, -1.0, 0], 0, 1).shape
     (4, 4)
     """
-    _, _, elbow, wrist = _PARTS[side]
+    _, _, elbow, wrist = ARM_JOINTS[side < 0]
     rest_hinge = np.array([0.0, -side, 0.0])  # the axis about which a forearm folds to the front
     rise = 0.30 * u[1] + 0.04
     ahead = 0.22 * max(u[2] - 0.25 * side * u[0], 0.0)

@@ -98,10 +98,11 @@ def write_score(
             if np.array_equal(stop, place):
                 name = score.formations[-1][1]  # no safe way: the group stays
             swaps_left -= swapped
-            _travel(score, part, curved_paths(place, stop, bulge, PHRASE + 1)[:, 1:], section)
+            way = curved_paths(place, stop, bulge, PHRASE + 1)[:, 1:]
+            _together(score, part.travel, way, section)
             place = stop
             score.formations.append((section.start + hold + travel, name, place.copy()))
-        _rest(score, genre, place, rest, section)
+        _together(score, genre.rest, np.repeat(place[:, None], rest, axis=1), section)
     lead = -min(sections[0].start, 0)  # beats that are over before the dance begins
     score.counts = [row[lead:] for row in score.counts]
     score.centre = score.centre[:, lead:]
@@ -167,14 +168,8 @@ def _lent_arms(part: Material, section: Section, rng) -> dict[str, Move]:
     return {m.name: lenders[rng.integers(len(lenders))] for m in lenders if rng.random() < 0.6}
 
 
-def _travel(score: Score, part: Material, way: np.ndarray, section: Section) -> None:
+def _together(score: Score, move: Move, way: np.ndarray, section: Section) -> None:
+    """All do one move on their ways (n, k, 2)."""
     for row in score.counts:
-        row.extend(Count(part.travel, k, section.mirrored) for k in range(way.shape[1]))
+        row.extend(Count(move, k, section.mirrored) for k in range(way.shape[1]))
     score.centre = np.concatenate([score.centre, way], axis=1)
-
-
-def _rest(score: Score, genre: Genre, place, beats: int, section: Section) -> None:
-    for row in score.counts:
-        row.extend(Count(genre.rest, k, section.mirrored) for k in range(beats))
-    still = np.repeat(place[:, None], beats, axis=1)
-    score.centre = np.concatenate([score.centre, still], axis=1)
