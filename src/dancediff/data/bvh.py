@@ -16,6 +16,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from dancediff.motion.rotation import rotation_about
+
 CENTIMETRE = 0.01
 END = "_end"  # an End Site has no name of its own: it is called after its joint
 MAX_FPS = 1000.0
@@ -176,7 +178,9 @@ def _read_tree(lines: _Lines) -> list[tuple[str, int, list[float], list[str]]]:
         row = lines.next("a joint or }")
         word = row[0].upper()
         if word == "}" and open_joints:
-            _close(lines, tree, open_joints.pop())
+            name, _, offset, _ = tree[open_joints.pop()]
+            if not offset:
+                raise lines.wrong(f"the OFFSET of {name!r}")
         elif word in ("ROOT", "JOINT", "END") and (word == "ROOT") == (not tree) and len(row) > 1:
             parent = open_joints[-1] if open_joints else -1
             name = tree[parent][0] + END if word == "END" else " ".join(row[1:])
@@ -195,11 +199,6 @@ def _read_tree(lines: _Lines) -> list[tuple[str, int, list[float], list[str]]]:
         twice = next(name for name in names if names.count(name) > 1)
         raise ValueError(f"BVH has two joints called {twice!r}; rename one")
     return tree
-
-
-def _close(lines: _Lines, tree: list, j: int) -> None:
-    if not tree[j][2]:
-        raise lines.wrong(f"the OFFSET of {tree[j][0]!r}")
 
 
 def _channels(lines: _Lines, row: list[str]) -> list[str]:
@@ -252,17 +251,7 @@ def _split_channels(rows: np.ndarray, channels: list[list[str]], offsets: Tensor
             if kind == "position":
                 translations[:, k, axis] = columns[:, at] * scale
             else:
-                rotations[:, k] = rotations[:, k] @ _about(axis, torch.deg2rad(columns[:, at]))
+                angle = torch.deg2rad(columns[:, at])
+                rotations[:, k] = rotations[:, k] @ rotation_about("xyz"[axis], angle)
             at += 1
     return rotations, translations
-
-
-def _about(axis: int, angle: Tensor) -> Tensor:
-    """Rotation about a coordinate axis, (f,) radians -> (f, 3, 3)."""
-    i, k = (axis + 1) % 3, (axis + 2) % 3
-    R = torch.zeros(len(angle), 3, 3, dtype=angle.dtype)
-    R[:, axis, axis] = 1
-    R[:, i, i] = R[:, k, k] = angle.cos()
-    R[:, k, i] = angle.sin()
-    R[:, i, k] = -angle.sin()
-    return R

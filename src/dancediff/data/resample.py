@@ -37,8 +37,8 @@ def resample_motion(motion: Motion, fps: float = FPS) -> Motion:
         raise ValueError(f"fps={fps} is no frame rate; choose a positive number, such as 30")
     if fps == motion.fps:
         return motion
-    before, w = _moments(motion.num_frames, motion.fps, fps)
-    after = (before + 1).clamp(max=motion.num_frames - 1)
+    before, after, w = moments(motion.num_frames, motion.fps, fps)
+    w = w.float()
     pose, root = motion.pose[:, before], motion.root[:, before]
     if w.any():
         between = w[None, :, None].expand(pose.shape[:3])
@@ -49,10 +49,14 @@ def resample_motion(motion: Motion, fps: float = FPS) -> Motion:
     return replace(motion, pose=pose, root=root, contact=contact, fps=fps)
 
 
-def _moments(frames: int, old: float, new: float) -> tuple[Tensor, Tensor]:
-    """For each new frame the old frame before it, and how far it is to the next, 0 to 1."""
+def moments(frames: int, old: float, new: float) -> tuple[Tensor, Tensor, Tensor]:
+    """For each new frame the old frames before and behind it, and how far it is between, 0 to 1.
+
+    >>> [row.tolist() for row in moments(4, 60, 40)]
+    [[0, 1, 3], [1, 2, 3], [0.0, 0.5, 0.0]]
+    """
     last = frames - 1
     at = torch.arange(int(last * new / old + 1e-6) + 1, dtype=torch.float64) * old / new
     before = (at + 1e-6).floor().long().clamp(max=last)
     w = (at - before).clamp(0, 1)
-    return before, torch.where(w < 1e-6, 0, w).float()
+    return before, (before + 1).clamp(max=last), torch.where(w < 1e-6, 0, w)

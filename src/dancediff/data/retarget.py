@@ -19,6 +19,7 @@ from dancediff.axes import FPS, ON_FLOOR
 from dancediff.data.bvh import BVH
 from dancediff.data.joint_maps import GIRDLES, bones, find_joints
 from dancediff.data.repair import bridge, close_gaps, repair, runs
+from dancediff.data.resample import moments
 from dancediff.motion.contact import TOE_CLEARANCE, foot_contact
 from dancediff.motion.ik import frame_from_bone, two_bone_ik
 from dancediff.motion.motion import Motion
@@ -100,10 +101,7 @@ def resample(bvh: BVH, fps: float) -> BVH:
 
     Nothing is filtered first; a recording at twice the rate loses every other frame.
     """
-    last = bvh.num_frames - 1
-    at = torch.arange(int(last * fps / bvh.fps + 1e-6) + 1, dtype=torch.float64) * bvh.fps / fps
-    before = (at + 1e-6).floor().long().clamp(max=last)
-    after, w = (before + 1).clamp(max=last), (at - before).clamp(0, 1)
+    before, after, w = moments(bvh.num_frames, bvh.fps, fps)
     rotations, move = bvh.rotations[before], bvh.translations[before]
     if w.any():
         between = w[:, None].expand(rotations.shape[:2])
