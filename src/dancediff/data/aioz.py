@@ -56,33 +56,17 @@ def aioz_jobs(src) -> list[Job]:
     for name, split in splits.items():
         path = src / "motions_smpl" / f"{name}.pkl"
         song = find_song([src / "musics", src / "musics438"], [name])
-        make = partial(make_aioz, path, song, split, groups[name], labels.get(name, {}))
-        jobs.append(Job(f"aioz_{name}", make))
+        label = labels.get(name, {})
+        facts = {"split": split, "group": f"aioz {groups[name]}", "source": SOURCE}
+        facts |= {"licence": LICENCE, "genre": label.get("genre") or label.get("style")}
+        facts |= {"notes": {"video": _video(name), **label}}
+        read = partial(smpl_take, f"aioz_{name}", path, song, read_poses, FPS)
+        jobs.append(Job(f"aioz_{name}", partial(read, **facts)))
     return jobs + [
         Job(f"aioz_{name}", partial(_refuse, path))
         for name, path in files.items()
         if name not in splits
     ]
-
-
-def make_aioz(path: Path, song: Path | None, split: str, group: str, labels: dict) -> DanceTake:
-    """Read one take: poses, path and music, each dancer's floor at 0.
-
-    Raises: ValueError naming the file and what is wrong with it.
-    """
-    return smpl_take(
-        f"aioz_{path.stem}",
-        path,
-        song,
-        read_poses,
-        FPS,
-        source=SOURCE,
-        licence=LICENCE,
-        split=split,
-        group=f"aioz {group}",
-        genre=labels.get("genre") or labels.get("style"),
-        notes={"video": _video(path.stem), **labels},
-    )
 
 
 def read_poses(data) -> tuple[np.ndarray, np.ndarray]:

@@ -26,7 +26,7 @@ from dancediff.data.formats import (
     read_splits,
     smpl_take,
 )
-from dancediff.data.take import SPLITS, DanceTake, Job
+from dancediff.data.take import SPLITS, Job
 
 RECORDED_FPS = 60
 SOURCE = "AIST++ (Li et al., ICCV 2021), google.github.io/aistplusplus_dataset"
@@ -66,9 +66,13 @@ def aistpp_jobs(src) -> list[Job]:
     songs = [src / "wavs", src / "musics", src / "music"]
     jobs = []
     for name in [name for name in splits if name not in ignored]:
-        path, song = src / "motions" / f"{name}.pkl", find_song(songs, [name, music_id(name)])
-        make = partial(make_aistpp, path, song, splits[name], groups[name])
-        jobs.append(Job(f"aistpp_{name}", make))
+        music, path = music_id(name), src / "motions" / f"{name}.pkl"
+        song = find_song(songs, [name, music])
+        notes = {"music_id": music, "tempo": music_tempo(music)}
+        facts = {"split": splits[name], "group": f"aistpp {groups[name]}", "notes": notes}
+        facts |= {"source": SOURCE, "licence": LICENCE, "genre": GENRES[name[1:3]]}
+        read = partial(smpl_take, f"aistpp_{name}", path, song, read_poses, RECORDED_FPS)
+        jobs.append(Job(f"aistpp_{name}", partial(read, **facts)))
     return jobs
 
 
@@ -92,27 +96,6 @@ def music_tempo(music: str) -> int:
     """
     digit = int(music[-1])
     return 110 + 5 * digit if music[1:3] == "HO" else 80 + 10 * digit
-
-
-def make_aistpp(path: Path, song: Path | None, split: str, group: str) -> DanceTake:
-    """Read one take: poses and path at 30 frames a second, and its music, the floor at 0.
-
-    Raises: ValueError naming the file and what is wrong with it.
-    """
-    name, music = path.stem, music_id(path.stem)
-    return smpl_take(
-        f"aistpp_{name}",
-        path,
-        song,
-        read_poses,
-        RECORDED_FPS,
-        source=SOURCE,
-        licence=LICENCE,
-        split=split,
-        group=f"aistpp {group}",
-        genre=GENRES[name[1:3]],
-        notes={"music_id": music, "tempo": music_tempo(music)},
-    )
 
 
 def read_poses(data) -> tuple[np.ndarray, np.ndarray]:

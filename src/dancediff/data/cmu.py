@@ -20,11 +20,11 @@ import torch
 from dancediff.data.bvh import read_bvh
 from dancediff.data.joint_maps import find_joints
 from dancediff.data.retarget import leg_scale, retarget
+from dancediff.data.summary import MEASURED
 from dancediff.data.take import SPLITS, DanceTake, Job
 from dancediff.motion.motion import Motion
 
 LEAD = 6  # frames dropped: the added T-pose, and five into which the conversion's filter smears it
-SHARED = ("direction_error", "skating_source", "skating", "penetration_p95", "lowest_median")
 
 
 def cmu_jobs(src) -> list[Job]:
@@ -139,7 +139,7 @@ def _notes(measured: list[dict]) -> dict:
         for entry in row["repairs"]:
             entry["first"] += LEAD - 1
             entry["last"] += LEAD - 1
-    notes = {key: sum(row[key] for row in measured) / len(measured) for key in SHARED}
+    notes = {key: sum(row[key] for row in measured) / len(measured) for key in MEASURED}
     notes["penetration_p95"] = max(row["penetration_p95"] for row in measured)
     notes["repaired"] = sum(len(row["repairs"]) for row in measured)
     return {**notes, "scale": measured[0]["scale"], "dancers": measured}

@@ -138,44 +138,30 @@ def composed_jobs(folder, *, songs: int = 2) -> list[Job]:
         duets = [entry for entry in real if entry.dancers == 2]
         ring = [*duets, duets[0]] if len(duets) > 2 else duets
         for a, b in pairwise(ring):
-            jobs.append(_job(f"pair_{a.name}_{b.name}", data.folder, [a, b], make_pair, songs))
+            jobs.append(_job(f"pair_{a.name}_{b.name}", data.folder, [a, b], two_duets, songs))
         solos = [entry for entry in real if entry.dancers == 1]
         for k, entry in enumerate(solos):
             for n in (3, 4, 5):
                 way = WAYS[(k + n) % 3]
-                make = partial(make_copies, n=n, way=way)
-                jobs.append(_job(f"{way}{n}_{entry.name}", data.folder, [entry], make, songs))
+                arrange = partial(copies, n=n, way=way)
+                jobs.append(_job(f"{way}{n}_{entry.name}", data.folder, [entry], arrange, songs))
     return jobs
 
 
-def _job(name: str, folder: Path, entries: list[Entry], make, songs: int) -> Job:
+def _job(name: str, folder: Path, entries: list[Entry], arrange, songs: int) -> Job:
     paths = [folder / entry.file for entry in entries]
     # the recipe of a composed take has the recipes of its parts in it
     recipes = [entry.made_by for entry in entries]
-    return Job(name, partial(make, name, paths, recipes=recipes, songs=songs))
+    return Job(name, partial(make_composed, name, paths, arrange, recipes=recipes, songs=songs))
 
 
-def make_pair(name: str, paths: list[Path], *, recipes: list[str], songs: int) -> DanceTake:
-    """Read two takes of two dancers and put them on one stage; ``recipes`` only tell versions."""
-    a, b = map(read_take, paths)
-    motion, how = two_duets(a.motion, b.motion, _rng(name))
-    return _take(name, motion, [a, b], how, songs)
-
-
-def make_copies(
-    name: str, paths: list[Path], *, n: int, way: str, recipes: list[str], songs: int
+def make_composed(
+    name: str, paths: list[Path], arrange, *, recipes: list[str], songs: int
 ) -> DanceTake:
-    """Read a solo and make a group of it; ``recipes`` only tell versions."""
-    (solo,) = map(read_take, paths)
-    motion, how = copies(solo.motion, n, way, _rng(name))
-    return _take(name, motion, [solo], how, songs)
-
-
-def _rng(name: str) -> np.random.Generator:
-    return np.random.default_rng(int.from_bytes(sha256(name.encode()).digest()[:8]))
-
-
-def _take(name: str, motion: Motion, parts: list[DanceTake], how: dict, songs: int) -> DanceTake:
+    """Read takes and ``arrange`` them on one stage; ``recipes`` only tell versions."""
+    parts = [read_take(path) for path in paths]
+    rng = np.random.default_rng(int.from_bytes(sha256(name.encode()).digest()[:8]))
+    motion, how = arrange(*(part.motion for part in parts), rng=rng)
     first = parts[0]
     size = first.motion.num_dancers
     x = motion.features()

@@ -7,7 +7,8 @@ from pathlib import Path
 from dancediff.axes import FPS
 from dancediff.data.take import SPLITS
 
-_MEASURED = ("direction_error", "skating_source", "skating", "penetration_p95", "lowest_median")
+# of a retargeted take, see `dancediff.data.retarget.measure`
+MEASURED = ("direction_error", "skating_source", "skating", "penetration_p95", "lowest_median")
 
 
 @dataclass
@@ -31,8 +32,8 @@ class Summary:
         key = (row["kind"], row["music"], row["dancers"])
         count = self.counts.setdefault(key, Counter())
         count.update({"takes": 1, "frames": row["frames"], row["split"]: 1})
-        if set(_MEASURED) <= set(row["notes"]):
-            self.measured[row["name"]] = [row["notes"][key] for key in _MEASURED]
+        if set(MEASURED) <= set(row["notes"]):
+            self.measured[row["name"]] = [row["notes"][key] for key in MEASURED]
 
     def then(self, later: "Summary") -> "Summary":
         """Both runs as one, which leave the folder as the later one does."""

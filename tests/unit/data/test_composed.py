@@ -14,7 +14,7 @@ from dancediff.data.composed import (
     composed_jobs,
     copies,
     distance_between,
-    make_copies,
+    make_composed,
     two_duets,
 )
 from dancediff.data.prepare import prepare
@@ -109,15 +109,12 @@ def test_contacts_are_those_of_the_new_stage():
     assert set(motion.contact.unique().tolist()) <= {0.0, 1.0}
 
 
-def test_the_check_is_not_skipped(tmp_path, monkeypatch):
-    from dancediff.data import composed as module
-
+def test_the_check_is_not_skipped(tmp_path):
     (tmp_path / "takes").mkdir()
     path = write_take(tmp_path / "takes" / "s.npz", take("s", 1, 1, "train"))
     heap = Motion.from_features(walk(3).features().repeat(3, 1, 1))
-    monkeypatch.setattr(module, "copies", lambda *_: (heap, {}))
     with pytest.raises(ValueError, match=r"within 0\.00 m"):
-        make_copies("x", [path], n=3, way="unison", recipes=[], songs=1)
+        make_composed("x", [path], lambda solo, rng: (heap, {}), recipes=[], songs=1)
 
 
 def test_jobs_stay_within_splits_and_say_where_they_come_from(tmp_path):

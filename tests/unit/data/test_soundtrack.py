@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 import torch
 
+from beat_score import beat_f_score
 from dancediff.data import soundtrack as module
 from dancediff.data.soundtrack import rest_curve, soundtrack, tempo_map, with_soundtrack
 from dancediff.data.take import DanceTake
 from dancediff.motion.motion import Motion
-from dancediff.music.beats import beat_f_score
 from dancediff.music.features import BEATS
 from dancediff.music.synth import synth_on_beats
 

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from beat_score import beat_f_score
 from dancediff.music import instruments
-from dancediff.music.beats import beat_f_score
 from dancediff.music.synth import synth_song
 
 
