@@ -57,7 +57,7 @@ def aioz_jobs(src) -> list[Job]:
         path = src / "motions_smpl" / f"{name}.pkl"
         song = find_song([src / "musics", src / "musics438"], [name])
         label = labels.get(name, {})
-        facts = {"split": split, "group": f"aioz {groups[name]}", "source": SOURCE}
+        facts: dict = {"split": split, "group": f"aioz {groups[name]}", "source": SOURCE}
         facts |= {"licence": LICENCE, "genre": label.get("genre") or label.get("style")}
         facts |= {"notes": {"video": _video(name), **label}}
         read = partial(smpl_take, f"aioz_{name}", path, song, read_poses, FPS)

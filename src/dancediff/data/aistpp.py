@@ -69,7 +69,7 @@ def aistpp_jobs(src) -> list[Job]:
         music, path = music_id(name), src / "motions" / f"{name}.pkl"
         song = find_song(songs, [name, music])
         notes = {"music_id": music, "tempo": music_tempo(music)}
-        facts = {"split": splits[name], "group": f"aistpp {groups[name]}", "notes": notes}
+        facts: dict = {"split": splits[name], "group": f"aistpp {groups[name]}", "notes": notes}
         facts |= {"source": SOURCE, "licence": LICENCE, "genre": GENRES[name[1:3]]}
         read = partial(smpl_take, f"aistpp_{name}", path, song, read_poses, RECORDED_FPS)
         jobs.append(Job(f"aistpp_{name}", partial(read, **facts)))

@@ -43,8 +43,7 @@ def arm_keys(counts: list[Count], side: int):
         ]
     if not keys or keys[0][0] > 0:
         keys.insert(0, (-0.01, keys[0][1] if keys else _REST, False, 1.0))
-    _, name, _, size = keys[-1]
-    keys.append((len(counts) + 1.0, name, False, size))
+    keys.append((len(counts) + 1.0, keys[-1][1], False, keys[-1][3]))
     time, names, through, size = zip(*keys, strict=True)
     return np.array(time), names, np.array(through), np.array(size)
 
