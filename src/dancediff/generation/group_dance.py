@@ -89,7 +89,12 @@ def hooks_of(model, request: GroupDanceRequest, known: Constraint | None) -> lis
     known = preconditioning_of(model)
     if sources and known is not None:
         hooks.append(Conditioning(known.spread.cpu(), sources))
-    return hooks + [foot_contact_hook(normalizer)] * request.foot_contact
+    return hooks + foot_contact_hooks(model, request)
+
+
+def foot_contact_hooks(model, request: SegmentedRequest) -> list:
+    """The hook that keeps feet in place, where it is asked for."""
+    return [foot_contact_hook(model.normalizer.on_cpu())] if request.foot_contact else []
 
 
 def naive_dance(
@@ -124,7 +129,7 @@ def naive_dance(
         denoise_in_parts,
         (k, n, segments.window, model.config.motion_dim),
         pin=Consistency(request.overlap),
-        hooks=[foot_contact_hook(model.normalizer.on_cpu())] * request.foot_contact,
+        hooks=foot_contact_hooks(model, request),
         callback=report and (lambda i, total, _: report(i + 1, total)),
         **_settings(model, request),
     )
@@ -144,12 +149,16 @@ def binder(model, guidance, dtype=None, autoguidance: float = 1.0) -> Callable:
             return model.denoise(x_t, t, conditions)
 
     def bind(conditions: Conditions) -> Callable[[Tensor, int], Tensor]:
+        with_music = guided(denoise, conditions, guidance)
+        if autoguidance == 1:
+            return with_music
+
         def linear(x_t, t):
             steps = torch.full((len(x_t),), t, dtype=torch.long, device=device)
             return model.linear_guess(x_t, steps, conditions)
 
         return autoguided(
-            guided(denoise, conditions, guidance),
+            with_music,
             linear,
             autoguidance,
             root_share=ROOT_SHARE,

@@ -317,7 +317,7 @@ class GroupDanceRequest(SegmentedRequest):
         controls = list(self.constraints)
         controls += [control.StartAt(self.start)] * (self.start is not None)
         controls += [control.EndAt(self.end)] * (self.end is not None)
-        return control.combine(controls, self.dancers, self.frames, FPS)
+        return control.combine(controls, self.dancers, self.frames, FPS) if controls else None
 
 
 @dataclass(frozen=True, kw_only=True)

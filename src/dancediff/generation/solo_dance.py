@@ -23,7 +23,7 @@ from dancediff.extensions.root_stitching import stitch
 from dancediff.extensions.smooth_primitives import smooth_primitives
 from dancediff.extensions.song_structure import find_sections, repeat_sections
 from dancediff.generation.request import LodgeRequest
-from dancediff.motion.representation import LODGE, with_hands
+from dancediff.motion.representation import LODGE, at_origin, with_hands
 from dancediff.music.beats import beat_frames
 from dancediff.papers.lodge.choreography import Arrangement
 from dancediff.papers.lodge.cue_guidance import CueGuidance
@@ -97,14 +97,20 @@ def solo_pieces(model, song, request: LodgeRequest, *, report=None, dtype=None) 
     """
     M = song.features()
     stages = (model.global_stage, model.local_stage)
-    group = Group(
-        LodgeSampler(*stages, request, report=report, dtype=dtype).dance(M, request.frames),
-        np.asarray(places(request.dancers, request.formation)),
-        relation=request.relation,
-        delay=canon_delays(request.dancers, beat_frames(M)),
-    )
-    for start in range(0, request.frames, PIECE):
-        yield with_hands(group.frames(start, start + PIECE))
+    sampler = LodgeSampler(*stages, request, report=report, dtype=dtype)
+    solo = at_origin(sampler.dance(M, request.frames))
+    if request.dancers == 1:
+        pieces = iter(solo[None].split(PIECE, dim=1))
+    else:
+        group = Group(
+            solo,
+            np.asarray(places(request.dancers, request.formation)),
+            relation=request.relation,
+            delay=canon_delays(request.dancers, beat_frames(M)),
+        )
+        starts = range(0, request.frames, PIECE)
+        pieces = (group.frames(start, start + PIECE) for start in starts)
+    yield from map(with_hands, pieces)
 
 
 def solo_seams(model, song, request: LodgeRequest) -> list[int]:

@@ -113,6 +113,6 @@ def dances_as_the_paper_says(model, folder: Path, **options) -> None:
     """The model folder loads, and its model dances with the preset "paper"."""
     hub.save_model(model, folder / "model", card="tiny")
     song, _ = synth_song(3, seconds=4.0)
-    dance = hub.load(folder / "model").generate(song, **PAPER, **options)
+    dance = hub.load(folder / "model").generate(song, preset="paper", **options)
     assert dance.joints().isfinite().all()
     assert {key: dance.meta[key] for key in PAPER} == PAPER
