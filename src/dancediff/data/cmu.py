@@ -11,13 +11,13 @@ shared skeleton puts the shorter partner's feet too low or too high. Arms keep t
 hands that hold each other are as far apart as SMPL-24's wider shoulders make them.
 """
 
-import json
 from functools import partial
 from pathlib import Path
 
 import torch
 
 from dancediff.data.bvh import read_bvh
+from dancediff.data.formats import read_json
 from dancediff.data.joint_maps import find_joints
 from dancediff.data.retarget import leg_scale, retarget
 from dancediff.data.summary import MEASURED
@@ -104,12 +104,7 @@ def make_take(
 
 
 def _manifest(src: Path) -> dict:
-    try:
-        manifest = json.loads((src / "manifest.json").read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError) as err:
-        raise ValueError(f"{src} holds no readable manifest.json of the CMU dances: {err}") from err
-    if not isinstance(manifest, dict):
-        raise ValueError(f"{src / 'manifest.json'} holds a {type(manifest).__name__}, no object")
+    manifest = read_json(src / "manifest.json")
     missing = {"source", "licence", "salsa", "indian"} - set(manifest)
     if missing:
         raise ValueError(f"{src / 'manifest.json'} lacks {', '.join(sorted(missing))}")

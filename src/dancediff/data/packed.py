@@ -41,18 +41,16 @@ class Place:
 class PackedTakes:
     """Takes of a split as memory maps under the folder's ``cache/``, packed when first asked for.
 
-    Takes without music are left out, and named in ``left_out``. Maps are opened when used, so that
-    the object may be sent to other processes; what is read may be changed, the files never are.
+    Takes without music are left out. Maps are opened when used, so that the object may be sent to
+    other processes; what is read may be changed, the files never are.
 
     Raises: ValueError when the folder is not prepared or one of its takes is damaged.
     """
 
     def __init__(self, data: PreparedData | str | Path, split: str = "train"):
         data = data if isinstance(data, PreparedData) else PreparedData(data)
-        entries = data.split(split)
-        self.left_out = [entry.name for entry in entries if entry.songs == 0]
         self.places, x, M = [], 0, 0
-        for entry in entries:
+        for entry in data.split(split):
             if entry.songs:
                 self.places.append(Place(entry, x, M))
                 x += entry.dancers * entry.frames

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, fields
 from pathlib import Path
 
 from dancediff.axes import FPS
-from dancediff.data.take import KINDS, MUSICS, SPLITS, DanceTake
+from dancediff.data.take import SPLITS, DanceTake, check_words
 from dancediff.data.take_file import read_take
 
 FORMAT = "dancediff-prepared-1"
@@ -42,11 +42,6 @@ class Entry:
     songs: int = 0  # to the same beats: the song itself, and others for augmentation
     made_by: str = ""
     notes: dict = field(default_factory=dict)
-
-    @property
-    def minutes(self) -> float:
-        """Length of the take."""
-        return self.frames / self.fps / 60
 
     @property
     def groups(self) -> list[str]:
@@ -121,10 +116,6 @@ class PreparedData:
             raise ValueError(f"{str(path)!r} is missing; run `dancediff prepare` again")
         return read_take(path)
 
-    def takes(self, split: str | None = None) -> Iterator[DanceTake]:
-        """Read the takes (of a split), one after the other."""
-        return map(self.load, self.entries if split is None else self.split(split))
-
 
 def read_index(folder: Path) -> dict:
     """The content of a folder's index, its takes not checked yet.
@@ -165,9 +156,7 @@ def _check(entry: Entry) -> None:
         raise ValueError("this is no name of a take")
     if entry.file not in [f"{folder}/{entry.name}.npz" for folder in FOLDERS]:
         raise ValueError(f"file {str(entry.file)[:80]!r} is not where takes are")
-    for key, allowed in (("kind", KINDS), ("music", MUSICS), ("split", SPLITS)):
-        if getattr(entry, key) not in allowed:
-            raise ValueError(f"{key}={getattr(entry, key)!r} is not one of {', '.join(allowed)}")
+    check_words(entry)
     if not isinstance(entry.group, str) or not entry.group:
         raise ValueError("it has no group")
     for key, least in (("dancers", 1), ("frames", 1), ("songs", 0)):

@@ -24,6 +24,17 @@ MUSICS = ("original", "beat-aligned synthetic", "synthetic", "none")
 SPLITS = ("train", "val", "test")
 
 
+def check_words(take) -> None:
+    """Refuse a take, or an entry of an index, of another kind, music or split.
+
+    Raises: ValueError naming the field and what is allowed.
+    """
+    for name, allowed in (("kind", KINDS), ("music", MUSICS), ("split", SPLITS)):
+        value = getattr(take, name)
+        if value not in allowed:
+            raise ValueError(f"{name}={value!r} is not one of {', '.join(allowed)}")
+
+
 @dataclass(frozen=True, eq=False)
 class DanceTake:
     """A dance, its music, and where both come from.
@@ -57,10 +68,7 @@ class DanceTake:
     notes: dict = field(default_factory=dict)  # plain JSON: repaired spikes, measured numbers
 
     def __post_init__(self):
-        for name, allowed in (("kind", KINDS), ("music", MUSICS), ("split", SPLITS)):
-            value = getattr(self, name)
-            if value not in allowed:
-                raise ValueError(f"{name}={value!r} is not one of {', '.join(allowed)}")
+        check_words(self)
         if self.M is not None and len(self.M) != self.num_frames:
             raise ValueError(
                 f"M has {len(self.M)} frames, the motion {self.num_frames}; cut the longer"

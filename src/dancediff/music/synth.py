@@ -176,10 +176,13 @@ class _Band:
         self.scale = _SCALES[rng.integers(len(_SCALES))]
         self.swing = float(rng.choice([0, 0, 0.06, 0.14]))
         self.level = {k: float(10 ** (rng.uniform(lo, hi) / 20)) for k, (lo, hi) in _LEVELS.items()}
-        self.kick = instruments.kick(rng)
-        self.snare = instruments.snare(rng)
-        self.hat = instruments.noise_hit(rng, rng.uniform(0.02, 0.12), rng.uniform(4500, 8500))
-        self.shaker = instruments.noise_hit(rng, rng.uniform(0.03, 0.09), rng.uniform(2500, 6000))
+        hit = instruments.noise_hit
+        self.drums = {
+            "kick": instruments.kick(rng),
+            "snare": instruments.snare(rng),
+            "hat": hit(rng, rng.uniform(0.02, 0.12), rng.uniform(4500, 8500)),
+            "shaker": hit(rng, rng.uniform(0.03, 0.09), rng.uniform(2500, 6000)),
+        }
         self.voices = {k: instruments.voice(rng) for k in ("bass", "chord", "lead")}
         self.notes: dict[tuple, np.ndarray] = {}
 
@@ -219,12 +222,7 @@ class _Band:
             time = when(k + (self.swing * 2 if k % 2 else 0))
             if time >= end:
                 break
-            for name, sound in (
-                ("kick", self.kick),
-                ("snare", self.snare),
-                ("hat", self.hat),
-                ("shaker", self.shaker),
-            ):
+            for name, sound in self.drums.items():
                 if part[name][k] > 0:
                     _add(mix, sound, time, self.level[name] * part[name][k])
         root = part["chords"][bar % 4]

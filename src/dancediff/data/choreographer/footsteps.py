@@ -42,7 +42,6 @@ class Step:
     lift: float = 0.08
     behind: float = 0.0  # metres; a foot lifted behind the body shows its sole
     yaw: float = 0.0  # radians relative to the body, with the toe-out
-    leave: float = np.inf  # beat on which the foot must have left at the latest
     bow: np.ndarray = field(default_factory=lambda: np.zeros(2))  # metres aside, on the way here
 
 
