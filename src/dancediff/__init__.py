@@ -7,14 +7,8 @@
 (2, 60)
 """
 
-import os
 from importlib import import_module
 from typing import TYPE_CHECKING
-
-# Before torch is imported: its threads wait for each other actively, but not for long. Measured on
-# two cores, 5 s of dance: 3.2 s (2.8 by default), and 9 s (51) beside another busy program; beside
-# two of them 19 s (more than 100).
-os.environ.setdefault("GOMP_SPINCOUNT", "5000")
 
 __version__ = "0.1.0"
 

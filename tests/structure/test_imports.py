@@ -165,13 +165,25 @@ def test_type_checkers_see_the_public_names():
     assert (SOURCE / "py.typed").is_file()
 
 
+def printed(code: str, own: str | None = None) -> str:
+    """What a new process prints whose GOMP_SPINCOUNT is ``own``."""
+    env = {name: value for name, value in os.environ.items() if name != "GOMP_SPINCOUNT"}
+    env |= {"GOMP_SPINCOUNT": own} if own else {}
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=env, capture_output=True, text=True, check=True
+    )
+    return done.stdout.strip().splitlines()[-1]
+
+
+def test_an_import_sets_no_variable_of_the_process():
+    parts = "dancediff, dancediff.hub, dancediff.nb, dancediff.training.run, dancediff.cli"
+    code = f"import os; before = {{**os.environ}}; import {parts}; print(os.environ == before)"
+    assert printed(code) == "True"
+
+
 @pytest.mark.parametrize("own, wanted", [(None, "5000"), ("7", "7")])
 def test_torchs_threads_do_not_wait_for_ever(own, wanted):
     """On a busy machine threads that spin without end make a dance five times as slow."""
-    env = {name: value for name, value in os.environ.items() if name != "GOMP_SPINCOUNT"}
-    env |= {"GOMP_SPINCOUNT": own} if own else {}
-    code = "import dancediff, os; print(os.environ['GOMP_SPINCOUNT'])"
-    found = subprocess.run(
-        [sys.executable, "-c", code], env=env, capture_output=True, text=True, check=False
-    )
-    assert found.stdout.strip() == wanted, found.stderr
+    code = "import os, sys; from dancediff.cli import main; main(['--version']); "
+    code += "print(os.environ['GOMP_SPINCOUNT'], 'torch' in sys.modules)"
+    assert printed(code, own) == f"{wanted} False"
