@@ -7,10 +7,10 @@ renamed, so a stop in between leaves the old file or the new one.
 """
 
 import json
+from collections.abc import Callable
 from dataclasses import asdict, is_dataclass
 from functools import partial
 from pathlib import Path
-from typing import cast
 
 import torch
 from safetensors import SafetensorError
@@ -118,7 +118,7 @@ def _read(folder: Path) -> TCDiffPP | EDGE | Lodge:
     if "extensions" not in stored:
         raise ValueError("config.json names no extensions: an older dancediff wrote it")
     names = _checked("extensions", stored["extensions"], tuple)
-    make = partial(build, model_class, extensions=names)
+    make: Callable[..., TCDiffPP | EDGE | Lodge] = partial(build, model_class, extensions=names)
     config = _config(stored["config"], config_class())
     tensors = {
         prefix + key: value
@@ -135,7 +135,7 @@ def _read(folder: Path) -> TCDiffPP | EDGE | Lodge:
             raise ValueError(f"{key} holds values that are no finite numbers")
     model = make(config)
     model.load_state_dict({key: value.float() for key, value in tensors.items()})
-    return cast("TCDiffPP | EDGE | Lodge", model)
+    return model
 
 
 def _under(tensors: dict, prefix: str) -> dict:

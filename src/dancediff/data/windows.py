@@ -26,14 +26,23 @@ from dancediff.motion.representation import LODGE, TCDIFFPP, MotionSpec, at_orig
 class Cut(Protocol):
     """What a window of a take is: how long, and which motion and label a model learns from it."""
 
-    num_frames: int
-    spec: MotionSpec
+    @property
+    def num_frames(self) -> int:
+        """Length of a window."""
+        ...
+
+    @property
+    def spec(self) -> MotionSpec:
+        """The motion vector of the window."""
+        ...
 
     def __call__(self, take: DanceTake, start: int) -> Tensor:
         """The motion of the window at ``start``, before augmentation."""
+        ...
 
     def finish(self, x: Tensor, take: DanceTake) -> tuple[Tensor, Tensor]:
         """The motion to learn and its label, after augmentation."""
+        ...
 
 
 @dataclass(frozen=True)

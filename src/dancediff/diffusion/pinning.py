@@ -8,6 +8,7 @@ Symbols (axes: b batch · n dancers · f frames · k frames of context · d moti
 """
 
 from dataclasses import dataclass, field
+from typing import Protocol
 
 import torch
 from torch import Tensor
@@ -16,6 +17,18 @@ from dancediff.diffusion.schedule import gaussian, q_sample
 
 MODES = ("same_noise", "renoise", "clean", "init")
 HOLDING = ("same_noise", "renoise")  # those that hold the context at the noise level of the rest
+
+
+class Pin(Protocol):
+    """What holds a part of a dance while the rest is sampled; `Pinning` is one."""
+
+    def start(self, x_T: Tensor) -> Tensor:
+        """The first input with that part in it."""
+        ...
+
+    def __call__(self, x_next: Tensor, t_next: int) -> Tensor:
+        """The same for an input that the sampler has just brought to step t_next."""
+        ...
 
 
 @dataclass

@@ -20,7 +20,7 @@ from typing import Protocol
 import torch
 from torch import Tensor
 
-from dancediff.diffusion.pinning import Pinning
+from dancediff.diffusion.pinning import Pin
 from dancediff.diffusion.schedule import Generators, abar_at, cosine_abar, gaussian, send
 
 
@@ -280,7 +280,7 @@ def sample(
     eta: float = 1.0,
     generator: Generators = None,
     x_T: Tensor | None = None,
-    pin: Pinning | None = None,
+    pin: Pin | None = None,
     hooks: Sequence[GuessHook] = (),
     clamp: float | Callable[[Tensor], Tensor] | None = 1.0,
     callback: Callable[[int, int, Tensor], None] | None = None,

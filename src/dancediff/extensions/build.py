@@ -5,6 +5,7 @@ and training configs store the same list.
 """
 
 from collections.abc import Callable, Sequence
+from typing import Any, TypeVar
 
 from torch import nn
 
@@ -15,7 +16,8 @@ from dancediff.papers.edge.model import EDGE
 from dancediff.papers.lodge.model import Lodge
 from dancediff.papers.tcdiffpp.model import TCDiffPP
 
-EXTENDED: dict[type[nn.Module], Callable[..., nn.Module]] = {
+Model = TypeVar("Model", bound=nn.Module)
+EXTENDED: dict[type[nn.Module], Callable[..., Any]] = {
     EDGE: ExtendedEDGE,
     TCDiffPP: ExtendedTCDiffPP,
     Lodge: extended_lodge,
@@ -27,7 +29,7 @@ EXTENSIONS = {  # names by class
 }
 
 
-def build(model_class: type[nn.Module], config, extensions: Sequence[str] = ()) -> nn.Module:
+def build(model_class: type[Model], config, extensions: Sequence[str] = ()) -> Model:
     """A model of random weights with the named extensions.
 
     Raises: ValueError for an extension that the class does not have, or one without what it needs.

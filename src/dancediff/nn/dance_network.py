@@ -1,5 +1,7 @@
 """What all networks that denoise dances have besides their layers."""
 
+from typing import Any
+
 import torch
 from torch import Tensor, nn
 
@@ -17,6 +19,7 @@ class DanceNetwork(nn.Module):
     """
 
     abar: Tensor
+    config: Any  # its sizes, of a class of its own
 
     def __init__(self, motion_dim: int, music_dim: int, num_steps: int):
         super().__init__()

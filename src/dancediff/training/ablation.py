@@ -21,6 +21,7 @@ from dataclasses import asdict
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
+from typing import Any
 
 import torch
 
@@ -88,7 +89,7 @@ def _rows(variants: list[Variant], failed: dict[str, str], out: Path, measure: C
     """A row of the table for each variant that has danced or failed."""
     rows = []
     for variant in variants:
-        row = {"variant": variant.name, "training": variant.training}
+        row: dict[str, Any] = {"variant": variant.name, "training": variant.training}
         row |= {"of": variant.of} if variant.of else {}
         if variant.name in failed:
             rows.append(row | {"failed": failed[variant.name]})

@@ -49,11 +49,11 @@ def held_out_genres(variant: Variant) -> list[str]:
 def held_out_dances(variant: Variant) -> list[Motion]:
     """The choreographer's dances to those songs."""
     size = 1 if is_lodge(variant.tables) else variant.held_out.dancers
-    options = {"seconds": variant.held_out.seconds, "sizes": (size,)}
+    seconds = variant.held_out.seconds
     return [
         take.motion
         for seed in variant.held_out.seeds
-        for take in choreographed_takes(seed, **options)
+        for take in choreographed_takes(seed, seconds=seconds, sizes=(size,))
     ]
 
 

@@ -6,18 +6,18 @@ import threading
 import warnings
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TypeVar
 
 import torch
 from safetensors import SafetensorError, safe_open
 from torch import nn
 
 from dancediff.atomic import save_tensors
+from dancediff.nn.dance_network import DanceNetwork
 from dancediff.training.config import TrainConfig
-from dancediff.training.ema import EMA
+from dancediff.training.ema import EMA, Network
+from dancediff.training.muon import MuonAdamW
 
 NAME = "checkpoint.safetensors"
-Network = TypeVar("Network", bound=nn.Module)
 _ERRORS = (SafetensorError, OSError, AttributeError, RuntimeError, KeyError, ValueError, TypeError)
 _MAY_CHANGE = {"steps", "save_every", "evaluate_every", "evaluate_batches", "preview_every"}
 
@@ -33,7 +33,7 @@ class Checkpointer:
     path: Path
     model: nn.Module
     ema: EMA
-    optimizer: object
+    optimizer: torch.optim.Optimizer | MuonAdamW
     facts: dict
 
     def save(self, step: int, extra: dict[str, torch.Tensor] | None = None) -> None:
@@ -86,7 +86,7 @@ class Checkpointer:
             warnings.warn(text, stacklevel=4)
 
 
-def facts_of(model: nn.Module, config: TrainConfig, data: str) -> dict:
+def facts_of(model: DanceNetwork, config: TrainConfig, data: str) -> dict:
     """What a checkpoint says of its training; ``data`` changes with what is learned from."""
     facts = {"train": asdict(config), "model": asdict(model.config), "data": data}
     return json.loads(json.dumps(facts))

@@ -12,6 +12,7 @@ Read first: a file of configs/.
 from dataclasses import dataclass, field
 
 from dancediff.music.features import BLOCKS
+from dancediff.papers.lodge.losses import LodgeWeights
 from dancediff.papers.tcdiffpp.losses import LossWeights
 
 OPTIMIZERS = ("adamw", "adam", "adan", "muon")
@@ -124,7 +125,7 @@ class TrainConfig:
     evaluate_every: int = 0  # steps; 0: never
     evaluate_batches: int = 8  # of the validation split
     preview_every: int = 0  # steps; 0: never
-    weights: LossWeights = field(default_factory=LossWeights)
+    weights: LossWeights | LodgeWeights = field(default_factory=LossWeights)
     extensions: TrainingExtensions = field(default_factory=TrainingExtensions)
 
     def __post_init__(self):

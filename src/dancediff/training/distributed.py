@@ -59,7 +59,7 @@ class World:
             weights = [p for p in model.parameters() if p.requires_grad]
             for p in weights:
                 p.grad = torch.zeros_like(p) if p.grad is None else p.grad
-            self.average([p.grad for p in weights])
+            self.average([p.grad for p in weights if p.grad is not None])
 
     def any(self, flag: bool) -> bool:
         """Is it so in any process?"""

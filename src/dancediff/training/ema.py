@@ -7,12 +7,15 @@ The average is young at first (m_k small), so that it does not drag the random s
 """
 
 import copy
+from typing import Generic, TypeVar
 
 import torch
-from torch import nn
+from torch import Tensor, nn
+
+Network = TypeVar("Network", bound=nn.Module)
 
 
-class EMA:
+class EMA(Generic[Network]):
     """Keeps the averaged copy in ``.model``.
 
     >>> net = nn.Linear(1, 1)
@@ -22,7 +25,7 @@ class EMA:
     True
     """
 
-    def __init__(self, model: nn.Module, decay: float = 0.999):
+    def __init__(self, model: Network, decay: float = 0.999):
         self.decay, self.updates = decay, 0
         self.model = copy.deepcopy(model).eval().requires_grad_(False)
 
@@ -31,5 +34,6 @@ class EMA:
         """Move the average a little towards the model."""
         self.updates += 1
         m = min(self.decay, (1 + self.updates) / (10 + self.updates))
-        average, weights = list(self.model.parameters()), list(model.parameters())
+        average: list[Tensor] = list(self.model.parameters())
+        weights: list[Tensor] = list(model.parameters())
         torch._foreach_lerp_(average, weights, 1 - m)

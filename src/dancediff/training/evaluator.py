@@ -6,6 +6,7 @@ from pathlib import Path
 import torch
 from torch import nn
 
+from dancediff.nn.dance_network import DanceNetwork
 from dancediff.training.checkpoint import read_facts, save_average
 from dancediff.training.config import TrainConfig
 from dancediff.training.objective import Objective
@@ -31,7 +32,7 @@ class Evaluator:
         return self.data is not None and self.config.evaluate_every > 0
 
     @torch.no_grad()
-    def validation_loss(self, model: nn.Module, objective: Objective) -> float:
+    def validation_loss(self, model: DanceNetwork, objective: Objective) -> float:
         """The mean of "total" over the fixed batches."""
         numbers = range(self.config.evaluate_batches)
         losses = [objective.losses(model, self.data.batch(k), k)["total"] for k in numbers]

@@ -15,14 +15,16 @@ Tables of the file
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
+from typing import Any, TypeVar
 
 import torch
 
 from dancediff.data.augment import Augmentation
 from dancediff.data.take import DanceTake
 from dancediff.data.windows import SoloCut, WindowSampler
-from dancediff.extensions.build import build, check_extensions, extensions_of
+from dancediff.extensions.build import build, check_extensions
 from dancediff.extensions.metre_unit import metre_unit_normalizer
 from dancediff.extensions.preconditioning import preconditioning_of
 from dancediff.motion.representation import LODGE, Normalizer
@@ -49,6 +51,7 @@ from dancediff.training.statistics import PLAIN, window_weights
 from dancediff.training.tables import check_all, check_sizes
 from dancediff.training.trainer import Trainer, name_of
 
+Stage = TypeVar("Stage", GlobalDenoiser, LocalDenoiser)
 STAGES = {
     "global": LodgeWeights.coarse,
     "local": LodgeWeights.local,
@@ -117,8 +120,12 @@ def stage_config(tables: dict, stage: str) -> TrainConfig | None:
     extensions = TrainingExtensions(**tables["extensions"])
     if stage == "global":
         extensions = replace(extensions, slide_loss=0.0)  # primitives are eight frames
-    weights = STAGES[stage](**tables[f"weights_{stage}"])
-    return TrainConfig(**settings, weights=weights, extensions=extensions)
+    return TrainConfig(**settings, weights=stage_weights(tables, stage), extensions=extensions)
+
+
+def stage_weights(tables: dict, stage: str) -> LodgeWeights:
+    """The weights of a stage's losses."""
+    return STAGES[stage](**tables[f"weights_{stage}"])
 
 
 def fit_stage(
@@ -135,7 +142,7 @@ def fit_stage(
         if extensions.metre_unit
         else Normalizer.fit(extremes)
     )
-    songs = {solo.M.data_ptr(): solo.M for solo in windows.takes}
+    songs = {M.data_ptr(): M for M in (solo.songs[0] for solo in windows.takes)}
     music = MusicNormalizer.fit(list(songs.values()))
     model.music_normalizer = music.without(extensions.masked_music)
     frames = [(solo.real, solo.num_frames) for solo in windows.takes]
@@ -193,7 +200,7 @@ class LodgeTraining:
         self.settings = {stage: stage_config(tables, stage) for stage in STAGES}
         self.extensions = TrainingExtensions(**tables["extensions"])
         self.corpus = SoloData(**tables["data"])
-        self.options = {"resume": resume, "overwrite": overwrite, "world": world}
+        self.options: dict[str, Any] = {"resume": resume, "overwrite": overwrite, "world": world}
         for stage in (name for name in STAGES if self.settings[name] is not None):
             check_free(self.out / stage, resume, overwrite)
         torch.manual_seed(tables["train"].get("seed", 0))
@@ -217,9 +224,8 @@ class LodgeTraining:
         """Windows for the local stage, or primitives for the global one, whose layout they have."""
         sizes, corpus = self.model.config, self.corpus
         batch = corpus.windows_per_batch if layout is None else corpus.global_windows_per_batch
-        if layout is None:
-            cut = SoloCut(sizes.num_frames, sizes.genres)
-        else:
+        cut: SoloCut | PrimitiveCut = SoloCut(sizes.num_frames, sizes.genres)
+        if layout is not None:
             cut = PrimitiveCut(layout, sizes.genres)
         any_song = self.extensions.any_song
         return WindowSampler(
@@ -233,51 +239,49 @@ class LodgeTraining:
 
     def train_global(self) -> None:
         """The first stage learns primitives."""
-        objective = LodgeObjective(self.model.global_stage, self.settings["global"])
-        self.model.global_stage = self._trained(objective, "global")
+        self.model.global_stage = self._trained(self.model.global_stage, "global")
 
     def train_local(self, stage: str, preview: Callable | None = None) -> None:
         """The second stage learns to dance ("local"), then to begin and end ("fine_tune")."""
-        model, settings = self.model, self.settings[stage]
-        critic = self._critic(stage)
-        clean = stage == "fine_tune"
-        objective = LodgeObjective(model.local_stage, settings, clean=clean, critic=critic)
+        model = self.model
+        show = None if preview is None else partial(self._show, preview)
+        model.local_stage = self._trained(model.local_stage, stage, show)
 
-        def show(made: LocalDenoiser, step: int) -> None:
-            whole = Lodge(model.config, model.global_stage, made).eval()
-            whole.extensions = extensions_of(model)
-            preview(whole, step)
+    def _show(self, preview: Callable, made: LocalDenoiser, step: int) -> None:
+        whole = Lodge(self.model.config, self.model.global_stage, made).eval()
+        whole.extensions = self.model.extensions
+        preview(whole, step)
 
-        model.local_stage = self._trained(objective, stage, preview and show)
-
-    def _critic(self, stage: str) -> Critic | None:
+    def _critic(self, stage: str, lr: float) -> Critic | None:
         """The discriminator, if the config has one; as it was left, where the run goes on."""
-        sizes, settings = self.model.config, self.settings[stage]
-        if "discriminator" not in self.tables or settings is None:
+        if "discriminator" not in self.tables or stage == "global":
             return None
+        sizes, weights = self.model.config, stage_weights(self.tables, stage)
         fixed = {"num_frames": sizes.num_frames, "genres": sizes.genres}
         return Critic(
             DiscriminatorConfig(**fixed | self.tables["discriminator"]),
-            lr=settings.lr,
-            weight=settings.weights.critic,
-            form=settings.weights.form,
+            lr=lr,
+            weight=weights.critic,
+            form=weights.form,
             checkpoint=self.out / stage / NAME if self.options["resume"] else None,
             device=self.model.abar.device,
         )
 
-    def _trained(self, objective: LodgeObjective, stage: str, preview=None):
+    def _trained(self, network: Stage, stage: str, preview: Callable | None = None) -> Stage:
         """The averaged network of a stage, ready to be trained on."""
-        network, settings, folder = objective.model, objective.config, self.out / stage
+        settings, folder = self.settings[stage], self.out / stage
         if settings is None:
             kept = folder / NAME
             return load_average(kept, network) if kept.exists() else network
+        critic = self._critic(stage, settings.lr)
+        clean = stage == "fine_tune"
         kind = "global" if stage == "global" else "local"
         trainer = Trainer(
             network,
             self.windows[kind],
             settings,
             folder,
-            objective=objective,
+            objective=LodgeObjective(network, settings, clean=clean, critic=critic),
             evaluator=Evaluator(self.validation[kind], settings, preview),
             data_name=name_of(self.windows[kind].takes, {}),
             **self.options,

@@ -124,7 +124,8 @@ def repeated(solo: DanceTake, num_frames: int) -> DanceTake:
     walked = solo.x[0, -1, LODGE.floor] - solo.x[0, 0, LODGE.floor]
     x[0, :, LODGE.floor] += torch.arange(times).repeat_interleave(f)[:, None] * walked
     other = None if solo.M_other is None else solo.M_other.repeat(1, times, 1)
-    return replace(solo, dance=x, M=solo.M.repeat(times, 1), M_other=other, period=f)
+    M = None if solo.M is None else solo.M.repeat(times, 1)
+    return replace(solo, dance=x, M=M, M_other=other, period=f)
 
 
 def half_windows(windows: WindowSampler) -> Iterator[Tensor]:

@@ -18,10 +18,23 @@ from dancediff.diffusion.conditions import Conditions
 from dancediff.motion.representation import LODGE
 from dancediff.nn.losses import compare
 from dancediff.papers.lodge.cue_guidance import clean_borders
-from dancediff.papers.lodge.genre_discriminator import DiscriminatorConfig, GenreDiscriminator
+from dancediff.papers.lodge.genre_discriminator import (
+    DiscriminatorConfig,
+    GenreDiscriminator,
+    PlacedAttention,
+)
 from dancediff.papers.lodge.global_diffusion import GlobalDenoiser
-from dancediff.papers.lodge.losses import l_critic, l_diversity, l_focus, l_genre, motion_losses
+from dancediff.papers.lodge.local_diffusion import LocalDenoiser
+from dancediff.papers.lodge.losses import (
+    LodgeWeights,
+    l_critic,
+    l_diversity,
+    l_focus,
+    l_genre,
+    motion_losses,
+)
 from dancediff.training.checkpoint import load_extra
+from dancediff.training.config import TrainConfig
 from dancediff.training.extended_losses import extended_losses
 from dancediff.training.objective import Objective
 
@@ -30,11 +43,21 @@ class LodgeObjective(Objective):
     """The losses of a stage of Lodge.
 
     ``clean``: fine-tuning, with clean borders (eq. 10).  ``critic``: adds its terms (eq. 9).
+    Raises: TypeError for weights of another model's losses.
     """
 
-    def __init__(self, model, config, *, clean: bool = False, critic: "Critic | None" = None):
+    def __init__(
+        self,
+        model: GlobalDenoiser | LocalDenoiser,
+        config: TrainConfig,
+        *,
+        clean: bool = False,
+        critic: "Critic | None" = None,
+    ):
         super().__init__(model, config)
-        self.clean, self.critic = clean, critic
+        if not isinstance(config.weights, LodgeWeights):
+            raise TypeError(f"weights={config.weights} are not Lodge's; use LodgeWeights")
+        self.weights, self.clean, self.critic = config.weights, clean, critic
 
     def state(self) -> dict[str, Tensor]:
         """Weights and moments of the discriminator, if there is one."""
@@ -45,35 +68,36 @@ class LodgeObjective(Objective):
         x_0, M, genre = self.to_network(batch)
         noised = self.noised(x_0, number)
         x_t = clean_borders(noised.x_t, x_0) if self.clean else noised.x_t
-        style, z = style_of(model, genre, noised.generator)
+        drawn = style_of(model, genre, noised.generator)
+        style = None if drawn is None else drawn[0]
         with self.deterministic_autocast(number):
             guess = model(x_t, noised.t, Conditions(M, style=style, music_mask=noised.mask))
         x_raw, x_hat = guess if isinstance(guess, tuple) else (guess, guess)
         clips = model.clips if isinstance(model, GlobalDenoiser) else lambda x: x
-        parts = (clips(x.float()) for x in (x_raw, x_hat, x_0))
+        x_raw, x_hat = x_raw.float(), x_hat.float()
         terms = extended_losses(
-            compare(*parts, model.normalizer, LODGE),
-            partial(motion_losses, relative=self.config.weights.relative),
-            self.config.weights.terms(),
+            compare(clips(x_raw), clips(x_hat), clips(x_0), model.normalizer, LODGE),
+            partial(motion_losses, relative=self.weights.relative),
+            self.weights.terms(),
             extensions=self.config.extensions,
             reconstruction="recon",
             row_weights=noised.weight,
         )
         if self.critic is not None and model.training:
-            added = self.critic.terms(x_hat.float(), x_0, M, genre, number, noised.generator)
-            if z is not None:
-                other, other_z = style_of(model, genre, noised.generator)
-                added["diversity"] = l_diversity(z, other_z, style, other)
-            weights = {k: getattr(self.config.weights, k) for k in added if k != "critic"}
+            added = self.critic.terms(x_hat, x_0, M, genre, number, noised.generator)
+            other = style_of(model, genre, noised.generator)
+            if drawn is not None and other is not None:
+                added["diversity"] = l_diversity(drawn[1], other[1], drawn[0], other[0])
+            weights = {k: getattr(self.weights, k) for k in added if k != "critic"}
             terms["total"] = terms["total"] + sum(w * added[k] for k, w in weights.items())
             terms |= added
         return terms
 
 
-def style_of(model, genre: Tensor, g: torch.Generator) -> tuple[Tensor | None, Tensor | None]:
+def style_of(model, genre: Tensor, g: torch.Generator) -> tuple[Tensor, Tensor] | None:
     """Style tokens (b, d_model) of a batch and their noise (b, z), where the model has any."""
     if model.style is None:
-        return None, None
+        return None
     z = torch.randn(len(genre), model.style.noise, generator=g).to(genre.device)
     return model.style(genre, z), z
 
@@ -99,8 +123,9 @@ class Critic:
         device="cpu",
     ):
         self.D = GenreDiscriminator(config)
-        for attention in self.D.attentions:
-            attention.places.data.copy_(near(config.num_frames))
+        for part in self.D.modules():
+            if isinstance(part, PlacedAttention):
+                part.places.data.copy_(near(config.num_frames))
         self.D.to(device)
         self.weight, self.form = weight, form
         self.optimizer = torch.optim.AdamW(self.D.parameters(), lr=lr, betas=(0.5, 0.99))
@@ -115,7 +140,8 @@ class Critic:
         return kept
 
     def _load(self, kept: dict[str, Tensor], source: Path) -> None:
-        weights, moments = {}, {}
+        weights: dict[str, Tensor] = {}
+        moments: dict[int, dict[str, Tensor]] = {}
         for name, value in kept.items():
             kind, key = name.split(".", 1)
             if kind == "weights":

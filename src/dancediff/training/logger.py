@@ -3,6 +3,7 @@
 import csv
 import time
 from pathlib import Path
+from typing import TextIO
 
 from dancediff.atomic import atomic_write, hidden, writing
 
@@ -19,7 +20,9 @@ class Logger:
     """
 
     def __init__(self, path: Path | None, first: int = 0):
-        self.path, self.file, self.board, self.hidden = path, None, None, None
+        self.path, self.board = path, None
+        self.file: TextIO | None = None
+        self.hidden: Path | None = None
         self.rows = _rows_before(path, first) if path is not None and first else []
         before = float(self.rows[-1]["seconds"]) if self.rows else 0.0
         self.started = time.monotonic() - before
@@ -34,30 +37,30 @@ class Logger:
         for name, value in values.items():
             if self.board and value is not None:
                 self.board.add_scalar(f"train/{name}", value, step)
-        if self.file is None:
-            self._begin(["step", "seconds", *values])
+        file = self.file or self._begin(self.path, ["step", "seconds", *values])
         texts = ("" if value is None else f"{value:.6g}" for value in values.values())
         seconds = time.monotonic() - self.started
         with writing(self.path):
-            csv.writer(self.file).writerow([step, f"{seconds:.1f}", *texts])
+            csv.writer(file).writerow([step, f"{seconds:.1f}", *texts])
 
     def flush(self) -> None:
         """Bring what was written to the disk."""
         if self.file:
             self.file.flush()
-        if self.file and self.hidden:
+        if self.path and self.file and self.hidden:
             self.file.close()
             self.hidden.replace(self.path)
-            self.file, self.hidden = _open(self.path, "a"), None
+            self.file, self.hidden = _open(self.path), None
 
-    def _begin(self, names: list[str]) -> None:
+    def _begin(self, path: Path, names: list[str]) -> TextIO:
         """Write the header, and the rows of before with its columns."""
-        path = self.hidden or self.path
+        path = self.hidden or path
         with atomic_write(path) as part, part.open("w", newline="", encoding="utf-8") as file:
             table = csv.DictWriter(file, names, extrasaction="ignore")
             table.writeheader()
             table.writerows(self.rows)
-        self.file = _open(path, "a")
+        self.file = _open(path)
+        return self.file
 
     def __enter__(self):
         return self
@@ -80,8 +83,8 @@ def _rows_before(path: Path, first: int) -> list[dict[str, str]]:
     return [row for row in rows if row["step"].isdigit() and int(row["step"]) < first]
 
 
-def _open(path: Path, mode: str):
-    return path.open(mode, buffering=1, newline="", encoding="utf-8")  # whole lines
+def _open(path: Path) -> TextIO:
+    return path.open("a", buffering=1, newline="", encoding="utf-8")  # whole lines
 
 
 def tensorboard(folder: Path, first: int):

@@ -7,6 +7,8 @@ Symbols (one matrix)
     W        weights (a, b)
 """
 
+from typing import Any
+
 import torch
 
 SMALLEST = 32  # rows and columns of a matrix that Muon moves
@@ -48,7 +50,7 @@ class MuonAdamW:
             matrices += moved
             others = [p for p in params if id(p) not in chosen]
             rest += [{"params": others, "share": share}] if others else []
-        options = {"lr": lr, "weight_decay": weight_decay}
+        options: dict[str, Any] = {"lr": lr, "weight_decay": weight_decay}
         self.parts: list[torch.optim.Optimizer] = []
         if rest:
             self.parts.append(torch.optim.AdamW(rest, betas=(0.9, 0.99), fused=True, **options))
@@ -74,7 +76,8 @@ class MuonAdamW:
 
     def state_dict(self) -> dict:
         """Both states as one; weights are counted on from the first part to the second."""
-        state, groups, before = {}, [], 0
+        state: dict[int, dict] = {}
+        groups, before = [], 0
         for part in self.parts:
             one = part.state_dict()
             state |= {before + i: values for i, values in one["state"].items()}

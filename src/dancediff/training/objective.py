@@ -15,11 +15,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
 from dancediff.diffusion.conditions import Conditions
 from dancediff.diffusion.schedule import q_sample
 from dancediff.extensions.level_weights import draw_levels, weights_of
+from dancediff.nn.dance_network import DanceNetwork
 from dancediff.nn.losses import compare
 from dancediff.papers.tcdiffpp.losses import five_losses
 from dancediff.training.config import TrainConfig
@@ -40,11 +41,11 @@ class Noised:
 class Objective(ABC):
     """The losses of a batch; a subclass says which, in `losses`."""
 
-    def __init__(self, model: nn.Module, config: TrainConfig):
+    def __init__(self, model: DanceNetwork, config: TrainConfig):
         self.model, self.config = model, config
 
     @abstractmethod
-    def losses(self, model: nn.Module, batch, number: int) -> dict[str, Tensor]:
+    def losses(self, model: DanceNetwork, batch, number: int) -> dict[str, Tensor]:
         """All terms of a batch by name, and their weighted sum "total"."""
 
     def state(self) -> dict[str, Tensor]:
@@ -94,7 +95,7 @@ class Objective(ABC):
 class GroupObjective(Objective):
     """Eq. 18 of TCDiff++, for `TCDiffPP` and `EDGE`."""
 
-    def losses(self, model: nn.Module, batch, number: int) -> dict[str, Tensor]:
+    def losses(self, model: DanceNetwork, batch, number: int) -> dict[str, Tensor]:
         """All terms of a batch (x, M, S) by name, and their weighted sum "total"."""
         x_0, M, S = self.to_network(batch)
         noised = self.noised(x_0, number)

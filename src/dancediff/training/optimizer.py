@@ -1,5 +1,7 @@
 """The optimiser of a training."""
 
+from typing import Any
+
 import torch
 from torch import nn
 
@@ -9,7 +11,7 @@ from dancediff.training.config import TrainConfig
 from dancediff.training.muon import MuonAdamW
 
 
-def make_optimizer(model: nn.Module, config: TrainConfig) -> torch.optim.Optimizer:
+def make_optimizer(model: nn.Module, config: TrainConfig) -> torch.optim.Optimizer | MuonAdamW:
     """AdamW or Adam in one fused pass over all weights, `MuonAdamW` or `Adan`.
 
     The Fusion Projection has its own lr, and Adam with Muon, too.
@@ -25,9 +27,9 @@ def make_optimizer(model: nn.Module, config: TrainConfig) -> torch.optim.Optimiz
     slow = [weight for fusion in fusions for weight in fusion.parameters()]
     chosen = {id(weight) for weight in slow}
     rest = [weight for weight in model.parameters() if id(weight) not in chosen]
-    groups = [{"params": rest, "share": 1.0}]
+    groups: list[dict[str, Any]] = [{"params": rest, "share": 1.0}]
     groups += [{"params": slow, "share": config.fusion_lr}] if slow else []
-    options = {"lr": config.lr, "weight_decay": config.weight_decay}
+    options: dict[str, Any] = {"lr": config.lr, "weight_decay": config.weight_decay}
     if config.optimizer == "muon":
         return MuonAdamW(groups, **options)
     if config.optimizer == "adan":

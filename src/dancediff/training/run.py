@@ -2,6 +2,7 @@ r"""From a TOML file to a trained model: what ``dancediff train`` runs."""
 
 import warnings
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import torch
@@ -13,6 +14,7 @@ from dancediff.data.packed import PackedTakes
 from dancediff.data.take import DanceTake
 from dancediff.data.windows import GroupCut, WindowSampler
 from dancediff.extensions.build import build, check_extensions
+from dancediff.nn.dance_network import DanceNetwork
 from dancediff.papers.edge.model import EDGE, EDGEConfig
 from dancediff.papers.tcdiffpp.losses import LossWeights
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
@@ -24,7 +26,10 @@ from dancediff.training.statistics import fit_statistics, take_over
 from dancediff.training.tables import check_all, check_sizes, read_training
 from dancediff.training.trainer import Trainer, name_of
 
-MODELS = {"TCDiffPP": (TCDiffPP, TCDiffPPConfig), "EDGE": (EDGE, EDGEConfig)}
+MODELS: dict[str, tuple[type[TCDiffPP] | type[EDGE], type]] = {
+    "TCDiffPP": (TCDiffPP, TCDiffPPConfig),
+    "EDGE": (EDGE, EDGEConfig),
+}
 
 
 def read_config(path) -> dict:
@@ -106,12 +111,15 @@ def train_from_config(
             raise ValueError("start is not for Lodge, whose stages are trained one after the other")
         options |= {"solos": takes, "data": data, "preview": preview}
         return train_lodge(raw, out, source=source, **options)
+    if start is not None and not isinstance(start, DanceNetwork):
+        raise ValueError(f"start, a {type(start).__name__}, is no model of TCDiff++ or EDGE")
     tables = check_tables(raw, source)
     settings, corpus = settings_of(tables), GroupData(**tables["data"])
     check_free(Path(out), options.get("resume"), options.get("overwrite"))
     model_class, config_class = MODELS[tables["model"].pop("class", "TCDiffPP")]
     extensions = tables["model"].pop("extensions")
-    sizes, held_out = config_class(**tables["model"]), []
+    sizes = config_class(**tables["model"])
+    held_out: list[DanceTake] = []
     if takes is None:
         evaluates = settings.evaluate_every > 0
         takes, held_out = takes_for(corpus, data, sizes, evaluates=evaluates)
@@ -164,9 +172,10 @@ def takes_for(
         return prepared_takes(folder, sizes), held_out
     after = corpus.first_seed + corpus.songs
     end = after + (corpus.held_out if evaluates else 0)
-    options = {"seconds": corpus.seconds, "workers": corpus.workers, "cache": cache}
-    takes = choreographed_corpus(list(range(corpus.first_seed, after)), **options)
-    return takes, choreographed_corpus(list(range(after, end)), **options)
+    make = partial(
+        choreographed_corpus, seconds=corpus.seconds, workers=corpus.workers, cache=cache
+    )
+    return make(range(corpus.first_seed, after)), make(range(after, end))
 
 
 def _windows(takes: list[DanceTake], corpus: GroupData, sizes, settings: TrainConfig):

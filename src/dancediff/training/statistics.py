@@ -12,6 +12,7 @@ from dancediff.extensions.metre_unit import metre_unit_normalizer
 from dancediff.extensions.preconditioning import preconditioning_of
 from dancediff.motion.representation import TCDIFFPP, Normalizer
 from dancediff.music.features import MusicNormalizer
+from dancediff.nn.dance_network import DanceNetwork
 from dancediff.papers.edge.model import EDGE
 from dancediff.papers.tcdiffpp.model import TCDiffPP
 from dancediff.training.config import TrainingExtensions
@@ -25,7 +26,7 @@ def fit_statistics(
     extensions: TrainingExtensions = PLAIN,
     *,
     real: float | None = None,
-    start: nn.Module | None = None,
+    start: DanceNetwork | None = None,
 ) -> None:
     """Set the scales of motion and music and the spectrum of dance from the takes, once.
 
@@ -39,16 +40,18 @@ def fit_statistics(
         x = torch.cat([take.x.flatten(0, 1) for take in takes])
         unit = extensions.metre_unit
         model.normalizer = metre_unit_normalizer(x, TCDIFFPP) if unit else Normalizer.fit(x)
-        songs = {take.M.data_ptr(): take.M for take in takes}
+        songs = {M.data_ptr(): M for M in (take.songs[0] for take in takes)}
         model.music_normalizer = MusicNormalizer.fit(list(songs.values()))
     model.music_normalizer = model.music_normalizer.without(extensions.masked_music)
-    if preconditioning_of(model) is not None:
+    preconditioning = preconditioning_of(model)
+    if preconditioning is not None:
         frames = [(take.real, take.num_dancers * take.num_frames) for take in takes]
-        _fit_preconditioning(model, takes, window_weights(frames, real))
+        windows = _around_the_mean(model, takes)
+        preconditioning.fit(windows, weights=window_weights(frames, real))
 
 
-def _fit_preconditioning(model, takes: list[DanceTake], weights: list[float]) -> None:
-    """The spectrum of dance, around where the formation prior, if there is one, expects it."""
+def _around_the_mean(model: TCDiffPP | EDGE, takes: list[DanceTake]) -> Iterator[Tensor]:
+    """Normalised windows, around where the formation prior, if there is one, expects dancers."""
     cut = GroupCut(model.config.num_frames)
     formation = next((p for p in model.modules() if isinstance(p, FormationPrior)), None)
 
@@ -60,13 +63,10 @@ def _fit_preconditioning(model, takes: list[DanceTake], weights: list[float]) ->
     if formation is not None:
         formation.fit((x[..., TCDIFFPP.floor], S) for x, S in windows())
 
-    def around_the_mean() -> Iterator[Tensor]:
-        for x, S in windows():
-            if formation is not None:
-                x[..., TCDIFFPP.floor] -= formation.mean(S)
-            yield x.flatten(0, 1)
-
-    preconditioning_of(model).fit(around_the_mean(), weights=weights)
+    for x, S in windows():
+        if formation is not None:
+            x[..., TCDIFFPP.floor] -= formation.mean(S)
+        yield x.flatten(0, 1)
 
 
 def window_weights(takes: list[tuple[bool, int]], real: float | None) -> list[float]:

@@ -5,7 +5,7 @@ import tomllib
 from dataclasses import fields
 from pathlib import Path
 from types import UnionType
-from typing import get_args, get_origin, get_type_hints
+from typing import Any, get_args, get_origin, get_type_hints
 
 _WORDS = {int: "a whole number", float: "a number", str: "a text", bool: "true or false"}
 _LARGEST_SIZE, _MOST_LAYERS = 8192, 64  # a network beyond is a slip, and never done building
@@ -143,7 +143,7 @@ def check_sizes(values: dict, source: str) -> None:
             raise ValueError(f"{source}: {key}={value} must lie in {least} ... {most}")
 
 
-def _checked(key: str, value, kind: type, source: str):
+def _checked(key: str, value: Any, kind: type, source: str):
     if kind in (tuple, list):
         if not isinstance(value, list | tuple):
             raise ValueError(f"{source}: {key}={value!r} should be a list")
@@ -151,6 +151,6 @@ def _checked(key: str, value, kind: type, source: str):
     # whole numbers are numbers, too, but true and false are none
     if type(value) is not kind and not (kind is float and type(value) is int):
         raise ValueError(f"{source}: {key}={value!r} should be {_WORDS.get(kind, kind.__name__)}")
-    if kind in (int, float) and not 0 <= value < math.inf:
+    if isinstance(value, int | float) and not 0 <= value < math.inf:
         raise ValueError(f"{source}: {key}={value} must be 0 or more")
     return value

@@ -10,13 +10,16 @@ stopped goes on exactly where it was, bit by bit.
 import json
 import math
 import signal
+from collections.abc import Sequence
 from hashlib import sha256
 from pathlib import Path
+from typing import Generic, TypeVar
 
-from torch import nn
+from torch import Tensor, nn
 from tqdm.auto import tqdm
 
 from dancediff.atomic import sweep
+from dancediff.nn.dance_network import DanceNetwork
 from dancediff.training.checkpoint import NAME, Checkpointer, Signals, check_free, facts_of
 from dancediff.training.config import TrainConfig
 from dancediff.training.distributed import World
@@ -27,8 +30,10 @@ from dancediff.training.objective import GroupObjective, Objective
 from dancediff.training.optimizer import make_optimizer, set_learning_rate
 from dancediff.training.schedule import learning_rate
 
+Network = TypeVar("Network", bound=DanceNetwork)
 
-class Trainer:
+
+class Trainer(Generic[Network]):
     """Trains ``model`` in place on ``data.batch(number)``.
 
     - ``out``: the folder for ``checkpoint.safetensors``, ``best.safetensors``, ``losses.csv`` and,
@@ -54,7 +59,7 @@ class Trainer:
 
     def __init__(
         self,
-        model: nn.Module,
+        model: Network,
         data,
         config: TrainConfig,
         out=None,
@@ -88,7 +93,7 @@ class Trainer:
         elif self.world.first:
             (self.out / BEST).unlink(missing_ok=True)
 
-    def run(self) -> nn.Module:
+    def run(self) -> Network:
         """All steps that are left; returns the averaged model.
 
         Raises: RuntimeError naming the step when the gradient is not finite; the weights are then
@@ -110,13 +115,15 @@ class Trainer:
 
         All batches of the step count alike.
         """
-        config, total = self.config, {}
+        config = self.config
+        total: dict[str, Tensor] = {}
         self.optimizer.zero_grad(set_to_none=True)
         for number in self.world.share(step, config.accumulate):
             terms = self.objective.losses(self.model, self.data.batch(number), number)
             (terms["total"] / config.accumulate).backward()
             for name, value in terms.items():
-                total[name] = total.get(name, 0.0) + value.detach().float() / config.accumulate
+                share = value.detach().float() / config.accumulate
+                total[name] = total[name] + share if name in total else share
         self.world.average_gradients(self.model)
         self.world.average(list(total.values()))
         norm = nn.utils.clip_grad_norm_(self.model.parameters(), config.clip or math.inf)
@@ -133,8 +140,8 @@ class Trainer:
         return losses | {"lr": lr, "gradient": norm.item()}
 
     def _logger(self) -> Logger:
-        writes = self.out is not None and self.world.first
-        return Logger(self.out / "losses.csv" if writes else None, self.first)
+        path = self.out / "losses.csv" if self.out is not None and self.world.first else None
+        return Logger(path, self.first)
 
     def _steps(self) -> tqdm:
         """The numbers of the steps that are left, with a bar; closed before an error is told."""
@@ -174,7 +181,7 @@ class Trainer:
             self.world.wait()
 
 
-def name_of(takes: list, corpus: dict) -> str:
+def name_of(takes: Sequence, corpus: dict) -> str:
     """A short name for what is learned from: takes, their lengths, and how windows are drawn.
 
     >>> name_of([], {}) == name_of([], {"mirror": 0.5})

@@ -72,6 +72,8 @@ class EDGE(DanceNetwork):
     torch.Size([2, 3, 20, 151])
     """
 
+    config: EDGEConfig
+
     def __init__(self, config: EDGEConfig | None = None):
         """Random weights; normalisers that change nothing until training fits them."""
         c = config or EDGEConfig()

@@ -146,8 +146,8 @@ class CueGuidance:
     def __call__(self, x_next: Tensor, t_next: int) -> Tensor:
         """Hold x_next (l, f, d), which the sampler has just brought to step t_next."""
         if self.guided(t_next):
-            like = {"device": x_next.device, "dtype": x_next.dtype}
-            eps = gaussian(x_next.shape, generator=self.generators, **like)
+            shape, device = x_next.shape, x_next.device
+            eps = gaussian(shape, generator=self.generators, device=device, dtype=x_next.dtype)
             noisy = q_sample(self.y.to(x_next), t_next, self.abar, eps)
             x_next = self._pasted(self.soft_only, noisy, x_next)
         return self._pasted(self.hard, self.y, x_next)

@@ -124,6 +124,7 @@ class GlobalDenoiser(DanceNetwork):
     torch.Size([2, 32, 139])
     """
 
+    config: GlobalConfig
     frames: Tensor
 
     def __init__(self, config: GlobalConfig | None = None):

@@ -75,6 +75,7 @@ class LocalDenoiser(DanceNetwork):
     torch.Size([2, 20, 139])
     """
 
+    config: LocalConfig
     frames: Tensor
 
     def __init__(self, config: LocalConfig | None = None):
@@ -93,15 +94,21 @@ class LocalDenoiser(DanceNetwork):
             dropout=c.dropout,
         )
         self.style = StyleToken(c.d_model, len(c.genres), c.style_noise)
-        sizes = {"num_heads": c.num_heads, "ff_dim": c.ff_dim, "dropout": c.dropout}
         block = FootRefine if c.foot_refine else NoFootRefine
-        self.foot_refine = block(c.d_model, motion_dim=c.motion_dim, **sizes)
+        self.foot_refine = block(
+            c.d_model,
+            num_heads=c.num_heads,
+            ff_dim=c.ff_dim,
+            motion_dim=c.motion_dim,
+            dropout=c.dropout,
+        )
         self.register_buffer("frames", torch.arange(c.num_frames), persistent=False)
 
     def forward(self, x_t: Tensor, t: Tensor, conditions: Conditions) -> tuple[Tensor, Tensor]:
         """Guess the clean motion, before and after its feet are refined."""
         self.check(x_t, t, conditions)
         music, steps, cond = self.decoder.condition(t, conditions)
+        assert conditions.style is not None  # `check` has looked
         memory = [music, steps, conditions.style.float()[:, None]]
         h = self.decoder(self.decoder.embed(x_t), memory, cond, self.frames)
         x_raw = self.decoder.read(h)

@@ -84,6 +84,8 @@ class FootworkAdaptor(nn.Module):
     48
     """
 
+    channels: Tensor
+
     def __init__(self, hidden: int = 128, *, d_cond: int = 2):
         """Three `ConcatSquashLinear` layers; ``d_cond``: width of v."""
         super().__init__()

@@ -129,6 +129,8 @@ class SwapModeEmbedding(nn.Module):
 class NoSwapMode(nn.Module):
     """In the place of `SwapModeEmbedding` where Table 4 leaves it out: zeros for every S."""
 
+    zeros: Tensor
+
     def __init__(self, d_model: int):
         super().__init__()
         self.register_buffer("zeros", torch.zeros(1, d_model), persistent=False)

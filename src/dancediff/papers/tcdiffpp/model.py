@@ -89,6 +89,8 @@ class TCDiffPP(DanceNetwork):
     torch.Size([2, 3, 20, 151])
     """
 
+    config: TCDiffPPConfig
+
     def __init__(self, config: TCDiffPPConfig | None = None):
         """Random weights; normalisers that change nothing until training fits them."""
         c = config or TCDiffPPConfig()

@@ -43,7 +43,9 @@ class GroupDanceLayer(DecoderLayer):
         super().__init__(d_model, **sizes)
         self.ssm = MambaBlock(d_model)
 
-    def forward(self, h: Tensor, memory: Tensor, cond: Tensor, memory_frames: Tensor) -> Tensor:
+    def forward(  # type: ignore[override] # a group's tokens tell their frames
+        self, h: Tensor, memory: Tensor, cond: Tensor, memory_frames: Tensor
+    ) -> Tensor:
         """Run the four blocks in turn."""
         tokens, frames, n = rearrange(h, "b n f d -> b (f n) d"), token_frames(h), h.shape[1]
         attend, cross_attend, feed_forward = self.blocks(memory, frames, memory_frames)
@@ -59,7 +61,9 @@ class GroupDanceLayer(DecoderLayer):
 class GroupDanceLayerWithoutSSM(DecoderLayer):
     """`GroupDanceLayer` where Table 4 leaves the state space model out: EDGE's layer for groups."""
 
-    def forward(self, h: Tensor, memory: Tensor, cond: Tensor, memory_frames: Tensor) -> Tensor:
+    def forward(  # type: ignore[override] # a group's tokens tell their frames
+        self, h: Tensor, memory: Tensor, cond: Tensor, memory_frames: Tensor
+    ) -> Tensor:
         """Run the three blocks in turn."""
         tokens = rearrange(h, "b n f d -> b (f n) d")
         tokens = super().forward(tokens, memory, cond, token_frames(h), memory_frames)
