@@ -27,7 +27,7 @@ def ranks(root):
 
 # %% 07.4
 # In every frame the dancers come in the same order, so the table is repeated once for each frame.
-# Each row repeated f times gives the first third of the clip to dancer 1, the next to dancer 2.
+# Each row repeated f times gives the first third of the clip to dancer 0, the next to dancer 1.
 
 
 def mark(tokens, table):

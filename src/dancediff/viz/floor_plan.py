@@ -77,7 +77,7 @@ def plan_svg(places: Places, reach: float) -> str:
         f'<g data-dancer="{k}" transform="translate({side / 2 + x * _PIXELS:g} '
         f'{side / 2 + z * _PIXELS:g})" style="cursor:grab">'
         f'<circle r="15" fill="{dancer_color(k)}"/>'
-        f'<text y="5" text-anchor="middle" fill="white" font-weight="bold">{k + 1}</text></g>'
+        f'<text y="5" text-anchor="middle" fill="white" font-weight="bold">{k}</text></g>'
         for k, (x, z) in enumerate(places)
     )
     words = (

@@ -84,7 +84,7 @@ def swap_panel(model, song, *, swap="102", report=None, **options):
     plot_floor_paths(dance, ax=floor, title="Seen from above")
     time = np.arange(dance.num_frames) / dance.fps
     for k, x in enumerate(dance.root[..., 0].numpy()):
-        lanes.plot(time, x, color=dancer_color(k), lw=2, label=str(k + 1))
+        lanes.plot(time, x, color=dancer_color(k), lw=2, label=str(k))
     bare(lanes).set(xlabel="time (s)", ylabel="x lateral (m)")
     found = final_order(dance.root)
     said = "They obey" if list(found) == order else "They do not obey"

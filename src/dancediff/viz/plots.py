@@ -89,7 +89,7 @@ def _draw_moment(ax, points, camera: Camera, *, at=(0.0, 0.0), numbers=True) -> 
     if numbers:
         for k, spot in enumerate(camera.project(label_spots(points))[0]):
             tone = mix(dancer_color(k), INK, 0.3)
-            ax.text(x + spot[0], y + spot[1], str(k + 1), ha="center", va="center", fontsize=7,
+            ax.text(x + spot[0], y + spot[1], str(k), ha="center", va="center", fontsize=7,
                     color=tone, clip_on=True)  # fmt: skip
 
 
@@ -247,7 +247,7 @@ def plot_floor_paths(motion: Motion, *, ax=None, title: str | None = None):
         ax.plot(*path[0, ON_FLOOR], "o", ms=9, mfc="white", mec=color, mew=2, zorder=3)
         ax.plot(*path[-1, ON_FLOOR], "o", ms=13, color=color, mec="white", zorder=4)
         ax.annotate(
-            str(k + 1), path[-1, ON_FLOOR], ha="center", va="center", fontsize=8,
+            str(k), path[-1, ON_FLOOR], ha="center", va="center", fontsize=8,
             color="white", fontweight="bold", zorder=5,
         )  # fmt: skip
     (x0, x1), (z0, z1) = ((root[..., c].min() - 0.5, root[..., c].max() + 0.5) for c in (0, 2))
@@ -296,9 +296,7 @@ def plot_contact_strip(motion: Motion, *, ax=None, beats=(), title: str | None =
     ax.set(
         xlim=(0, motion.duration), ylim=(0.42 - max(motion.num_dancers, 3), 0.62), xlabel="time (s)"
     )
-    ax.set_yticks(
-        -np.arange(motion.num_dancers), [f"{k + 1}   " for k in range(motion.num_dancers)]
-    )
+    ax.set_yticks(-np.arange(motion.num_dancers), [f"{k}   " for k in range(motion.num_dancers)])
     ax.xaxis.get_major_locator().set_params(integer=True)
     bare(ax, keep=("bottom",)).tick_params(axis="y", length=0)
     for k, label in enumerate(ax.get_yticklabels()):

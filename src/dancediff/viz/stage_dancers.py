@@ -49,7 +49,7 @@ def make_dancer(p3, motion: Motion, k: int, shapes: dict, number: int) -> list:
         name = skeleton.names[j]
         inside = [joints[c] for c, parent in enumerate(skeleton.parents) if parent == j]
         if name == "head":
-            inside.append(make_label(p3, str(k + 1), (0.0, 0.38, 0.0), 0.25))
+            inside.append(make_label(p3, str(k), (0.0, 0.38, 0.0), 0.25))
             inside += [p3.Mesh(shapes["face"], face)] if "face" in shapes else []
         facts = {"name": joint_name(number, j), "position": places[j], "quaternion": turns[j]}
         if name in shapes:

@@ -115,7 +115,7 @@ class Canvas:
         _print(picture, corner, f"{time:4.1f} s{beat}", MUTED, self.large, anchor="rs")
         for k, (x, y) in enumerate(camera.project(label_spots(points))[0]):
             ink = tuple(round(255 * c) for c in mix(dancer_color(k), INK, 0.3))
-            _print(picture, (x, height - y), str(k + 1), ink, self.small, anchor="mm")
+            _print(picture, (x, height - y), str(k), ink, self.small, anchor="mm")
 
 
 def _letters(pixels: float):

@@ -1,6 +1,7 @@
 """The floor plan: what is dropped becomes a value, and the picture follows."""
 
 import json
+import re
 
 import pytest
 
@@ -32,6 +33,7 @@ def test_places_are_where_they_are_drawn():
     svg = plan_svg(((-1.0, 0.5), (2.0, -1.0)), reach=2.5)
     assert 'transform="translate(90 180)"' in svg
     assert 'transform="translate(270 90)"' in svg
+    assert re.findall(r">(\d)</text>", svg) == ["0", "1"]  # as swap= counts
 
 
 def test_the_script_knows_its_widgets():

@@ -166,6 +166,12 @@ def test_dances_that_do_not_fit_are_refused(dance, other):
         stage.stage(dance, beside=replace(other, skeleton=replace(SMPL24, names=names)))
 
 
+def test_dancers_are_numbered_as_swap_counts_them(dance):
+    words = [w.material.map.string for d in dancers_of(stage.stage(dance)) for w in inside(d)
+             if isinstance(w, p3.Sprite)]  # fmt: skip
+    assert words == ["0", "1", "2"][: dance.num_dancers]
+
+
 def test_trails_lie_where_the_dancers_go(dance):
     lines = on_stage(stage.stage(dance), "trails").children
     assert [line.material.color for line in lines] == [dancer_color(0), dancer_color(1)]

@@ -132,7 +132,7 @@ function makeStage(pane) {
   sun.shadow.mapSize.set(1024, 1024);
   Object.assign(sun.shadow.camera, { left: -side / 2, right: side / 2, top: side / 2, bottom: -side / 2 });
   scene.add(floor, grid, sun, sun.target, new THREE.HemisphereLight("#ffffff", "#d9d4cc", 2.0));
-  const dancers = pane.colors.map((color, k) => makeDancer(color, k + 1));
+  const dancers = pane.colors.map((color, k) => makeDancer(color, k));
   for (const d of dancers) scene.add(d.joints[0], d.label, d.trail, ...d.dots);
   return { ...unpack(pane), scene, dancers };
 }
