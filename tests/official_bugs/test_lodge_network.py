@@ -10,7 +10,7 @@ import torch
 from torch import nn
 
 from dancediff.diffusion.conditions import Conditions
-from dancediff.diffusion.samplers import sample, sampling_times
+from dancediff.diffusion.samplers import SamplerOptions, sample, sampling_times
 from dancediff.diffusion.schedule import cosine_abar
 from dancediff.extensions.lodge_stages import ExtendedLocalDenoiser
 from dancediff.motion.skeleton import FOOT_JOINTS
@@ -111,7 +111,13 @@ def test_soft_strength_changes_a_ddim_dance():
         cues = one_segment(soft)
         cues._reached = set(cues.times[1 : count(cues.times, soft) + 1])
         g = torch.Generator().manual_seed(0)
-        return sample(lambda x, t: 0.9 * x, (1, 20, 139), abar=cosine_abar(), pin=cues, generator=g)
+        return sample(
+            lambda x, t: 0.9 * x,
+            (1, 20, 139),
+            SamplerOptions(cosine_abar(), "ddim", 50, eta=1.0),
+            pin=cues,
+            generator=g,
+        )
 
     def inert(count):
         return torch.equal(dance(count, 0.25), dance(count, 0.75))
@@ -143,8 +149,7 @@ def test_batch_of_one():
     x = sample(
         lambda x, t: model(x, torch.full((1,), t), Conditions(M, style=style))[1],
         x_t.shape,
-        abar=cosine_abar(),
-        steps=50,
+        SamplerOptions(cosine_abar(), "ddim", 50, eta=1.0),
         pin=cues,
     )
     assert torch.equal(x[cues.hard], cues.y[cues.hard]) and x.isfinite().all()

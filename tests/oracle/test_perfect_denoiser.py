@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from dancediff.diffusion.pinning import MODES, Pinning
-from dancediff.diffusion.samplers import ddim_step, sample
+from dancediff.diffusion.samplers import SamplerOptions, ddim_step, sample
 from dancediff.diffusion.schedule import cosine_abar, q_sample
 
 ABAR = cosine_abar()
@@ -20,18 +20,18 @@ def perfect(x_t, t):
 @pytest.mark.parametrize("eta", [0.0, 0.3, 1.0])
 @pytest.mark.parametrize("steps", [1, 2, 7, 50, 1000])
 def test_ddim_recovers_x_0(steps, eta):
-    x = sample(perfect, X_0.shape, abar=ABAR, steps=steps, eta=eta)
+    x = sample(perfect, X_0.shape, SamplerOptions(ABAR, "ddim", steps, eta=eta))
     assert torch.equal(x, X_0)
 
 
 def test_ddpm_recovers_x_0():
-    assert torch.equal(sample(perfect, X_0.shape, abar=ABAR, sampler="ddpm"), X_0)
+    assert torch.equal(sample(perfect, X_0.shape, SamplerOptions(ABAR, "ddpm", 50, eta=1.0)), X_0)
 
 
 @pytest.mark.parametrize("mode", MODES)
 def test_pinned_sampling_recovers_x_0(mode):
     pin = Pinning(X_0[:, :, :5], ABAR, mode=mode)
-    x = sample(perfect, X_0.shape, abar=ABAR, steps=8, pin=pin)
+    x = sample(perfect, X_0.shape, SamplerOptions(ABAR, "ddim", 8, eta=1.0), pin=pin)
     assert torch.equal(x, X_0)
 
 
@@ -54,7 +54,7 @@ def test_gaussian_data_come_out_with_their_mean_and_spread(sampler):
         gain = math.sqrt(a) * s**2 / (a * s**2 + 1 - a)
         return m + gain * (x_t - math.sqrt(a) * m)
 
-    options = {"sampler": sampler, "steps": 200, "generator": torch.Generator().manual_seed(2)}
-    x = sample(posterior_mean, (1, 1, 100, 60), abar=ABAR, **options)
+    options, g = SamplerOptions(ABAR, sampler, 200, eta=1.0), torch.Generator().manual_seed(2)
+    x = sample(posterior_mean, (1, 1, 100, 60), options, generator=g)
     assert float(x.mean()) == pytest.approx(m, abs=0.01)
     assert float(x.std()) == pytest.approx(s, rel=0.06)

@@ -13,6 +13,7 @@ from dancediff.axes import FPS, from_tokens, to_tokens
 from dancediff.data.take import DanceTake
 from dancediff.data.windows import GroupCut, WindowSampler, rank_left_to_right
 from dancediff.diffusion.conditions import Conditions
+from dancediff.diffusion.samplers import SamplerOptions
 from dancediff.generation.group_dance import binder
 from dancediff.motion.order import swap_mode
 from dancediff.motion.representation import TCDIFFPP
@@ -134,11 +135,14 @@ def test_t07_nobody_swaps_unless_asked():
     for order in ((), [[2, 0, 1]]):
         LongGroupSampler(
             shape=(3, 150, 151),
-            bind=binder(model, 1.0),
+            bind=binder(model, 1.0, autoguidance=1.0),
             music=torch.zeros(1, 150, 35),
             root_x=lambda frame: frame[:, 4],
             targets=order,
-            settings={"abar": model.abar, "steps": 1},
+            options=SamplerOptions(model.abar, "ddim", 1, eta=1.0),
+            overlap=75,
+            pinning="init",
+            seam="copy",
         ).dance()
     assert heard == [[0, 1, 2], [2, 0, 1]]
 

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dancediff.diffusion.pinning import MODES, Pinning
-from dancediff.diffusion.samplers import SAMPLERS, sample, sampling_times
-from dancediff.diffusion.schedule import abar_at, cosine_abar
+from dancediff.diffusion.samplers import SAMPLERS, SamplerOptions, sample, sampling_times
+from dancediff.diffusion.schedule import abar_at, cosine_abar, gaussian
 from dancediff.extensions.constraint import Constraint
 
 often = settings(deadline=None, derandomize=True, max_examples=60)
@@ -27,6 +27,10 @@ def settings_of_a_sampler(draw):
     return {"sampler": sampler, "abar": cosine_abar(num_steps), "steps": steps}
 
 
+def options(how, eta):
+    return SamplerOptions(**how, eta=eta)
+
+
 def generator(seed):
     return torch.Generator().manual_seed(seed)
 
@@ -39,7 +43,12 @@ def clean(shape, seed):
 @given(settings_of_a_sampler(), shapes, etas, seeds)
 def test_who_knows_the_answer_gets_it(how, shape, eta, seed):
     x_0 = clean(shape, seed)
-    x = sample(lambda x_t, t: x_0, shape, eta=eta, generator=generator(seed + 1), **how)
+    x = sample(
+        lambda x_t, t: x_0,
+        shape,
+        options(how, eta),
+        generator=generator(seed + 1),
+    )
     assert torch.equal(x, x_0)
 
 
@@ -56,7 +65,8 @@ def test_without_fresh_noise_the_path_is_straight(how, shape, seed):
         seen.append(((x_t - a**0.5 * x_0) / (1 - a) ** 0.5, (1 - a) ** 0.5))
         return x_0
 
-    sample(perfect, shape, eta=0, generator=generator(seed), dtype=torch.float64, **how)
+    x_T = gaussian(shape, generator=generator(seed), dtype=torch.float64)
+    sample(perfect, shape, options(how, 0), x_T=x_T)
     first, _ = seen[0]
     for eps, size in seen:
         torch.testing.assert_close(eps, first, atol=1e-9 / size, rtol=0)
@@ -74,7 +84,9 @@ def test_the_input_has_the_noise_of_its_step(how, eta, seed):
         seen.append((x_t - a**0.5 * x_0) / (1 - a) ** 0.5)
         return x_0
 
-    sample(perfect, shape, eta=eta, generator=generator(seed + 1), dtype=torch.float64, **how)
+    g = generator(seed + 1)
+    x_T = gaussian(shape, generator=g, dtype=torch.float64)
+    sample(perfect, shape, options(how, eta), generator=g, x_T=x_T)
     assert len(seen) == len(sampling_times(how["sampler"], how["steps"], how["abar"])) - 1
     for eps in seen:
         assert float(eps.mean()) == pytest.approx(0, abs=0.1)  # a deviation is 0.016
@@ -103,7 +115,12 @@ def imperfect(x_t, t):
 @given(settings_of_a_sampler(), shapes, etas, seeds)
 def test_a_seed_gives_the_same_bits(how, shape, eta, seed):
     def run(seed):
-        return sample(imperfect, shape, eta=eta, generator=generator(seed), **how)
+        return sample(
+            imperfect,
+            shape,
+            options(how, eta),
+            generator=generator(seed),
+        )
 
     assert torch.equal(run(seed), run(seed))
     assert not torch.equal(run(seed), run(seed + 1))
@@ -114,7 +131,12 @@ def test_a_seed_gives_the_same_bits(how, shape, eta, seed):
 def test_rows_do_not_depend_on_each_other(how, rows, eta, seed, data):
     def run(chosen):
         sources = [generator(seed + k) for k in chosen]
-        return sample(imperfect, (len(chosen), 2, 5, 3), eta=eta, generator=sources, **how)
+        return sample(
+            imperfect,
+            (len(chosen), 2, 5, 3),
+            options(how, eta),
+            generator=sources,
+        )
 
     k = data.draw(st.integers(0, rows - 1))
     torch.testing.assert_close(run(range(rows))[k], run([k])[0], atol=1e-5, rtol=0)
@@ -132,7 +154,13 @@ def test_the_network_sees_the_context(how, shape, mode, seed, data):
         seen.append(x_t[:, :, :k])
         return imperfect(x_t, t)
 
-    x = sample(denoise, shape, pin=pin, generator=generator(seed + 1), **how)
+    x = sample(
+        denoise,
+        shape,
+        options(how, 1.0),
+        pin=pin,
+        generator=generator(seed + 1),
+    )
     assert x.isfinite().all() and x.abs().max() <= 1
     if mode == "clean":
         assert all(torch.equal(x_t, known) for x_t in seen[1:])

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from dancediff.diffusion.long_sampling import SEAMS
 from dancediff.diffusion.pinning import MODES
-from dancediff.diffusion.samplers import SAMPLERS
+from dancediff.diffusion.samplers import SAMPLERS, SamplerOptions
 from dancediff.diffusion.schedule import cosine_abar
 from dancediff.extensions.root_stitching import stitch
 from dancediff.generation.pipeline import pipeline_of
@@ -39,12 +39,12 @@ def long_dances(draw):
         "pinning": draw(st.sampled_from(MODES)),
         "seam": draw(st.sampled_from(sorted(SEAMS))),
         "resampled": draw(st.integers(0, overlap - 1)),
-        "settings": {
-            "sampler": draw(st.sampled_from(SAMPLERS)),
-            "steps": draw(st.integers(1, 5)),
-            "eta": draw(st.floats(0, 1)),
-            "abar": cosine_abar(draw(st.integers(5, 12))),
-        },
+        "options": SamplerOptions(
+            cosine_abar(draw(st.integers(5, 12))),
+            draw(st.sampled_from(SAMPLERS)),
+            draw(st.integers(1, 5)),
+            eta=draw(st.floats(0, 1)),
+        ),
     }
     return f, draw(st.integers(1, 6)), how
 
@@ -59,7 +59,8 @@ def sampler(denoise, f, segments, how, seed=0):
         bind=lambda c: lambda x_t, t: denoise(x_t, t, c.music, c.swap),
         music=music(segments, f),
         root_x=lambda frame: frame[:, 0],
-        **how | {"settings": how["settings"] | {"generator": generator(seed)}},
+        generator=generator(seed),
+        **how,
     )
 
 

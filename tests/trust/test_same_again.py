@@ -10,7 +10,7 @@ import torch
 
 from dancediff import hub
 from dancediff.diffusion.conditions import Conditions
-from dancediff.diffusion.samplers import sample
+from dancediff.diffusion.samplers import SamplerOptions, sample
 from dancediff.extensions.foot_contact_projection import foot_contact_hook
 from dancediff.generation.group_dance import binder, largest_guess
 from dancediff.generation.request import GroupDanceRequest
@@ -57,11 +57,13 @@ def test_a_group_dance_alone_and_among_others(n, record_property):
         x = sample(
             bind(Conditions(M[part], swap=S[part])),
             (len(seeds), n, 150, 151),
-            abar=model.abar,
-            sampler=request.sampler,
-            steps=request.steps,
-            eta=request.eta,
-            clamp=largest_guess(model, request),
+            SamplerOptions(
+                model.abar,
+                request.sampler,
+                request.steps,
+                eta=request.eta,
+                clamp=largest_guess(model, request),
+            ),
             generator=[torch.Generator().manual_seed(k) for k in seeds],
             hooks=[foot_contact_hook(model.normalizer.on_cpu())],
         )

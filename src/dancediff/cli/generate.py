@@ -18,8 +18,9 @@ from dancediff.cli.files import (
     tell,
     write_all,
 )
+from dancediff.generation.option import kinds_of
 from dancediff.generation.presets import PRESETS
-from dancediff.generation.request import REQUESTS, default_of, kinds_of
+from dancediff.generation.request import REQUESTS, default_of
 
 NOT_HERE = ("start", "end", "constraints")  # more than a word can say
 WORDS = {bool: "True|False", int: "INT", float: "FLOAT", str: "STR", tuple[int, ...]: "INT INT ..."}

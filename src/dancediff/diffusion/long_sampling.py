@@ -12,16 +12,17 @@ Symbols (axes: n dancers · f frames of a segment · F of the dance · k of cont
 A segment begins with the end of the one before: those frames are pinned, the rest is sampled.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Protocol
 
 import torch
 from torch import Tensor
 
 from dancediff.diffusion.pinning import MODES, Pinning
-from dancediff.diffusion.samplers import GuessHook, sample
-from dancediff.diffusion.schedule import gaussian
+from dancediff.diffusion.samplers import GuessHook, SamplerOptions, sample
+from dancediff.diffusion.schedule import Generators, gaussian
 
 
 @dataclass(frozen=True)
@@ -88,11 +89,11 @@ SEAMS = {"copy": keep_context, "fade": fade_context}
 
 
 @dataclass(frozen=True, kw_only=True)
-class LongSampler:
+class LongSampler(ABC):
     r"""Sample a dance segment after segment; memory stays that of a segment.
 
     - ``shape``: (n, f, d) of a segment.
-    - ``settings``: of `sample`, the same for every segment: abar, sampler, steps, ...
+    - ``options``, ``generator``: of `sample`, the same for every segment.
     - ``pinning``: how the context is held, see `Pinning`. With "init" the shared frames also get
       the noise that they were made from.
     - ``seam``: how the context is joined to what follows, a key of `SEAMS`.
@@ -114,14 +115,15 @@ class LongSampler:
     """
 
     shape: tuple[int, int, int]
-    settings: Mapping[str, Any]
-    overlap: int = 75
-    pinning: str = "init"
-    seam: str = "copy"
+    options: SamplerOptions
+    overlap: int
+    pinning: str
+    seam: str
+    generator: Generators = None
     resampled: int = 0
     hooks: Sequence[SegmentHook] = ()
     mask: Tensor | None = None
-    targets: Sequence[Tensor | None] = ()
+    targets: Sequence[Sequence[int] | Tensor | None] = ()
     initial_order: Tensor | None = None
     callback: Callable[[int, int, Tensor], None] | None = field(default=None, repr=False)
 
@@ -143,9 +145,9 @@ class LongSampler:
         """The dancers in the order in which the network expects them in a frame (n, d)."""
         return torch.arange(len(frame))
 
+    @abstractmethod
     def denoiser(self, segment: Segment) -> Callable[[Tensor, int], Tensor]:
         """``denoise(x_t (1, n, f, d), t) -> x0_hat`` for a segment."""
-        raise NotImplementedError
 
     @property
     def stride(self) -> int:
@@ -153,9 +155,9 @@ class LongSampler:
         return self.shape[1] - self.overlap
 
     @property
+    @abstractmethod
     def num_segments(self) -> int:
         """How many segments the dance has."""
-        raise NotImplementedError
 
     def dance(self) -> Tensor:
         """The whole dance, normalised (n, f + (k - 1)(f - overlap), d)."""
@@ -191,12 +193,12 @@ class LongSampler:
             mask[:, : here.shape[1]] = here
         mask[:, :k] = True
         asked = [target for target in self.targets[: number + 1] if target is not None]
-        target = asked[-1] if asked else None
+        target = torch.as_tensor(asked[-1]) if asked else None
         return Segment(number, start, self.shape, order, mask, context, target)
 
     def first_input(self, segment: Segment, before: Tensor | None) -> Tensor:
         """Fresh noise; with pinning "init" the context keeps that of the segment before."""
-        x_T = gaussian(self.shape, generator=self.settings.get("generator"))
+        x_T = gaussian(self.shape, generator=self.generator)
         if self.pinning == "init" and segment.context is not None and before is not None:
             k = segment.context.shape[1]
             x_T[:, :k] = before[segment.order, self.stride : self.stride + k]
@@ -206,7 +208,7 @@ class LongSampler:
         """Sample a segment from x_T, its context pinned; (n, f, d) in rows."""
         pin, hooks = None, [hook.for_segment(segment) for hook in self.hooks]
         if segment.context is not None:
-            abar, generator = self.settings["abar"].cpu(), self.settings.get("generator")
+            abar, generator = self.options.abar.cpu(), self.generator
             pin = Pinning(segment.context[None], abar, mode=self.pinning, generator=generator)
 
         def after_step(i: int, steps: int, x0_hat: Tensor) -> None:
@@ -217,11 +219,12 @@ class LongSampler:
         return sample(
             self.denoiser(segment),
             (1, *self.shape),
+            self.options,
+            generator=self.generator,
             x_T=x_T[None],
             pin=pin,
             hooks=[hook for hook in hooks if hook is not None],
             callback=after_step,
-            **self.settings,
         )[0]
 
     def by_dancer(self, segment: Segment, x: Tensor) -> Tensor:

@@ -13,7 +13,7 @@ from typing import Protocol
 import torch
 from torch import Tensor
 
-from dancediff.diffusion.schedule import gaussian, q_sample
+from dancediff.diffusion.schedule import Generators, gaussian, q_sample
 
 MODES = ("same_noise", "renoise", "clean", "init")
 HOLDING = ("same_noise", "renoise")  # those that hold the context at the noise level of the rest
@@ -74,7 +74,7 @@ class Pinning:
     context: Tensor
     abar: Tensor
     mode: str = "same_noise"
-    generator: torch.Generator | None = None
+    generator: Generators = None
     noise: Tensor | None = field(default=None, init=False)  # of the context, set by `start`
 
     def __post_init__(self):

@@ -14,6 +14,7 @@ The steps are pure functions that never see a network; `sample` is the loop arou
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Protocol
 
@@ -269,23 +270,32 @@ def _first(x_T: Tensor | None, shape: tuple, generator: Generators) -> Tensor:
     return x_T
 
 
+@dataclass(frozen=True)
+class SamplerOptions:
+    """Which steps lead from noise to a dance.
+
+    - ``sampler``: "dpm" or "ddim" (``steps``, ``eta``), or "ddpm" (always all T steps).
+    - ``clamp``: guesses are cut at +- this, or by this function; None leaves them.
+    """
+
+    abar: Tensor  # on the device that shall compute
+    sampler: str
+    steps: int
+    eta: float
+    clamp: float | Callable[[Tensor], Tensor] | None = 1.0
+
+
 @torch.no_grad()
 def sample(
     denoise: Callable[[Tensor, int], Tensor],
-    shape,
+    shape: Sequence[int],
+    options: SamplerOptions,
     *,
-    abar: Tensor,
-    sampler: str = "ddim",
-    steps: int = 50,
-    eta: float = 1.0,
     generator: Generators = None,
     x_T: Tensor | None = None,
     pin: Pin | None = None,
     hooks: Sequence[GuessHook] = (),
-    clamp: float | Callable[[Tensor], Tensor] | None = 1.0,
     callback: Callable[[int, int, Tensor], None] | None = None,
-    device: torch.device | str = "cpu",
-    dtype: torch.dtype = torch.float32,
 ) -> Tensor:
     r"""Start from noise and take every step of a sampler.
 
@@ -294,34 +304,33 @@ def sample(
 
     Source: EDGE, TCDiff++ and Lodge all use T = 1000, 50 DDIM steps, eta = 1, x0_hat cut at +-1.
 
-    - ``sampler``: "dpm" or "ddim" (``steps``, ``eta``), or "ddpm" (always all T steps).
-    - ``clamp``: guesses are cut at +- this, or by this function; None leaves them.
+    - ``generator``: one for all noise, or a list of one for each row of the batch, so that rows are
+      the same whatever others are sampled with them.
     - ``pin``: holds the first frames at known motion (`dancediff.diffusion.pinning.Pinning`).
     - ``hooks`` change every guess, one after the other, on the CPU: their tensors are small, and a
       GPU would have to be waited for at every branch.
-    - ``generator``: one for all noise, or a list of one for each row of the batch, so that rows are
-      the same whatever others are sampled with them.
     - ``callback(i, total, x0_hat)`` runs after step i, to draw pictures or a progress bar.
 
     Shapes: shape = (b, n, f, d); x_T like it, or None to draw it -> x_0 (b, n, f, d).
     Raises: ValueError for an unknown sampler, or steps, eta or x_T out of range.
 
     >>> from dancediff.diffusion.schedule import cosine_abar
-    >>> x_0 = torch.rand(1, 2, 3, 4)
-    >>> torch.equal(sample(lambda x_t, t: x_0, x_0.shape, abar=cosine_abar(), steps=5), x_0)
+    >>> x_0, options = torch.rand(1, 2, 3, 4), SamplerOptions(cosine_abar(), "ddim", 5, eta=1.0)
+    >>> torch.equal(sample(lambda x_t, t: x_0, x_0.shape, options), x_0)
     True
     """
-    abar = abar.detach().cpu()  # its entries are read as numbers: no wait for a GPU at every step
-    times = sampling_times(sampler, steps, abar)
-    x = _first(x_T, tuple(shape), generator).to(device=device, dtype=dtype)
+    how, eta = options.sampler, options.eta
+    abar = options.abar.detach().cpu()  # read as numbers: no wait for a GPU at every step
+    times = sampling_times(how, options.steps, abar)
+    x = _first(x_T, tuple(shape), generator).to(options.abar.device)
     if pin is not None:
         x = pin.start(x)
     before: tuple[Tensor, int] | None = None
     for i, (t, t_next) in enumerate(pairwise(times)):
-        x0_hat = _hooked(_cut(denoise(x, t), clamp), hooks, abar_at(abar, t))
-        if sampler == "ddpm":
+        x0_hat = _hooked(_cut(denoise(x, t), options.clamp), hooks, abar_at(abar, t))
+        if how == "ddpm":
             x = ddpm_step(x, x0_hat, t, abar, generator=generator)
-        elif sampler == "dpm":
+        elif how == "dpm":
             x = dpm_step(x, x0_hat, t, t_next, abar, before=before, eta=eta, generator=generator)
         else:
             x = ddim_step(x, x0_hat, t, t_next, abar, eta=eta, generator=generator)

@@ -12,6 +12,7 @@ Symbols (axes: l local segments · f frames · d motion features)
     spread   standard deviation of each frequency          (k, d)
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import torch
@@ -47,7 +48,7 @@ def cue_constraint(hard: Tensor, y: Tensor, spread: Tensor) -> Conditioned:
     return Conditioned(Constraint(hard.cpu(), y.cpu()), spread.cpu())
 
 
-def return_to_origin(origin: Tensor, shape: tuple[int, int, int], spread: Tensor) -> Conditioned:
+def return_to_origin(origin: Tensor, shape: Sequence[int], spread: Tensor) -> Conditioned:
     """Guesses begin and end at one place on the floor.
 
     Windows of the training set begin in the middle of the floor; segments that also end there do

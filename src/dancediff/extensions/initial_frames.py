@@ -6,6 +6,7 @@ Read first: notebook 10 · `dancediff.extensions.constraint` · `dancediff.diffu
 from dataclasses import dataclass
 
 import torch
+from torch import Tensor
 
 from dancediff.diffusion.long_sampling import Segment
 from dancediff.extensions.constraint import Constraint
@@ -34,3 +35,6 @@ class InitialFrames:
         mask[:, max(0, k - self.frames) : k] = True
         value[:, :k] = context
         return Constraint(mask, value)
+
+    def at(self, guess: Tensor, abar: float) -> None:
+        """As a `Source`: nothing before the segment is known."""

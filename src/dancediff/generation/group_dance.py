@@ -8,7 +8,7 @@ Symbols (axes: n dancers · f frames of a segment · F frames of the dance · k 
     x        the dance, normalised, then in metres                (n, F, d)
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import torch
@@ -18,17 +18,18 @@ from dancediff.axes import FPS
 from dancediff.diffusion.conditions import Conditions
 from dancediff.diffusion.guidance import guided, off_at_the_end, ramp_up
 from dancediff.diffusion.pinning import HOLDING
-from dancediff.diffusion.samplers import sample, sampling_times
+from dancediff.diffusion.samplers import SamplerOptions, sample, sampling_times
 from dancediff.extensions import control
 from dancediff.extensions.autoguidance import LASTING_SHARE, ROOT_SHARE, autoguided
 from dancediff.extensions.collision_avoidance import CollisionAvoidance
-from dancediff.extensions.constraint import Conditioning, Constraint
+from dancediff.extensions.constraint import Conditioning, Constraint, Source
 from dancediff.extensions.foot_contact_projection import foot_contact_hook
 from dancediff.extensions.frequency_clip import FrequencyClip
 from dancediff.extensions.initial_frames import InitialFrames
 from dancediff.extensions.order_constraint import OrderConstraint
 from dancediff.extensions.preconditioning import preconditioning_of
-from dancediff.generation.request import GroupDanceRequest, SegmentedRequest
+from dancediff.extensions.projection import Projection
+from dancediff.generation.group_request import GroupDanceRequest, SegmentedRequest
 from dancediff.generation.segments import SegmentPlan
 from dancediff.motion.motion import Motion
 from dancediff.motion.representation import cut_to_range
@@ -58,26 +59,30 @@ def group_pieces(
 def long_group_sampler(model, song, request: GroupDanceRequest, *, dtype=None) -> LongGroupSampler:
     """How a resolved request is danced by TCDiff++."""
     segments, known = SegmentPlan.of(request, model.config.num_frames), request.known()
+    assert request.pinning and request.seam  # only naive long sampling has none
     return LongGroupSampler(
         shape=(request.dancers, segments.window, model.config.motion_dim),
-        bind=binder(model, _weight(request, model), dtype, request.autoguidance),
+        bind=binder(model, _weight(request, model), request.autoguidance, dtype),
         music=segments.music(_music(model, song)),
         root_x=lambda frame: model.normalizer.unnormalize(frame)[..., 4],
-        targets=segments.targets(request) or (),
+        targets=segments.targets(request),
         overlap=request.overlap,
         pinning=request.pinning,
         seam=request.seam,
         resampled=request.resampled,
         hooks=hooks_of(model, request, known),
-        mask=known and known.mask,
-        initial_order=known and control.initial_order(known),
-        settings=_settings(model, request),
+        mask=None if known is None else known.mask,
+        initial_order=None if known is None else control.initial_order(known),
+        options=sampler_options(model, request),
+        generator=torch.Generator().manual_seed(request.seed),
     )
 
 
-def hooks_of(model, request: GroupDanceRequest, known: Constraint | None) -> list:
+def hooks_of(
+    model, request: GroupDanceRequest, known: Constraint | None
+) -> list[Conditioning | Projection]:
     """What changes guesses while a request is danced by TCDiff++."""
-    normalizer, hooks, sources = model.normalizer.on_cpu(), [], []
+    normalizer, sources = model.normalizer.on_cpu(), list[Source]()
     if request.pinning in HOLDING and request.seam == "copy":
         sources.append(InitialFrames())
     if known is not None:
@@ -86,13 +91,13 @@ def hooks_of(model, request: GroupDanceRequest, known: Constraint | None) -> lis
         sources.append(OrderConstraint(normalizer))
     if request.collision_avoidance:
         sources.append(CollisionAvoidance(normalizer))
-    known = preconditioning_of(model)
-    if sources and known is not None:
-        hooks.append(Conditioning(known.spread.cpu(), sources))
-    return hooks + foot_contact_hooks(model, request)
+    linear, feet = preconditioning_of(model), foot_contact_hooks(model, request)
+    if not sources or linear is None:
+        return [*feet]
+    return [Conditioning(linear.spread.cpu(), sources), *feet]
 
 
-def foot_contact_hooks(model, request: SegmentedRequest) -> list:
+def foot_contact_hooks(model, request: SegmentedRequest) -> list[Projection]:
     """The hook that keeps feet in place, where it is asked for."""
     return [foot_contact_hook(model.normalizer.on_cpu())] if request.foot_contact else []
 
@@ -111,13 +116,15 @@ def naive_dance(
     segments, device = SegmentPlan.of(request, model.config.num_frames), model.abar.device
     k, n = segments.count, request.dancers
     M = segments.music(_music(model, song))
-    swaps = isinstance(request, GroupDanceRequest)  # EDGE's dancers know nothing of each other
-    targets = (segments.targets(request) if swaps else None) or [None] * k
+    targets: Sequence[Sequence[int] | None] = [None] * k  # EDGE's dancers know of nobody
+    if isinstance(request, GroupDanceRequest):
+        targets = segments.targets(request) or targets
     S = torch.tensor([range(n) if order is None else order for order in targets], device=device)
     weight = _weight(request, model)
     if ramp and k > 1 and request.sampler != "ddpm":
-        weight = ramp_up(weight, sampling_times(request.sampler, request.steps, model.abar.cpu()))
-    bind = binder(model, weight, dtype, request.autoguidance)
+        times = sampling_times(request.sampler, request.steps, model.abar.cpu())
+        weight = ramp_up(request.guidance, times)
+    bind = binder(model, weight, request.autoguidance, dtype)
     pairs = zip(M.split(AT_ONCE), S.split(AT_ONCE), strict=True)
     parts = [bind(Conditions(music, swap=order)) for music, order in pairs]
 
@@ -128,15 +135,16 @@ def naive_dance(
     x = sample(
         denoise_in_parts,
         (k, n, segments.window, model.config.motion_dim),
+        sampler_options(model, request),
+        generator=torch.Generator().manual_seed(request.seed),
         pin=Consistency(request.overlap),
         hooks=foot_contact_hooks(model, request),
         callback=report and (lambda i, total, _: report(i + 1, total)),
-        **_settings(model, request),
     )
     return join(model.normalizer.unnormalize(x), request.overlap)[:, : request.frames].cpu()
 
 
-def binder(model, guidance, dtype=None, autoguidance: float = 1.0) -> Callable:
+def binder(model, guidance, autoguidance: float, dtype=None) -> Callable:
     """``bind(conditions) -> denoise(x_t, t)``: the model with guidance.
 
     ``guidance``: a weight or a function of t, see `dancediff.diffusion.guidance.guided`;
@@ -173,19 +181,14 @@ def largest_guess(model, request: SegmentedRequest) -> Callable[[Tensor], Tensor
     if not request.frequency_clip:
         return cut_to_range
     known = preconditioning_of(model)
+    assert known is not None  # `resolve` has looked
     return FrequencyClip(known.mean, known.spread)
 
 
-def _settings(model, request: SegmentedRequest) -> dict:
-    return {
-        "abar": model.abar,
-        "sampler": request.sampler,
-        "steps": request.steps,
-        "eta": request.eta,
-        "clamp": largest_guess(model, request),
-        "generator": torch.Generator().manual_seed(request.seed),
-        "device": model.abar.device,
-    }
+def sampler_options(model, request: SegmentedRequest) -> SamplerOptions:
+    """How a resolved request is sampled."""
+    clamp = largest_guess(model, request)
+    return SamplerOptions(model.abar, request.sampler, request.steps, request.eta, clamp)
 
 
 def _music(model, song) -> Tensor:

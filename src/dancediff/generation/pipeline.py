@@ -9,24 +9,23 @@ Read first: notebook 00 · `dancediff.generation.request` · `dancediff.generati
 Symbols (axes: n dancers · f frames of a piece · F frames of the dance · d motion features)
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any, ClassVar
 
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
 from dancediff.axes import FPS
 from dancediff.generation.group_dance import group_pieces, naive_dance
-from dancediff.generation.request import (
-    EDGERequest,
-    GroupDanceRequest,
-    LodgeRequest,
-    SamplingConfig,
-)
+from dancediff.generation.group_request import EDGERequest, GroupDanceRequest
+from dancediff.generation.request import request_of
+from dancediff.generation.sampling_config import SamplingConfig
 from dancediff.generation.segments import SegmentPlan
 from dancediff.generation.solo_dance import solo_pieces, solo_seams
+from dancediff.generation.solo_request import LodgeRequest
 from dancediff.motion.motion import Motion
 from dancediff.motion.representation import TCDIFFPP
 from dancediff.nn.conditioning import cached_music
@@ -38,7 +37,7 @@ from dancediff.papers.tcdiffpp.model import TCDiffPP
 SEED_STRIDE = 0x9E3779B97F4A7C15  # far apart, so that seeds s and s + 1 share no dancer
 
 
-class Pipeline:
+class Pipeline(ABC):
     """A network that dances: ``model``, and ``name``, what its dances call it.
 
     >>> import dancediff as dd
@@ -50,9 +49,9 @@ class Pipeline:
 
     request: ClassVar[type[SamplingConfig]]
 
-    def __init__(self, model: Any, name: str | None = None):
+    def __init__(self, model: TCDiffPP | EDGE | Lodge, name: str | None = None):
         """Take over a network; where it is and its weights stay as they are."""
-        self.model: nn.Module = model
+        self.model = model
         self.name = name or self.request.family
 
     @property
@@ -69,7 +68,7 @@ class Pipeline:
 
         Raises: ValueError as `generate`.
         """
-        return self.request.of(self.name, options).resolve(self.model, song)
+        return request_of(self.request.family, self.name, options).resolve(self.model, song)
 
     def generate(self, song, *, progress=False, watch: Callable | None = None, **options) -> Motion:
         """Dance to a song.
@@ -127,13 +126,13 @@ class Pipeline:
         facts["seams"] = self._seams(song, request)
         return Motion.from_features(x, fps=FPS, meta=facts)
 
+    @abstractmethod
     def _pieces(self, song, request: Any, *, report, dtype, watch=None) -> Iterator[Tensor]:
         """The dance in pieces, features (n, f, d) in metres, on the CPU."""
-        raise NotImplementedError
 
+    @abstractmethod
     def _seams(self, song, request: Any) -> list[int]:
         """Frames in which a segment takes over from the one before; metrics look there."""
-        raise NotImplementedError
 
 
 class GroupDancePipeline(Pipeline):
@@ -184,10 +183,14 @@ class LodgePipeline(Pipeline):
         return solo_seams(self.model, song, request)
 
 
-PIPELINES = {TCDiffPP: GroupDancePipeline, EDGE: EDGEPipeline, Lodge: LodgePipeline}
+PIPELINES: dict[type, type[Pipeline]] = {
+    TCDiffPP: GroupDancePipeline,
+    EDGE: EDGEPipeline,
+    Lodge: LodgePipeline,
+}
 
 
-def pipeline_of(model: nn.Module, name: str | None = None) -> Pipeline:
+def pipeline_of(model: TCDiffPP | EDGE | Lodge, name: str | None = None) -> Pipeline:
     """The pipeline for a network.
 
     >>> from dancediff.papers.tcdiffpp.model import TCDiffPPConfig

@@ -2,10 +2,14 @@
 
 ``PAPER`` dances as the papers say, with nothing of ours while sampling; ``PACKAGED`` is what the
 packaged models dance best with. Options that both leave out have their default in
-`dancediff.generation.request`, where each is described.
+the requests, where each is described.
 """
 
-_PAPERS = {  # TCDiff++, Lodge and EDGE take the same sampler
+from typing import Any
+
+Values = dict[str, Any]  # of options
+
+_PAPERS: Values = {  # TCDiff++, Lodge and EDGE take the same sampler
     "sampler": "ddim",
     "steps": 50,
     "eta": 1.0,
@@ -13,14 +17,14 @@ _PAPERS = {  # TCDiff++, Lodge and EDGE take the same sampler
     "autoguidance": 1.0,
     "foot_contact": False,
 }
-_OURS = {
+_OURS: Values = {
     "sampler": "dpm",
     "eta": 0.0,
     "guidance": 1.0,
     "foot_contact": True,
 }
 
-PAPER = {
+PAPER: dict[str, Values] = {
     "tcdiffpp": _PAPERS
     | {
         "frequency_clip": False,
@@ -40,7 +44,7 @@ PAPER = {
     },
     "edge": _PAPERS | {"frequency_clip": False},
 }
-PACKAGED = {
+PACKAGED: dict[str, Values] = {
     "tcdiffpp": _OURS
     | {
         "steps": 12,

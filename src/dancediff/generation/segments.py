@@ -1,12 +1,13 @@
 """Segments: the windows of a long dance, and the music of each."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from torch import Tensor
 
 from dancediff.axes import FPS
-from dancediff.generation.request import GroupDanceRequest, SegmentedRequest
+from dancediff.generation.group_request import GroupDanceRequest, SegmentedRequest
 
 
 @dataclass(frozen=True)
@@ -67,14 +68,11 @@ class SegmentPlan:
         M = M.repeat(-(-needed // len(M)), 1)[:needed]
         return M.unfold(0, self.window, self.stride).transpose(1, 2)
 
-    def targets(self, request: GroupDanceRequest) -> list[list[int] | None] | None:
-        """The order that is asked for at the end of each segment, or None where none is.
-
-        Of a request without a swap there is no list at all.
-        """
+    def targets(self, request: GroupDanceRequest) -> Sequence[Sequence[int] | None]:
+        """The order asked for at the end of each segment, or None; nothing without a swap."""
         if request.swap is None:
-            return None
-        orders: list[list[int] | None] = [None] * self.count
+            return ()
+        orders: list[Sequence[int] | None] = [None] * self.count
         orders[self.carrying_out(request.swap_at)] = request.swap
         return orders
 

@@ -22,7 +22,7 @@ from dancediff.extensions.preconditioning import preconditioning_of
 from dancediff.extensions.root_stitching import stitch
 from dancediff.extensions.smooth_primitives import smooth_primitives
 from dancediff.extensions.song_structure import find_sections, repeat_sections
-from dancediff.generation.request import LodgeRequest
+from dancediff.generation.solo_request import LodgeRequest
 from dancediff.motion.representation import LODGE, at_origin, with_hands
 from dancediff.music.beats import beat_frames
 from dancediff.papers.lodge.choreography import Arrangement
@@ -52,7 +52,7 @@ class LodgeSampler(ParallelSampler):
 
     def hooks(self, pin: CueGuidance) -> Sequence[GuessHook]:
         """Cues are met without a jump, segments end where they began, feet stand."""
-        stage, request, hooks = self.local_stage, self.request, []
+        stage, request, hooks = self.local_stage, self.request, list[GuessHook]()
         preconditioning, normalizer = preconditioning_of(stage), stage.normalizer.on_cpu()
         if preconditioning is not None:
             spread = preconditioning.spread

@@ -14,7 +14,8 @@ from hashlib import sha256
 
 from dancediff.data.choreographed import SIZES
 from dancediff.extensions.build import EXTENSIONS
-from dancediff.generation.request import REQUESTS, SamplingConfig
+from dancediff.generation.request import REQUESTS, request_of
+from dancediff.generation.sampling_config import SamplingConfig
 from dancediff.training.config import SHORTEST_SONG, GroupData, SoloData
 from dancediff.training.lodge import STAGES, check_lodge_tables, is_lodge, stage_config
 from dancediff.training.run import MODELS, check_tables
@@ -152,7 +153,7 @@ def _variant(name: str, changes: dict, config: dict, source: str) -> Variant:
     sample = {key: value for key, value in sample.items() if value != []}  # taken back
     sample |= {"dancers": held_out.dancers, "seconds": held_out.seconds}
     try:
-        sample = REQUESTS[FAMILIES[kind]].of(kind, sample)
+        sample = request_of(FAMILIES[kind], kind, sample)
     except ValueError as err:
         raise ValueError(f"{source}: 'sample': {err}") from err
     return Variant(name, tables, sample, held_out)

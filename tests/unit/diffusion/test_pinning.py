@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from dancediff.diffusion.pinning import MODES, Pinning
-from dancediff.diffusion.samplers import sample
+from dancediff.diffusion.samplers import SamplerOptions, sample
 from dancediff.diffusion.schedule import cosine_abar
 
 ABAR = cosine_abar()
@@ -52,7 +52,13 @@ def test_same_noise_leaves_alone_what_a_deterministic_sampler_makes_of_right_gue
             return right
 
         start = pin.start(X) if pin else torch.cat([_noised(KNOWN), X[:, :, 30:]], 2)
-        sample(guess, X.shape, abar=ABAR, steps=8, eta=0.0, x_T=start, pin=None if not pin else pin)
+        sample(
+            guess,
+            X.shape,
+            SamplerOptions(ABAR, "ddim", 8, eta=0.0),
+            x_T=start,
+            pin=None if not pin else pin,
+        )
         paths.append(torch.stack(seen[1:]))
     torch.testing.assert_close(paths[1], paths[0], atol=1e-4, rtol=0)
     assert (paths[2] - paths[0]).abs().max() > 0.5

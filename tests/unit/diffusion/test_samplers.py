@@ -7,6 +7,7 @@ import torch
 from scipy.integrate import solve_ivp
 
 from dancediff.diffusion.samplers import (
+    SamplerOptions,
     ddim_step,
     ddim_times,
     ddpm_step,
@@ -16,7 +17,7 @@ from dancediff.diffusion.samplers import (
     sample,
     sampling_times,
 )
-from dancediff.diffusion.schedule import cosine_abar, q_sample
+from dancediff.diffusion.schedule import cosine_abar, gaussian, q_sample
 
 ABAR = cosine_abar(1000)
 SHAPE = (1, 2, 6, 4)
@@ -102,12 +103,15 @@ def test_step_errors():
             ddim_step(x, x, 5, 4, ABAR, eta=eta)
 
 
-KINDS = [{"sampler": "ddim", "steps": 9}, {"sampler": "ddpm"}, {"sampler": "dpm", "steps": 9}]
+KINDS = ["ddim", "ddpm", "dpm"]
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_seed_fixes_the_bits(kind):
-    runs = [sample(shrink, SHAPE, abar=ABAR, generator=gen(s), **kind) for s in (4, 4, 5)]
+    runs = [
+        sample(shrink, SHAPE, SamplerOptions(ABAR, kind, 9, eta=1.0), generator=gen(s))
+        for s in (4, 4, 5)
+    ]
     assert torch.equal(runs[0], runs[1])
     assert not torch.allclose(runs[0], runs[2], atol=1e-3)
 
@@ -115,8 +119,8 @@ def test_seed_fixes_the_bits(kind):
 def test_without_eta_only_the_start_is_random():
     used, fresh = gen(), gen()
     x_T = torch.randn(SHAPE, generator=fresh)
-    a = sample(shrink, SHAPE, abar=ABAR, steps=9, eta=0.0, generator=used)
-    b = sample(shrink, SHAPE, abar=ABAR, steps=9, eta=0.0, x_T=x_T)
+    a = sample(shrink, SHAPE, SamplerOptions(ABAR, "ddim", 9, eta=0.0), generator=used)
+    b = sample(shrink, SHAPE, SamplerOptions(ABAR, "ddim", 9, eta=0.0), x_T=x_T)
     assert torch.equal(a, b)
     assert torch.equal(used.get_state(), fresh.get_state())
 
@@ -126,8 +130,7 @@ def test_last_step_draws_no_noise():
     x = sample(
         shrink,
         SHAPE,
-        abar=ABAR,
-        steps=5,
+        SamplerOptions(ABAR, "ddim", 5, eta=1.0),
         generator=gen(),
         callback=lambda i, total, x0_hat: seen.append((i, total, x0_hat)),
     )
@@ -137,26 +140,33 @@ def test_last_step_draws_no_noise():
 
 def test_guesses_are_cut():
     far = lambda x_t, t: torch.full_like(x_t, 7.0)  # noqa: E731
-    assert sample(far, SHAPE, abar=ABAR, steps=3).unique().tolist() == [1.0]
-    assert sample(far, SHAPE, abar=ABAR, steps=3, clamp=None).unique().tolist() == [7.0]
-    halved = sample(far, SHAPE, abar=ABAR, steps=3, clamp=lambda x0_hat: x0_hat / 2)
+    assert sample(far, SHAPE, SamplerOptions(ABAR, "ddim", 3, eta=1.0)).unique().tolist() == [1.0]
+    assert sample(
+        far, SHAPE, SamplerOptions(ABAR, "ddim", 3, eta=1.0, clamp=None)
+    ).unique().tolist() == [7.0]
+    halved = sample(
+        far, SHAPE, SamplerOptions(ABAR, "ddim", 3, eta=1.0, clamp=lambda x0_hat: x0_hat / 2)
+    )
     assert halved.unique().tolist() == [3.5]
 
 
 def test_dtype_is_kept():
-    x = sample(shrink, SHAPE, abar=ABAR, steps=3, generator=gen(), dtype=torch.float64)
+    x_T = gaussian(SHAPE, generator=gen(), dtype=torch.float64)
+    x = sample(shrink, SHAPE, SamplerOptions(ABAR, "ddim", 3, eta=1.0), generator=gen(), x_T=x_T)
     assert x.dtype == torch.float64 and not x.requires_grad
 
 
 def test_sample_errors():
     for options, match in [
-        ({"sampler": "euler"}, "sampler='euler'"),
-        ({"steps": 0}, "steps=0"),
-        ({"eta": 2.0}, "eta=2.0"),
-        ({"x_T": torch.zeros(1, 2, 3, 4)}, "x_T"),
+        (("euler", 5, 1.0), "sampler='euler'"),
+        (("ddim", 0, 1.0), "steps=0"),
+        (("ddim", 5, 2.0), "eta=2.0"),
     ]:
         with pytest.raises(ValueError, match=match):
-            sample(shrink, SHAPE, abar=ABAR, **options)
+            sample(shrink, SHAPE, SamplerOptions(ABAR, *options))
+    with pytest.raises(ValueError, match="x_T"):
+        x_T = torch.zeros(1, 2, 3, 4)
+        sample(shrink, SHAPE, SamplerOptions(ABAR, "ddim", 5, 1.0), x_T=x_T)
 
 
 def test_dpm_step_by_hand():
@@ -233,7 +243,12 @@ def spread_after(spread, **kind):
         a = float(ABAR[t])
         return math.sqrt(a) * spread**2 / (a * spread**2 + 1 - a) * x_t
 
-    x = sample(exact, x_0.shape, abar=ABAR, clamp=None, generator=gen(0), **kind)
+    x = sample(
+        exact,
+        x_0.shape,
+        SamplerOptions(ABAR, clamp=None, **kind),
+        generator=gen(0),
+    )
     return (x.std() / spread).item()
 
 
@@ -254,5 +269,5 @@ def test_dpm_asks_no_more_often_than_it_has_steps():
         asked.append(t)
         return x_t
 
-    sample(count, SHAPE, abar=ABAR, sampler="dpm", steps=12, generator=gen())
+    sample(count, SHAPE, SamplerOptions(ABAR, "dpm", 12, eta=1.0), generator=gen())
     assert asked == logsnr_times(12, ABAR)[:-1] and len(asked) == 12

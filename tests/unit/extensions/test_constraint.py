@@ -5,8 +5,8 @@ import torch
 
 from dancediff.diffusion.long_sampling import Segment
 from dancediff.diffusion.pinning import Pinning
-from dancediff.diffusion.samplers import sample
-from dancediff.diffusion.schedule import abar_at, cosine_abar
+from dancediff.diffusion.samplers import SamplerOptions, sample
+from dancediff.diffusion.schedule import abar_at, cosine_abar, gaussian
 from dancediff.extensions.constraint import Conditioning, Constraint, covariance
 from dancediff.extensions.preconditioning import Preconditioning, dct_matrix
 
@@ -43,18 +43,11 @@ def known_at(frames, value, slack=None):
     return Constraint(mask, values, loose)
 
 
-def draw(constraint, b=3000, **options):
-    return sample(
-        exact(),
-        (b, 1, F, 1),
-        abar=ABAR,
-        steps=60,
-        generator=gen(1),
-        dtype=torch.float64,
-        clamp=None,
-        hooks=[Conditioning(SPREAD, [constraint])],
-        **options,
-    )[:, 0, :, 0]
+def draw(constraint, b=3000, eta=1.0):
+    options, g = SamplerOptions(ABAR, "ddim", 60, eta=eta, clamp=None), gen(1)
+    x_T = gaussian((b, 1, F, 1), generator=g, dtype=torch.float64)
+    hooks = [Conditioning(SPREAD, [constraint])]
+    return sample(exact(), x_T.shape, options, generator=g, x_T=x_T, hooks=hooks)[:, 0, :, 0]
 
 
 def test_samples_follow_the_exact_conditional_distribution():
@@ -100,12 +93,11 @@ def test_pasting_alone_leaves_a_jump():
 
     natural = process(4000).diff(dim=2).square().mean((0, 1, 3)).sqrt()
 
-    def seam_over_natural(**options):
-        pin = Pinning(known, ABAR, generator=gen(1))
-        x = sample(
-            exact(), (400, 1, F, 1), abar=ABAR, generator=gen(2), pin=pin, clamp=None,
-            dtype=torch.float64, **options,
-        )  # fmt: skip
+    def seam_over_natural(steps=50, eta=1.0, hooks=()):
+        pin, g = Pinning(known, ABAR, generator=gen(1)), gen(2)
+        options = SamplerOptions(ABAR, "ddim", steps, eta=eta, clamp=None)
+        x_T = gaussian((400, 1, F, 1), generator=g, dtype=torch.float64)
+        x = sample(exact(), x_T.shape, options, generator=g, x_T=x_T, pin=pin, hooks=hooks)
         x = torch.cat([known, x[:, :, 30:]], 2)
         speed = x.diff(dim=2).square().mean((0, 1, 3)).sqrt()
         return float(speed[29] / natural[29])

@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from dancediff.diffusion.samplers import sample, sampling_times
+from dancediff.diffusion.samplers import SamplerOptions, sample, sampling_times
 from dancediff.diffusion.schedule import cosine_abar
 from dancediff.extensions.cue_constraint import cue_constraint, return_to_origin
 from dancediff.motion.representation import LODGE
@@ -23,7 +23,9 @@ def guidance():
 
 def dance(denoise, hooks=(), pin=None):
     g = torch.Generator().manual_seed(0)
-    return sample(denoise, SHAPE, abar=ABAR, steps=10, generator=g, pin=pin, hooks=hooks)
+    return sample(
+        denoise, SHAPE, SamplerOptions(ABAR, "ddim", 10, eta=1.0), generator=g, pin=pin, hooks=hooks
+    )
 
 
 def edge(x):

@@ -24,8 +24,9 @@ from dancediff.generation.request import (
     GroupDanceRequest,
     LodgeRequest,
     default_of,
-    needs_preconditioning,
+    request_of,
 )
+from dancediff.generation.sampling_config import needs_preconditioning
 from places import SOURCE
 
 
@@ -241,7 +242,7 @@ def test_bad_values_are_named(request_, options, message):
 )
 def test_options_of_others_and_of_yesterday_are_named(options, message):
     with pytest.raises(ValueError, match=message):
-        GroupDanceRequest.of("trio", options)
+        request_of("tcdiffpp", "trio", options)
 
 
 def test_song_without_sound_or_length():

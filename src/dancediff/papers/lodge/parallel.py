@@ -21,7 +21,7 @@ from torch import Tensor
 
 from dancediff.diffusion.conditions import Conditions
 from dancediff.diffusion.guidance import guided, off_at_the_end
-from dancediff.diffusion.samplers import GuessHook, sample, sampling_times
+from dancediff.diffusion.samplers import GuessHook, SamplerOptions, sample, sampling_times
 from dancediff.genre import genre_number
 from dancediff.motion.representation import cut_to_range
 from dancediff.music.beats import beat_frames
@@ -172,16 +172,13 @@ class ParallelSampler:
         x = sample(
             self.guess(stage, Conditions(M, style=self.style(stage, rows))),
             (rows, stage.config.num_frames, stage.config.motion_dim),
-            abar=stage.abar,
-            sampler=request.sampler,
-            steps=request.steps,
-            eta=request.eta,
-            clamp=self.clamp(stage),
+            SamplerOptions(
+                stage.abar, request.sampler, request.steps, eta=request.eta, clamp=self.clamp(stage)
+            ),
             generator=row_generators(request.seed, purpose, rows, first),
             pin=pin,
             hooks=hooks,
             callback=self._tick,
-            device=stage.abar.device,
         )
         return stage.normalizer.unnormalize(x).cpu()
 

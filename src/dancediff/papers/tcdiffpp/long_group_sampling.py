@@ -38,12 +38,14 @@ class LongGroupSampler(LongSampler):
 
     Raises: ValueError for no segment, or targets that are not one order, or None, for each.
 
+    >>> from dancediff.diffusion.samplers import SamplerOptions
     >>> from dancediff.diffusion.schedule import cosine_abar
     >>> def in_a_line(x_t, t):  # a "network" that knows one dance
     ...     return torch.linspace(-0.5, 0.5, x_t.shape[1])[None, :, None, None].expand_as(x_t)
     >>> sampler = LongGroupSampler(shape=(2, 150, 1), bind=lambda conditions: in_a_line,
     ...     music=torch.zeros(3, 150, 35), root_x=lambda frame: frame[:, 0],
-    ...     settings={"abar": cosine_abar(), "steps": 2})
+    ...     options=SamplerOptions(cosine_abar(), "ddim", 2, eta=1.0),
+    ...     overlap=75, pinning="init", seam="fade")
     >>> sampler.dance().shape
     torch.Size([2, 300, 1])
     """

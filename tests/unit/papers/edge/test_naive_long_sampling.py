@@ -7,7 +7,7 @@ import pytest
 import roma
 import torch
 
-from dancediff.diffusion.samplers import sample
+from dancediff.diffusion.samplers import SamplerOptions, sample
 from dancediff.diffusion.schedule import cosine_abar, q_sample
 from dancediff.generation.group_dance import AT_ONCE, naive_dance
 from dancediff.generation.pipeline import pipeline_of
@@ -66,7 +66,8 @@ def test_during_sampling_both_sides_have_the_same_noise():
 
     sample(
         *[shrink, (k, 1, 150, 2)],
-        **{"abar": ABAR, "steps": 5, "generator": g, "pin": Consistency(75), "clamp": None},
+        SamplerOptions(ABAR, "ddim", 5, eta=1.0, clamp=None),
+        **{"generator": g, "pin": Consistency(75)},
     )
     first, *later = seen
     assert (first[1:, :, :75] - first[:-1, :, 75:]).abs().max() > 1  # independent noise
@@ -223,7 +224,13 @@ def test_q_sample_levels_are_those_of_the_sampler():
         return x_0
 
     g = torch.Generator().manual_seed(0)
-    sample(denoise, x_0.shape, abar=ABAR, steps=5, generator=g, pin=Consistency(75))
+    sample(
+        denoise,
+        x_0.shape,
+        SamplerOptions(ABAR, "ddim", 5, eta=1.0),
+        generator=g,
+        pin=Consistency(75),
+    )
     for t, copied, own in levels:
         expected = q_sample(x_0, t, ABAR, torch.ones_like(x_0)).mean().item()
         assert copied == pytest.approx(expected, rel=0.05)

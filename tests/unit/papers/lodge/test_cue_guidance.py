@@ -3,7 +3,7 @@ from dataclasses import replace
 import pytest
 import torch
 
-from dancediff.diffusion.samplers import sample, sampling_times
+from dancediff.diffusion.samplers import SamplerOptions, sample, sampling_times
 from dancediff.diffusion.schedule import cosine_abar, gaussian
 from dancediff.motion.representation import LODGE
 from dancediff.papers.lodge.cue_guidance import (
@@ -39,10 +39,7 @@ def dance(guidance, denoise=lambda x, t: 0.7 * x, *, seed=0, eta=1.0, sampler="d
     return sample(
         denoise,
         guidance.y.shape,
-        abar=ABAR,
-        sampler=sampler,
-        steps=len(guidance.times) - 1,
-        eta=eta,
+        SamplerOptions(ABAR, sampler, len(guidance.times) - 1, eta=eta),
         generator=torch.Generator().manual_seed(seed),
         x_T=x_T,
         pin=guidance,
@@ -157,9 +154,7 @@ def test_segments_apart_are_segments_together(segments):
         y = sample(
             lambda x, t: 0.7 * x,
             part.y.shape,
-            abar=ABAR,
-            steps=10,
-            eta=0.0,
+            SamplerOptions(ABAR, "ddim", 10, eta=0.0),
             x_T=x_T[k : k + 2],
             pin=part,
         )

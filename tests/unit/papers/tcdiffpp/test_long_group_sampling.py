@@ -9,6 +9,7 @@ import torch
 
 from dancediff.diffusion.long_sampling import SEAMS
 from dancediff.diffusion.pinning import MODES
+from dancediff.diffusion.samplers import SamplerOptions
 from dancediff.diffusion.schedule import cosine_abar
 from dancediff.extensions.constraint import Conditioning
 from dancediff.extensions.initial_frames import InitialFrames
@@ -24,16 +25,17 @@ def song(segments, f=150):
 
 
 def sampler(denoise, segments, *, dancers=4, **options):
-    settings = {"abar": ABAR, "steps": 4, "generator": torch.Generator().manual_seed(0)}
-    own = ("steps", "eta", "sampler", "generator")
-    settings |= {name: options.pop(name) for name in own if name in options}
+    settings = {"sampler": "ddim", "steps": 4, "eta": 1.0}
+    settings |= {name: options.pop(name) for name in settings if name in options}
+    usual = {"overlap": 75, "pinning": "init", "seam": "copy"}
+    usual["generator"] = torch.Generator().manual_seed(0)
     return LongGroupSampler(
         shape=(dancers, 150, 2),
         bind=lambda c: lambda x_t, t: denoise(x_t, t, c.music, c.swap),
         music=song(segments),
         root_x=lambda frame: frame[:, 0],
-        settings=settings,
-        **options,
+        options=SamplerOptions(ABAR, **settings),
+        **usual | options,
     )
 
 

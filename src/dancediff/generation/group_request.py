@@ -1,0 +1,153 @@
+"""What can be asked of models of groups, which dance in segments of 5 s."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, ClassVar, Self
+
+from dancediff.generation.option import in_range, option
+from dancediff.generation.sampling_config import SamplingConfig, has_preconditioning
+
+if TYPE_CHECKING:
+    from dancediff.extensions.constraint import Constraint
+
+LOOK_AHEAD = 30  # frames danced again where a constraint may lie just behind a segment's end
+
+
+@dataclass(frozen=True, kw_only=True)
+class SegmentedRequest(SamplingConfig):
+    """What can be asked of models that dance in segments of 5 s."""
+
+    dancers: int = option(3, "How many people dance.", low=1)
+    overlap: int = option(75, "Frames that segments of 5 s share.", low=1)
+    frequency_clip: bool = option(
+        None, "Cut guesses at what each frequency of the training set reaches, not at its range."
+    )
+
+    def _limits(self, config) -> dict[str, int]:
+        own = {"dancers": config.max_dancers, "overlap": config.num_frames - 1}
+        return super()._limits(config) | own
+
+
+@dataclass(frozen=True, kw_only=True)
+class EDGERequest(SegmentedRequest):
+    """What can be asked of EDGE: each dancer alone, then placed side by side."""
+
+    family: ClassVar[str] = "edge"
+
+
+@dataclass(frozen=True, kw_only=True)
+class GroupDanceRequest(SegmentedRequest):
+    """What can be asked of TCDiff++.
+
+    ``swap[k]``: the dancer, counted 0.. from the left at the first frame, who stands k-th from the
+    left in the end. ``start``, ``end``: one (x, z) in metres a dancer. ``constraints``: see
+    `dancediff.extensions.control`. Changes of order need the sampler "dpm".
+
+    >>> GroupDanceRequest(dancers=2, pinning="glue")
+    Traceback (most recent call last):
+    ValueError: pinning='glue' is not one of 'auto', 'same_noise', 'renoise', 'clean', 'init'
+    """
+
+    family: ClassVar[str] = "tcdiffpp"
+
+    collision_avoidance: bool = option(
+        None, "Make room between dancers who would run into each other."
+    )
+    order_constraint: bool = option(
+        None, "Help dancers who were asked to change places to get there."
+    )
+    swap: Sequence[int] | None = option(
+        None, "Order at the end: the dancers (0.. from the left at the start), left to right."
+    )
+    swap_at: float | None = option(None, "When the swap is done, in seconds; default: at the end.")
+    pinning: str | None = option(
+        None,
+        "How a segment is held at the end of the one before; 'auto' is what fits the sampler.",
+        choices=("auto", "same_noise", "renoise", "clean", "init"),
+    )
+    seam: str | None = option(None, "How two segments become one.", choices=("copy", "fade"))
+    long_sampling: str = option(
+        "lgds",
+        "Long Group Diffusion Sampling, or all segments at once as EDGE has it.",
+        choices=("lgds", "naive"),
+    )
+    start: Sequence | None = option(
+        None, "A formation at the start: one (x, z) in metres for each dancer."
+    )
+    end: Sequence | None = option(None, "A formation at the end.")
+    constraints: Sequence = option((), "What else must hold: paths, parts of another dance.")
+
+    def __post_init__(self):
+        super().__post_init__()
+        if self.swap is not None:
+            from dancediff.motion.order import check_order
+
+            object.__setattr__(self, "swap", check_order(self.swap, self.dancers).tolist())
+        elif self.swap_at is not None:
+            raise ValueError(f"swap_at={self.swap_at!r} needs swap=, the order to change to")
+
+    def resolve(self, model, song) -> Self:
+        """As `SamplingConfig.resolve`; an order that follows from places at the end is a swap."""
+        from dancediff.diffusion.pinning import HOLDING
+        from dancediff.extensions import control
+
+        filled = super().resolve(model, song)
+        if filled.swap_at is not None:
+            in_range("swap_at", filled.swap_at, 0, filled.seconds)
+        if filled.long_sampling == "naive":
+            filled = filled._naive(self)
+        elif filled.pinning == "auto":
+            adds_noise = filled.sampler == "ddpm" or filled.eta > 0
+            filled = replace(filled, pinning="renoise" if adds_noise else "same_noise")
+        known = filled.known()
+        if known is None:
+            return filled
+        if not has_preconditioning(model):
+            raise ValueError(
+                "start=, end= and constraints= need statistics of the training data that only a "
+                "model with preconditioning has; leave them out"
+            )
+        if filled.pinning not in HOLDING:
+            raise ValueError(
+                f"pinning={filled.pinning!r} goes with no constraint; use 'same_noise'"
+            )
+        control.initial_order(known)
+        order = control.final_order(known)
+        if order is None or filled.swap_at is not None:
+            return filled
+        if filled.swap not in (None, order.tolist()):
+            raise ValueError(
+                f"swap={filled.swap} asks for another order than the places at the end, "
+                f"{order.tolist()}; leave one out"
+            )
+        return replace(filled, swap=order.tolist(), swap_at=filled.seconds)
+
+    def _naive(self, asked: "GroupDanceRequest") -> Self:
+        """Without what belongs to Long Group Diffusion Sampling."""
+        for name in ("collision_avoidance", "order_constraint"):
+            if getattr(asked, name):
+                raise ValueError(
+                    f"{name}=True is not possible with long_sampling='naive'; use False"
+                )
+        return replace(
+            self, collision_avoidance=False, order_constraint=False, pinning=None, seam=None
+        )
+
+    @property
+    def resampled(self) -> int:
+        """Frames that a segment dances again instead of keeping them, for constraints behind."""
+        controls = (*self.constraints, self.start, self.end)
+        none = all(one is None for one in controls)
+        return 0 if none else min(LOOK_AHEAD, self.overlap // 2)
+
+    def known(self) -> "Constraint | None":
+        """All constraints of a resolved request as one, in metres and matrices."""
+        from dancediff.axes import FPS
+        from dancediff.extensions import control
+
+        controls = list(self.constraints)
+        if self.start is not None:
+            controls.append(control.StartAt(self.start))
+        if self.end is not None:
+            controls.append(control.EndAt(self.end))
+        return control.combine(controls, self.dancers, self.frames, FPS) if controls else None

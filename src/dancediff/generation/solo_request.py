@@ -1,0 +1,67 @@
+"""What can be asked of Lodge."""
+
+from dataclasses import dataclass, replace
+from typing import ClassVar, Self
+
+from dancediff.generation.option import option
+from dancediff.generation.sampling_config import SamplingConfig
+from dancediff.genre import genre_for, genre_number
+
+
+@dataclass(frozen=True, kw_only=True)
+class LodgeRequest(SamplingConfig):
+    """What can be asked of Lodge: a solo, also danced by a group."""
+
+    family: ClassVar[str] = "lodge"
+
+    dancers: int = option(1, "How many people dance, all the same solo.", low=1, high=5)
+    genre: str = option(None, "What to dance; default: by the song's tempo.")
+    soft: float = option(
+        1.0, "For which share of the steps the dance is held at its soft cues.", low=0, high=1
+    )
+    mirror: bool = option(True, "Dance each soft cue a second time, mirrored.")
+    beat_align: bool = option(True, "Put soft cues on beats.")
+    repeat_sections: bool = option(
+        None, "A section of the song that comes again gets the soft cues of its first time."
+    )
+    smooth_primitives: bool = option(
+        None, "Keep pose, velocity and acceleration of a primitive, not its unrest."
+    )
+    cue_constraint: bool = option(
+        None, "Condition guesses on hard cues, so that these are met without a jump."
+    )
+    border_smoothing: bool = option(
+        None, "Bend the frames beside hard cues so that these are met without a jerk."
+    )
+    root_stitching: bool = option(
+        None, "Go on over seams from where the segment before ended; else back to the middle."
+    )
+    return_to_origin: bool = option(
+        None, "Come back to the same place every 8.5 s; without it a dancer may walk off."
+    )
+    formation: str = option("line", "Where the dancers of a group begin, such as 'line' or 'V'.")
+    relation: str = option(
+        "unison",
+        "All the same, each four beats later than the one to the left, or mirrored.",
+        choices=("unison", "canon", "mirror"),
+    )
+    at_once: int | None = option(
+        16, "Segments in memory together (16 are two minutes), None: all; the dance is the same.",
+        low=1,
+    )  # fmt: skip
+
+    def resolve(self, model, song) -> Self:
+        """As `SamplingConfig.resolve`; the genre, if none is asked for, is that of the tempo."""
+        from dancediff.extensions.group_relations import places
+
+        filled = super().resolve(model, song)
+        genres = model.config.genres
+        if filled.genre is not None:
+            genre_number(filled.genre, genres)
+        places(filled.dancers, filled.formation)
+        return replace(filled, genre=filled.genre or genre_for(song.tempo, genres))
+
+    def facts(self) -> dict:
+        """As `SamplingConfig.facts`; a solo has no formation."""
+        of_groups = ("formation", "relation") if self.dancers == 1 else ()
+        return {name: value for name, value in super().facts().items() if name not in of_groups}
