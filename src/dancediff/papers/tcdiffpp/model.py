@@ -82,6 +82,7 @@ class TCDiffPP(DanceNetwork):
     Shapes: x_t (b, n, f, d), t (b,), conditions with music and swap -> x_raw, x_hat, both
     (b, n, f, d).  Dancers come in left-to-right order of the first frame.
 
+    >>> import torch
     >>> model = TCDiffPP(TCDiffPPConfig(d_model=16, num_layers=1, ff_dim=32, fusion_hidden=32))
     >>> conditions = Conditions(torch.randn(2, 20, 35), swap=torch.arange(3).expand(2, 3))
     >>> x_raw, x_hat = model(torch.randn(2, 3, 20, 151), torch.tensor([10, 900]), conditions)
