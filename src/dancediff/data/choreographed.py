@@ -22,7 +22,7 @@ from torch import Tensor
 from dancediff.data.cache import cached, code_digest, content_key
 from dancediff.data.choreographer import choreograph
 from dancediff.data.packed import PackedTakes
-from dancediff.data.prepare import prepare
+from dancediff.data.prepare import in_one_thread, prepare
 from dancediff.data.take import DanceTake, Job
 from dancediff.genre import TEMPOS
 from dancediff.music.synth import synth_song
@@ -111,8 +111,9 @@ def choreographed_corpus(
         else:
             import joblib
 
-            make = joblib.delayed(partial(_in_one_thread, seconds=seconds, sizes=sizes))
-            songs = joblib.Parallel(n_jobs=workers)(make(seed) for seed in seeds)
+            make = partial(choreographed_takes, seconds=seconds, sizes=sizes)
+            each = joblib.delayed(in_one_thread)
+            songs = joblib.Parallel(n_jobs=workers)(each(make, seed) for seed in seeds)
         return list(itertools.chain.from_iterable(songs))
     jobs = [_job(seed, n, 0, seconds, 0.0) for seed in seeds for n in sizes]
     if not jobs:
@@ -122,11 +123,6 @@ def choreographed_corpus(
         raise ValueError(f"{name}: {reason}")
     takes = {take.name: take for take in PackedTakes(cache).takes()}
     return [takes[job.name] for job in jobs]
-
-
-def _in_one_thread(song_seed: int, **options) -> list[DanceTake]:
-    torch.set_num_threads(1)
-    return choreographed_takes(song_seed, **options)
 
 
 def _name(song_seed: int, n: int, again: int = 0) -> str:

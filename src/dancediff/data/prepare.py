@@ -106,7 +106,7 @@ def _outcomes(jobs: list[Job], out: Path, workers: int, backend: str) -> Iterato
     how = "list" if backend == "ray" else "generator_unordered"
     with _connected(workers, backend) as options, joblib.parallel_config(backend, **options):
         parallel = joblib.Parallel(n_jobs=workers, return_as=how)
-        yield from parallel(joblib.delayed(_run_in_worker)(job, out) for job in jobs)
+        yield from parallel(joblib.delayed(in_one_thread)(run_job, job, out) for job in jobs)
 
 
 @contextlib.contextmanager
@@ -155,11 +155,12 @@ def _one_thread() -> Iterator[None]:
         torch.set_num_threads(threads)
 
 
-def _run_in_worker(job: Job, out: Path) -> tuple[str, str]:
+def in_one_thread(function, *given):
+    """What a function makes of its arguments, in a process of its own."""
     import torch
 
     torch.set_num_threads(1)
-    return run_job(job, out)
+    return function(*given)
 
 
 def run_job(job: Job, out: Path) -> tuple[str, str]:
@@ -186,16 +187,12 @@ def run_job(job: Job, out: Path) -> tuple[str, str]:
         if path is not None:
             path.unlink()  # the take has become bad: no old version shall pass for it
         kind = "" if isinstance(err, ValueError) else f"{type(err).__name__}: "
-        return job.name, f"skipped: {kind}{_one_line(err)}"
+        return job.name, f"skipped: {kind}{' '.join(str(err).split())}"
     folder = FOLDERS[take.kind == "composed"]
     new = write_take(out / folder / f"{job.name}.npz", take, made_by)
     if path not in (None, new):  # the old one was of the other kind
         path.unlink()
     return job.name, MADE
-
-
-def _one_line(err: Exception) -> str:
-    return " ".join(str(err).split())
 
 
 def recipe(job: Job) -> str:

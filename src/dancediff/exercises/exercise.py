@@ -68,7 +68,8 @@ class Exercise:
         if changed:
             return Verdict(WRONG, f"changes what it is given, {_kind(changed[0])}\n{COPY_FIRST}")
         if self.accepts is None:
-            return self._compare(got, self.spec(*copies(case)), f" for {_brief(case)}")
+            where = f" for {', '.join(map(_name, case))}"
+            return self._compare(got, self.spec(*copies(case)), where)
         wrong = self.accepts(got, *case)
         return self._wrong(wrong) if wrong else Verdict(RIGHT, self.title)
 
@@ -147,10 +148,6 @@ def _kind(v) -> str:
     if isinstance(v, torch.Tensor | np.ndarray):
         return f"{'a tensor' if isinstance(v, torch.Tensor) else 'an array'} {tuple(v.shape)}"
     return f"a {type(v).__name__}"
-
-
-def _brief(case: tuple) -> str:
-    return ", ".join(_name(v) for v in case)
 
 
 def _name(v) -> str:

@@ -143,9 +143,7 @@ def foot_path(beat, steps: list[Step], leave, facing, foot: str, rise, point: fl
     pitch = np.where(swing, base + peel * (1 - np.clip(base, 0, 1)), standing)
 
     # the toes are placed, the ankle follows from the foot's pitch and yaw
-    toes = place + np.stack(
-        [off[0] * np.cos(yaw_in) + off[2] * np.sin(yaw_in),
-         off[2] * np.cos(yaw_in) - off[0] * np.sin(yaw_in)], -1)  # fmt: skip
+    toes = place + _sole(off, yaw_in, 0 * yaw_in)[:, (0, 2)]
     bow = np.array([step.bow for step in steps])
     aside = np.sin(np.pi * s) * swing
     toe = np.empty((len(beat), 3))

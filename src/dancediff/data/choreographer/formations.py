@@ -35,17 +35,15 @@ def slots(n: int, name: str) -> np.ndarray:
     return np.array(_FORMATIONS[str(n)][name], dtype=np.float64)
 
 
-def min_distance(paths: np.ndarray) -> float:
-    """Smallest distance between any two dancers at any time; paths (n, f, 2) -> metres.
+def min_distance(paths: np.ndarray) -> np.ndarray:
+    """Smallest distance between any two dancers at any time; paths (..., n, f, 2) -> metres (...).
 
-    >>> min_distance(np.zeros((1, 5, 2)))
+    >>> min_distance(np.zeros((1, 5, 2))).item()
     inf
     """
-    i, j = np.triu_indices(len(paths), 1)
-    if len(i) == 0:
-        return float("inf")
-    gap = paths[i] - paths[j]
-    return float(np.sqrt((gap * gap).sum(-1).min()))
+    i, j = np.triu_indices(paths.shape[-3], 1)
+    gap = paths[..., i, :, :] - paths[..., j, :, :]
+    return np.sqrt((gap * gap).sum(-1).min((-2, -1), initial=np.inf))
 
 
 def curved_paths(start: np.ndarray, stop: np.ndarray, bulge: np.ndarray, steps: int) -> np.ndarray:
@@ -99,10 +97,5 @@ def _exchanged(rank: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 
 def _safe_bows(start: np.ndarray, stop: np.ndarray, bows: np.ndarray) -> np.ndarray | None:
     """The first of several choices of bows, (k, n), with which nobody meets anybody."""
-    i, j = np.triu_indices(len(start), 1)
-    if len(i) == 0:
-        return bows[0]
-    paths = curved_paths(start, stop, bows, 24)
-    gap = paths[:, i] - paths[:, j]
-    safe = (gap * gap).sum(-1).min((1, 2)) > MIN_DISTANCE**2
+    safe = min_distance(curved_paths(start, stop, bows, 24)) > MIN_DISTANCE
     return bows[safe.argmax()] if safe.any() else None
