@@ -12,6 +12,7 @@ Symbols
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from scipy.signal import butter, lfilter, sosfilt
@@ -54,20 +55,10 @@ def synth_song(seed: int, *, seconds: float = 30.0, tempo: float | None = None):
     start = float(rng.uniform(0, beat * 0.9))
     beats = np.arange(start, seconds, beat)
     band = _Band(rng, beat)
-    mix = np.zeros(int(seconds * RATE) + RATE)
     sections = _sections(rng, seconds, start, beat)
-    material: dict[str, dict] = {}
-    for begin, end, label in sections:
-        part = material.setdefault(label, band.write(label, rng))
-        bars = int(np.ceil((end - begin) / (4 * beat) - 1e-6))
-        for bar in range(bars):
-            when = _even_steps(begin + bar * 4 * beat, beat / 4)
-            band.play(mix, part, when, bar, end)
-    song = _master(mix[: round(seconds * RATE)], rng)
-    return (
-        Music(song, RATE, f"synth-{seed}"),
-        SongTruth(tempo, beats, beats[::4], sections, int(seed)),
-    )
+    song = _perform(band, sections, seconds, 4 * beat, lambda at, k: at + k * (beat / 4))
+    truth = SongTruth(tempo, beats, beats[::4], sections, int(seed))
+    return Music(song, RATE, f"synth-{seed}"), truth
 
 
 def synth_on_beats(beats, seed: int, *, seconds: float):
@@ -88,22 +79,17 @@ def synth_on_beats(beats, seed: int, *, seconds: float):
         raise ValueError(f"seconds={seconds} must be positive")
     grid = _carry_on(beats, seconds)
     inside = grid[grid < seconds]
-    rng = np.random.default_rng(seed)
-    band = _Band(rng, float(np.median(np.diff(grid))))
-    mix = np.zeros(int(seconds * RATE) + RATE)
-    material: dict[str, dict] = {}
+    rng, beat = np.random.default_rng(seed), float(np.median(np.diff(grid)))
+    band = _Band(rng, beat)
     sections = _sections(rng, len(inside), 0, 1)  # counted in beats
-    time = _time_on(grid)
-    for begin, end, label in sections:
-        part = material.setdefault(label, band.write(label, rng))
-        for bar in range(int(np.ceil((end - begin) / 4))):
-            band.play(mix, part, _steps_on(grid, begin + 4 * bar), bar, time(end))
-    song = _master(mix[: round(seconds * RATE)], rng)
-    tempo = 60 / float(np.median(np.diff(grid)))
-    timed = [(time(begin), min(time(end), seconds), label) for begin, end, label in sections]
-    return Music(song, RATE, f"synth-{seed}"), SongTruth(
-        tempo, inside, inside[::4], timed, int(seed)
-    )
+
+    def when(at: float, k: float = 0) -> float:
+        return float(np.interp(at + k / 4, np.arange(len(grid)), grid))
+
+    song = _perform(band, sections, seconds, 4, when)
+    timed = [(when(begin), min(when(end), seconds), label) for begin, end, label in sections]
+    truth = SongTruth(60 / beat, inside, inside[::4], timed, int(seed))
+    return Music(song, RATE, f"synth-{seed}"), truth
 
 
 def _carry_on(beats, seconds: float) -> np.ndarray:
@@ -121,19 +107,15 @@ def _carry_on(beats, seconds: float) -> np.ndarray:
     return np.concatenate([before, beats, beats[-1] + gaps[-1] * np.arange(1, missing + 1)])
 
 
-def _time_on(grid: np.ndarray) -> Callable[[float], float]:
-    return lambda position: float(np.interp(position, np.arange(len(grid)), grid))
-
-
-def _steps_on(grid: np.ndarray, beat: float) -> Callable[[float], float]:
-    """Times of the steps of the bar that begins on a beat of an uneven grid."""
-    time = _time_on(grid)
-    return lambda k: time(beat + k / 4)
-
-
-def _even_steps(at: float, step: float) -> Callable[[float], float]:
-    """Times of the steps of the bar that begins at ``at``, in one tempo."""
-    return lambda k: at + k * step
+def _perform(band: "_Band", sections, seconds: float, bar: float, when: Callable) -> np.ndarray:
+    """The sound of a song; ``when(at, k)``: when step k of the bar that begins at ``at`` comes."""
+    mix = np.zeros(int(seconds * RATE) + RATE)
+    material: dict[str, dict] = {}
+    for begin, end, label in sections:
+        part = material.setdefault(label, band.write(label, band.rng))
+        for k in range(int(np.ceil((end - begin) / bar - 1e-6))):
+            band.play(mix, part, partial(when, begin + k * bar), k, when(end, 0))
+    return _master(mix[: round(seconds * RATE)], band.rng)
 
 
 def _sections(rng, seconds, start, beat):
