@@ -30,7 +30,7 @@ from dancediff.motion.contact import foot_contact
 from dancediff.motion.motion import Motion
 from dancediff.motion.rotation import axis_angle_to_matrix
 from dancediff.motion.skeleton import FOOT_JOINTS, SMPL24
-from dancediff.music.beats import beat_frames
+from dancediff.music.features import beat_frames
 from dancediff.music.song import Music
 
 SHORTEST = 30  # frames; what is shorter holds nothing to learn from

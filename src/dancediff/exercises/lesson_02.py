@@ -4,7 +4,7 @@ import numpy as np
 import torch
 
 from dancediff.axes import FPS
-from dancediff.music.features import BEATS, HOP
+from dancediff.music.features import BEATS, HOP, beat_frames
 
 
 def _new_tone():
@@ -28,7 +28,7 @@ def _hears_a_tone(got) -> str:
 
 
 def _tempo(M):
-    return 60 * FPS / float(np.median(np.diff(np.flatnonzero(np.asarray(M)[:, BEATS.start] > 0.5))))
+    return 60 * FPS / float(np.median(np.diff(beat_frames(M))))
 
 
 def _tempo_cases() -> list[tuple]:

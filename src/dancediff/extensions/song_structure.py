@@ -18,8 +18,7 @@ from torch import Tensor
 from dancediff.data.choreographer.structure import PHRASE, Section
 from dancediff.motion.mirror import mirror_features
 from dancediff.motion.representation import LODGE
-from dancediff.music.beats import beat_frames
-from dancediff.music.features import PEAKS
+from dancediff.music.features import PEAKS, beat_frames
 from dancediff.papers.lodge.choreography import Arrangement
 from dancediff.papers.lodge.segments import Segments
 

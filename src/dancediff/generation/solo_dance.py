@@ -24,7 +24,7 @@ from dancediff.extensions.smooth_primitives import smooth_primitives
 from dancediff.extensions.song_structure import find_sections, repeat_sections
 from dancediff.generation.solo_request import LodgeRequest
 from dancediff.motion.representation import LODGE, at_origin, with_hands
-from dancediff.music.beats import beat_frames
+from dancediff.music.features import beat_frames
 from dancediff.papers.lodge.choreography import Arrangement
 from dancediff.papers.lodge.cue_guidance import CueGuidance
 from dancediff.papers.lodge.parallel import ParallelSampler

@@ -142,6 +142,17 @@ def detect_beats(onset: np.ndarray, peaks: np.ndarray) -> np.ndarray:
     return beats[(beats >= peaks[0]) & (beats <= peaks[-1])]
 
 
+def beat_frames(M: Tensor) -> np.ndarray:
+    """Frames on which a beat falls; (f, 35) -> int (k,).
+
+    >>> M = torch.zeros(40, 35)
+    >>> M[[5, 20], BEATS] = 1
+    >>> beat_frames(M).tolist()
+    [5, 20]
+    """
+    return np.flatnonzero(M[:, BEATS.start].numpy() > 0.5)
+
+
 def _mean_tempogram(onset: np.ndarray, at_once: int = _AT_ONCE) -> np.ndarray:
     """How much each lag of up to 8 s repeats itself, mean over the song, (lags, 1)."""
     import librosa

@@ -13,7 +13,7 @@ from torch import Tensor
 
 from dancediff.atomic import atomic_write
 from dancediff.axes import FPS
-from dancediff.music.features import BEATS, HOP, SAMPLE_RATE, music_features
+from dancediff.music.features import HOP, SAMPLE_RATE, beat_frames, music_features
 from dancediff.music.sound_on_disk import SoundOnDisk
 
 SILENT = 1e-4  # peak below which a song counts as silent
@@ -166,7 +166,7 @@ class Music:
 
     def beats(self) -> np.ndarray:
         """Times of the detected beats in seconds."""
-        return np.flatnonzero(self.features()[:, BEATS].numpy()[:, 0]) / FPS
+        return beat_frames(self.features()) / FPS
 
     @property
     def tempo(self) -> float:

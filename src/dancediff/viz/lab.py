@@ -16,7 +16,7 @@ from dancediff.diffusion.samplers import sampling_times
 from dancediff.metrics.rhythm import beat_alignment
 from dancediff.metrics.swaps import final_order
 from dancediff.motion.representation import LODGE
-from dancediff.music.beats import beat_frames
+from dancediff.music.features import beat_frames
 from dancediff.papers.lodge.choreography import arrange
 from dancediff.papers.lodge.cue_guidance import guided_steps
 from dancediff.papers.lodge.segments import segments_of
