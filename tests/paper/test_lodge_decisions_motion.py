@@ -36,7 +36,7 @@ def normalizer(clip):
 
 
 def cues_of(clip, **options):
-    return arrange(primitives_of(clip)[0][None], segments_of(1024), **options)
+    return arrange(primitives_of(clip)[0][None], segments_of(1024), **{"mirror": True} | options)
 
 
 def test_l02_soft_cues_are_on_beats(clip):
@@ -77,7 +77,7 @@ def test_l13_thirteen_primitives_in_training_as_in_dancing(clip):
     released_in_training = 3 * 1024 // 128 + 1
     assert released_in_training == 25
     with pytest.raises(ValueError, match="these segments need"):
-        arrange(torch.zeros(1, released_in_training, 8, 139), segments_of(1024))
+        arrange(torch.zeros(1, released_in_training, 8, 139), segments_of(1024), mirror=True)
 
 
 def test_l14_hard_primitives_lie_across_the_borders(clip):
@@ -154,7 +154,7 @@ def test_a_clip_is_not_damaged_by_taking_its_primitives(clip):
 def test_cues_are_mirrored_in_metres(clip, normalizer):
     """Released: normalised vectors are mirrored, as if every range were symmetric."""
     primitives = primitives_of(clip)[0]
-    made = arrange(primitives[None], segments_of(1024))
+    made = arrange(primitives[None], segments_of(1024), mirror=True)
     cues, at = made.cues().normalized(normalizer), int(made.positions[0, 1])
     ours = normalizer.unnormalize(cues.value[0, at - 4 : at + 4])
     released = normalizer.unnormalize(mirror_features(normalizer.normalize(primitives[1]), LODGE))
@@ -171,7 +171,7 @@ def test_songs_of_any_length_are_danced_to_their_end():
         p = segments_of(frames)
         x = stitch(torch.zeros(len(p.locals), 256, 139))[: p.frames]
         assert len(x) == frames and frames // 256 < len(p.locals)
-        arrange(torch.zeros(len(p.globals), 13, 8, 139), p)
+        arrange(torch.zeros(len(p.globals), 13, 8, 139), p, mirror=True)
 
 
 def test_discrete_primitives_have_as_many_frames_further_apart(clip):
@@ -180,6 +180,6 @@ def test_discrete_primitives_have_as_many_frames_further_apart(clip):
     assert dense.shape == thin.shape
     assert (near.diff(dim=1) == 1).all() and (far.diff(dim=1) == 4).all()
     p = segments_of(1024, DISCRETE)
-    cues = arrange(thin[None], p).cues()
+    cues = arrange(thin[None], p, mirror=True).cues()
     assert cues.soft.sum() == cues_of(clip).cues().soft.sum()
     assert cues.hard[0, :13:4].all() and not cues.hard[0, 1:4].any()

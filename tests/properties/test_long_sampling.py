@@ -193,7 +193,7 @@ def test_neighbours_are_told_the_same_at_their_border(layout, frames, every, see
     shape = (len(segments.globals), layout.num_primitives, layout.length, LODGE.dim)
     primitives = torch.randn(shape, generator=generator(seed))
     beats = range(0, frames, 7 * every) if every else []
-    made = arrange(primitives, segments, beats=beats, mirror=mirror, beat_align=align)
+    made = arrange(primitives, segments, beats=beats if align else (), mirror=mirror)
     cues = made.cues()
     L, n, half = len(segments.locals), layout.local_frames, layout.length // 2
     assert cues.value.shape == (L, n, LODGE.dim)

@@ -17,7 +17,7 @@ from dancediff.diffusion.conditions import Conditions
 def guided(
     denoise: Callable[[Tensor, Tensor, Conditions], Tensor],
     conditions: Conditions,
-    guidance: float | Callable[[int], float] = 2.0,
+    guidance: float | Callable[[int], float],
 ) -> Callable[[Tensor, int], Tensor]:
     r"""Bind a network to its conditions and exaggerate what the music changes.
 

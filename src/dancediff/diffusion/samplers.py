@@ -61,7 +61,7 @@ def ddim_step(
     t_next: int,
     abar: Tensor,
     *,
-    eta: float = 0.0,
+    eta: float,
     generator: Generators = None,
 ) -> Tensor:
     r"""One reverse step $x_t \to x_{t'}$ with $t' = $ ``t_next`` ($-1$ means "clean").
@@ -81,7 +81,7 @@ def ddim_step(
 
     >>> abar = torch.linspace(0.99, 0.01, 10)
     >>> x0 = torch.ones(1, 2, 3, 4)
-    >>> torch.equal(ddim_step(torch.randn_like(x0), x0, t=5, t_next=-1, abar=abar), x0)
+    >>> torch.equal(ddim_step(torch.randn_like(x0), x0, t=5, t_next=-1, abar=abar, eta=0), x0)
     True
     """
     _check_step(t, t_next, eta)
@@ -138,7 +138,7 @@ def dpm_step(
     abar: Tensor,
     *,
     before: tuple[Tensor, int] | None = None,
-    eta: float = 0.0,
+    eta: float,
     generator: Generators = None,
 ) -> Tensor:
     r"""One step of DPM-Solver++(2M): the guess is continued along a line through the last two.
@@ -161,8 +161,8 @@ def dpm_step(
 
     >>> abar = torch.linspace(0.99, 0.01, 10)
     >>> x_t, x0 = torch.randn(1, 2, 3, 4), torch.ones(1, 2, 3, 4)
-    >>> first = dpm_step(x_t, x0, 9, 5, abar)
-    >>> torch.allclose(first, ddim_step(x_t, x0, 9, 5, abar), atol=1e-6)
+    >>> first = dpm_step(x_t, x0, 9, 5, abar, eta=0)
+    >>> torch.allclose(first, ddim_step(x_t, x0, 9, 5, abar, eta=0), atol=1e-6)
     True
     """
     _check_step(t, t_next, eta)

@@ -71,14 +71,14 @@ class Group:
     Shapes: x (F, d), slots (n, 2), delay (n,).
     Raises: ValueError for another relation.
 
-    >>> group = Group(torch.zeros(30, 139), np.array([[-1.0, 0.0], [1.0, 0.5]]))
+    >>> group = Group(torch.zeros(30, 139), np.array([[-1.0, 0.0], [1.0, 0.5]]), "unison")
     >>> group.frames(20, 30).shape, group.frames(0, 1)[:, 0, 4:7].tolist()
     (torch.Size([2, 10, 139]), [[-1.0, 0.0, 0.0], [1.0, 0.0, 0.5]])
     """
 
     x: Tensor
     slots: np.ndarray
-    relation: str = "unison"
+    relation: str
     delay: Sequence[int] = ()  # only of a canon
 
     def __post_init__(self):

@@ -89,7 +89,7 @@ def repeat_sections(
     segments: Segments,
     sections: Sequence[Section],
     *,
-    mirror: bool = True,
+    mirror: bool,
 ) -> Arrangement:
     """Give a section that comes again the soft cues of its first time, every second time mirrored.
 
@@ -101,8 +101,8 @@ def repeat_sections(
     >>> from dancediff.papers.lodge.segments import segments_of
     >>> segments = segments_of(1024)
     >>> first, again = Section(0, 512, "verse", 0), Section(512, 1024, "verse", 2)
-    >>> made = arrange(torch.randn(1, 13, 8, 139), segments)
-    >>> made = repeat_sections(made, segments, [first, again])
+    >>> made = arrange(torch.randn(1, 13, 8, 139), segments, mirror=True)
+    >>> made = repeat_sections(made, segments, [first, again], mirror=True)
     >>> torch.equal(made.soft[:2], made.soft[2:])
     True
     """

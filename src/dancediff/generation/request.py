@@ -52,7 +52,7 @@ def request_of(family: str, name: str, options: dict) -> SamplingConfig:
     return kind(**options)
 
 
-def default_of(family: str, name: str, preset: str = "packaged"):
+def default_of(family: str, name: str, preset: str = SamplingConfig.preset):
     """What an option is where nobody says otherwise; None: it follows from model and song.
 
     >>> default_of("tcdiffpp", "steps"), default_of("tcdiffpp", "steps", "paper")

@@ -14,7 +14,7 @@ from hashlib import sha256
 
 from dancediff.data.choreographed import SIZES
 from dancediff.extensions.build import EXTENSIONS
-from dancediff.generation.request import REQUESTS, request_of
+from dancediff.generation.request import REQUESTS, default_of, request_of
 from dancediff.generation.sampling_config import SamplingConfig
 from dancediff.training.config import SHORTEST_SONG, GroupData, SoloData
 from dancediff.training.lodge import STAGES, check_lodge_tables, is_lodge, stage_config
@@ -37,7 +37,7 @@ class HeldOut:
     songs: int = 10
     first_seed: int = 1_000_000
     seconds: float = 24.0  # 720 frames, the paper's evaluation length
-    dancers: int = 3
+    dancers: int = default_of("tcdiffpp", "dancers")
     reference: int = 40  # training songs whose dances are the reference set of FID and the like
 
     def __post_init__(self):

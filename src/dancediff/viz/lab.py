@@ -158,8 +158,8 @@ def cue_frames(
     layout = model.config.global_stage.layout
     segments = segments_of(frames, layout)
     empty = torch.zeros(len(segments.globals), layout.num_primitives, layout.length, LODGE.dim)
-    beats = beat_frames(song.features())
-    cues = arrange(empty, segments, beats=beats, mirror=mirror, beat_align=beat_align).cues()
+    beats = beat_frames(song.features()) if beat_align else ()
+    cues = arrange(empty, segments, beats=beats, mirror=mirror).cues()
     whole = np.zeros((2, segments.locals[-1] + layout.local_frames), bool)
     for start, *masks in zip(segments.locals, cues.hard, cues.soft, strict=True):
         for row, mask in zip(whole, masks, strict=True):

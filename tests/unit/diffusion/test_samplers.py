@@ -97,7 +97,7 @@ def test_ddim_keeps_the_marginal_for_every_eta():
 def test_step_errors():
     x = torch.zeros(SHAPE)
     with pytest.raises(ValueError, match="t_next=5 must be below t=5"):
-        ddim_step(x, x, 5, 5, ABAR)
+        ddim_step(x, x, 5, 5, ABAR, eta=0.0)
     for eta in (-0.1, 1.5):
         with pytest.raises(ValueError, match=f"eta={eta} "):
             ddim_step(x, x, 5, 4, ABAR, eta=eta)
@@ -176,7 +176,7 @@ def test_dpm_step_by_hand():
     h, h_last = level[0] - level[1], level[1] - level[2]
     D = (1 + h / (2 * h_last)) * 0.4 - h / (2 * h_last) * 0.1
     flow = math.sqrt(0.1 / 0.36) * 2.0 + math.sqrt(0.9) * (1 - math.exp(-h)) * D
-    out = dpm_step(x_t, x0, 1, 0, abar, before=(last, 2))
+    out = dpm_step(x_t, x0, 1, 0, abar, before=(last, 2), eta=0.0)
     assert out.item() == pytest.approx(flow)
     z = torch.randn(1, 1, 1, 1, generator=gen(3)).item()
     noisy = math.sqrt(0.1 / 0.36) * math.exp(-h) * 2.0
@@ -228,7 +228,7 @@ def test_dpm_solves_the_flow_and_twice_the_steps_are_four_times_as_close():
         x, before = torch.tensor([[[[x_T]]]], dtype=torch.float64), None
         for t in range(steps, 0, -1):
             x0_hat = torch.as_tensor(two_poses(x.numpy(), abar[t].item()))
-            x = dpm_step(x, x0_hat, t, t - 1, abar, before=before)
+            x = dpm_step(x, x0_hat, t, t - 1, abar, before=before, eta=0.0)
             before = (x0_hat, t)
         errors[steps] = abs(x.item() - exact)
     assert errors[20] < 0.01

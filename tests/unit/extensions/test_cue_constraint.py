@@ -18,7 +18,7 @@ def guidance():
     hard = torch.zeros(SHAPE[:2], dtype=torch.bool)
     hard[:, :4] = hard[:, -4:] = True
     y = torch.full(SHAPE, 0.8)
-    return CueGuidance(y, hard, ~hard & False, ABAR, sampling_times("ddim", 10))
+    return CueGuidance(y, hard, ~hard & False, ABAR, sampling_times("ddim", 10), soft=1.0)
 
 
 def dance(denoise, hooks=(), pin=None):

@@ -84,13 +84,12 @@ def arrange(
     segments: Segments,
     *,
     beats: Iterable[int] = (),
-    mirror: bool = True,
-    beat_align: bool = True,
+    mirror: bool,
 ) -> Arrangement:
     """Split hard primitives at borders, mirror soft ones, and put them on beats.
 
-    ``beats``: frames of the song. ``mirror=False``: two soft cues in each local instead of four,
-    and none mirrored. ``beat_align=False``, or a local without beats: fixed frames.
+    ``beats``: frames of the song; in a local without any, fixed frames. ``mirror=False``: two soft
+    cues in each local instead of four, and none mirrored.
 
     Source: Lodge section 3.2 and appendix B.  Differs: the released code mirrors normalised vectors
     and always uses fixed frames.
@@ -99,7 +98,8 @@ def arrange(
     Raises: ValueError when the primitives are not those of the segments.
 
     >>> from dancediff.papers.lodge.segments import segments_of
-    >>> made = arrange(torch.randn(1, 13, 8, 139), segments_of(1024), beats=range(0, 1024, 15))
+    >>> primitives, beats = torch.randn(1, 13, 8, 139), range(0, 1024, 15)
+    >>> made = arrange(primitives, segments_of(1024), beats=beats, mirror=True)
     >>> made.soft.shape, made.positions[0].tolist()
     (torch.Size([4, 4, 8, 139]), [45, 105, 165, 225])
     """
@@ -107,7 +107,7 @@ def arrange(
     tail, soft, head = split_at_borders(chain(primitives, segments), layout)
     if mirror:
         soft = torch.stack([soft, mirror_features(soft, LODGE)], dim=2).flatten(1, 2)
-    beats = sorted(map(int, beats)) if beat_align else []
+    beats = sorted(map(int, beats))
     positions = torch.tensor(
         [
             cue_positions([b - start for b in beats], layout, count=soft.shape[1])

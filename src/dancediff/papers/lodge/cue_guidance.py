@@ -110,7 +110,8 @@ class CueGuidance:
     >>> from dancediff.diffusion.schedule import cosine_abar
     >>> y = torch.ones(1, 12, 139)
     >>> hard = torch.tensor([[True] * 4 + [False] * 4 + [True] * 4])
-    >>> cues = CueGuidance(y, hard, ~hard & False, cosine_abar(), sampling_times("ddim", 50))
+    >>> times = sampling_times("ddim", 50)
+    >>> cues = CueGuidance(y, hard, ~hard & False, cosine_abar(), times, soft=1.0)
     >>> cues(torch.zeros(1, 12, 139), t_next=-1)[0, :, 7].tolist()
     [1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0]
     """
@@ -120,7 +121,7 @@ class CueGuidance:
     soft_frames: Tensor
     abar: Tensor
     times: Sequence[int]
-    soft: float = 1.0
+    soft: float
     generators: Generators = None
 
     def __post_init__(self):

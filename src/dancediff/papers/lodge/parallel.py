@@ -114,8 +114,8 @@ class ParallelSampler:
 
     def arrange(self, primitives: Tensor, M: Tensor, segments: Segments) -> Arrangement:
         """Which primitives each local passes, and when."""
-        options = {"mirror": self.request.mirror, "beat_align": self.request.beat_align}
-        return arrange(primitives, segments, beats=beat_frames(M), **options)
+        beats = beat_frames(M) if self.request.beat_align else ()
+        return arrange(primitives, segments, beats=beats, mirror=self.request.mirror)
 
     def locals(self, M: Tensor, segments: Segments, arrangement: Arrangement) -> Tensor:
         """Second stage: dance from cue to cue.

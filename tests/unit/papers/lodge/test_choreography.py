@@ -25,7 +25,7 @@ def random_primitives(G=1, layout=LAYOUT):
 
 
 def make_cues(primitives, segments, **options):
-    return arrange(primitives, segments, **options).cues()
+    return arrange(primitives, segments, **{"mirror": True} | options).cues()
 
 
 def mirrored(x):
@@ -79,7 +79,7 @@ def test_masks_count_what_the_paper_counts():
 
 def test_soft_cues_come_twice_the_second_time_mirrored():
     primitives = random_primitives()
-    made = arrange(primitives, segments_of(1024))
+    made = arrange(primitives, segments_of(1024), mirror=True)
     cues = made.cues()
     for j in range(4):
         s, s2 = primitives[0, 3 * j + 1], primitives[0, 3 * j + 2]
@@ -90,12 +90,14 @@ def test_soft_cues_come_twice_the_second_time_mirrored():
 
 def test_cues_are_put_on_beats():
     beats = list(range(11, 2048, 17))
-    made = arrange(random_primitives(2), segments_of(2048), beats=beats)
+    made = arrange(random_primitives(2), segments_of(2048), beats=beats, mirror=True)
     frames = made.positions + torch.arange(0, 2048, 256)[:, None]
     assert set(frames.flatten().tolist()) <= set(beats)
-    fixed = arrange(random_primitives(2), segments_of(2048), beats=beats, beat_align=False)
+    fixed = arrange(random_primitives(2), segments_of(2048), mirror=True)
     assert fixed.positions.tolist() == [[32, 64, 160, 192]] * 8
-    mixed = arrange(random_primitives(2), segments_of(2048), beats=[300, 350, 400, 450])
+    mixed = arrange(
+        random_primitives(2), segments_of(2048), beats=[300, 350, 400, 450], mirror=True
+    )
     assert mixed.positions[:2].tolist() == [[32, 64, 160, 192], [44, 94, 144, 194]]
 
 
@@ -131,8 +133,8 @@ def test_a_section_that_returns_gets_the_mirrored_cues():
     p, primitives = segments_of(2048), random_primitives(2)
     sections = [Section(0, 512, "a", 0), Section(512, 1024, "b", 0), Section(1024, 1536, "a", 1)]
     sections.append(Section(1536, 2048, "a", 2))
-    made = arrange(primitives, p, beat_align=False)
-    plain, cues = made.cues(), repeat_sections(made, p, sections).cues()
+    made = arrange(primitives, p, mirror=True)
+    plain, cues = made.cues(), repeat_sections(made, p, sections, mirror=True).cues()
     assert torch.equal(cues.value[:4], plain.value[:4])
     for j in range(2):
         for at in (32, 64, 160, 192):
@@ -140,7 +142,7 @@ def test_a_section_that_returns_gets_the_mirrored_cues():
             assert torch.equal(cues.value[4 + j, part], mirrored(plain.value[j, part]))
             assert torch.equal(cues.value[6 + j, part], plain.value[j, part])  # third time
     assert torch.equal(cues.value[:, :4], plain.value[:, :4])  # hard cues stay
-    once = arrange(primitives, p, beat_align=False, mirror=False)
+    once = arrange(primitives, p, mirror=False)
     unmirrored = repeat_sections(once, p, sections, mirror=False).cues()
     once = once.cues()
     assert torch.equal(unmirrored.value[4, 28:36], once.value[0, 28:36])
@@ -152,12 +154,12 @@ def test_a_longer_return_starts_the_material_again_and_an_empty_section_gives_no
     positions = torch.tensor([[64, 192]] * 4)
     sections = [Section(0, 256, "a", 0), Section(256, 300, "b", 0), Section(300, 1024, "a", 2)]
     made = Arrangement(soft[:, 0, :4], soft, soft[:, 0, 4:], positions, LAYOUT)
-    again = repeat_sections(made, segments_of(1024), sections).soft
+    again = repeat_sections(made, segments_of(1024), sections, mirror=True).soft
     # 148, 276, 404, ... frames after 300: 148, 20, 148, 20 after the start of a
     assert torch.equal(again[1:].flatten(0, 1)[1:3], soft[0].flip(0))
     assert torch.equal(again[0], soft[0])
     empty = [Section(0, 20, "a", 0), Section(20, 1024, "a", 1)]
-    assert torch.equal(repeat_sections(made, segments_of(1024), empty).soft, soft)
+    assert torch.equal(repeat_sections(made, segments_of(1024), empty, mirror=True).soft, soft)
 
 
 def test_cues_for_the_network_are_scaled_and_cut():
@@ -172,7 +174,9 @@ def test_cues_for_the_network_are_scaled_and_cut():
 
 def test_cues_of_some_locals_are_those_of_all():
     whole = make_cues(random_primitives(2), segments_of(2048), beats=range(0, 2048, 14))
-    arrangement = arrange(random_primitives(2), segments_of(2048), beats=range(0, 2048, 14))
+    arrangement = arrange(
+        random_primitives(2), segments_of(2048), beats=range(0, 2048, 14), mirror=True
+    )
     part = arrangement.cues(slice(3, 5))
     assert part.value.shape == (2, 256, 139) and part.hard.any() and part.soft.any()
     for name in ("value", "hard", "soft"):

@@ -31,7 +31,7 @@ def cues(segments=2, f=64, *, sampler="ddim", steps=10, **options):
         soft[k, 12 + k : 20 + k] = soft[k, 40:48] = True
     value = torch.full((segments, f, LODGE.dim), 0.8)
     times = sampling_times(sampler, steps)
-    return CueGuidance(value, hard, soft, ABAR, times, **options)
+    return CueGuidance(value, hard, soft, ABAR, times, **{"soft": 1.0} | options)
 
 
 def dance(guidance, denoise=lambda x, t: 0.7 * x, *, seed=0, eta=1.0, sampler="ddim"):
@@ -111,10 +111,10 @@ def test_hard_and_soft_entries_of_one_segment():
     soft = torch.zeros(1, 256, dtype=torch.bool)
     for start in (28, 60, 156, 188):
         soft[:, start : start + 8] = True
-    guidance = CueGuidance(guidance.y, guidance.hard_frames, soft, ABAR, guidance.times)
+    guidance = CueGuidance(guidance.y, guidance.hard_frames, soft, ABAR, guidance.times, soft=1.0)
     assert int((guidance.hard | guidance.soft_only).sum()) == (4 + 4 + 4 * 8) * 136 == 5440
     overlapping = CueGuidance(
-        guidance.y, guidance.hard_frames, torch.ones_like(soft), ABAR, guidance.times
+        guidance.y, guidance.hard_frames, torch.ones_like(soft), ABAR, guidance.times, soft=1.0
     )
     assert not (overlapping.hard & overlapping.soft_only).any()
 
@@ -183,7 +183,12 @@ def test_errors():
     guidance = cues()
     with pytest.raises(ValueError, match="hard_frames has shape"):
         CueGuidance(
-            guidance.y, guidance.hard_frames[:, 1:], guidance.soft_frames, ABAR, guidance.times
+            guidance.y,
+            guidance.hard_frames[:, 1:],
+            guidance.soft_frames,
+            ABAR,
+            guidance.times,
+            soft=1.0,
         )
     with pytest.raises(ValueError, match="x has shape"):
         guidance(torch.zeros(2, 63, 139), -1)

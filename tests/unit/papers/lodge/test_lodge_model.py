@@ -177,7 +177,7 @@ def test_formations_grow_until_nobody_collides():
     x[:, 4] = torch.linspace(0, 1.0, 60)  # both walk towards the middle: 0.7 m is not enough
     group = Group(x, places(2, "line"), relation="mirror").frames(0, 60)
     assert nearest(group[..., LODGE.root]) >= 0.75
-    alike = Group(x, places(2, "line")).frames(0, 60)
+    alike = Group(x, places(2, "line"), relation="unison").frames(0, 60)
     assert alike[0, 0, 4].item() == pytest.approx(-0.7)  # in unison nothing has to grow
 
 
@@ -188,7 +188,7 @@ def test_a_group_is_the_same_made_piece_by_piece(relation, monkeypatch):
     x[3700:, 4] = torch.linspace(0, 6, 300)  # in the last minute somebody comes too close
     options = {"relation": relation, "delay": [0, 50, 100]}
     group = Group(x, places(3, "V"), **options)
-    usual = Group(torch.zeros_like(x), places(3, "V")).home
+    usual = Group(torch.zeros_like(x), places(3, "V"), relation="unison").home
     assert torch.equal(group.home, usual) == (relation == "unison")  # the others had to grow
     monkeypatch.setattr("dancediff.extensions.group_relations.PIECE", 10**6)
     assert torch.equal(Group(x, places(3, "V"), **options).home, group.home)

@@ -81,7 +81,7 @@ def test_what_is_sampled_is_the_guess_with_refined_feet(model):
 def test_hard_cues_are_in_the_dance_and_both_sides_share_them(model):
     steps, M, segments = sampler(model, soft=0.0), music(4 * n), segments_of(4 * n, layout(model))
     primitives = steps.primitives(M, segments)
-    arrangement = arrange(primitives, segments)
+    arrangement = arrange(primitives, segments, mirror=True)
     x, cues = steps.locals(M, segments, arrangement), arrangement.cues()
     channels = torch.ones(139, dtype=torch.bool)
     channels[LODGE.root] = False
@@ -101,7 +101,7 @@ def test_soft_cues_pull_the_more_the_longer_they_are_held():
     model.local_stage.denoise = lambda x_t, t, conditions: 0.97 * x_t  # takes up what it is given
     M, segments = music(2 * n), segments_of(2 * n, layout(model))
     g = torch.Generator().manual_seed(0)
-    arrangement = arrange(0.5 * torch.rand(1, 13, 8, 139, generator=g), segments)
+    arrangement = arrange(0.5 * torch.rand(1, 13, 8, 139, generator=g), segments, mirror=True)
     cues = arrangement.cues()
     soft = (cues.soft & ~cues.hard).nonzero(as_tuple=True)
 
