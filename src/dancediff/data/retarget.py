@@ -20,7 +20,7 @@ from dancediff.data.bvh import BVH
 from dancediff.data.joint_maps import GIRDLES, bones, find_joints
 from dancediff.data.repair import bridge, close_gaps, repair, runs
 from dancediff.data.resample import moments
-from dancediff.motion.contact import TOE_CLEARANCE, foot_contact
+from dancediff.motion.contact import CONTACT_HEIGHT, TOE_CLEARANCE, foot_contact
 from dancediff.motion.ik import frame_from_bone, two_bone_ik
 from dancediff.motion.motion import Motion
 from dancediff.motion.rotation import axis_angle_to_matrix, rotation_between, slerp
@@ -31,7 +31,6 @@ ANKLE_FLOOR = 0.05  # metres: no ankle is put lower
 KNEE_FRONT = 0.05  # leg lengths: how much a straight leg's thigh decides where its knee points
 KNEE_REACH = 1.8  # radians from pointing to the front and outward
 STIFF = ("ltoe", "rtoe", "lhand", "rhand")  # move with foot and wrist
-SKATE_HEIGHT = (0.12, 0.05)  # metres: a foot is down when its ankle and its toe are under these
 STANDING = 0.005  # metres a frame
 SKATE_SPEED = 0.01  # metres a frame
 
@@ -145,8 +144,8 @@ def floor_height(feet: Tensor) -> float:
 def skating_ratio(feet: Tensor) -> float:
     r"""Share of the frames with a foot down in which that foot slides.
 
-    Down: ankle under 8 cm and toe under 5 cm. Slides: ankle or toe moves more than 1 cm a frame
-    in the floor plane. 0 when no foot is ever down.
+    Down: ankle and toe are under `CONTACT_HEIGHT`, 12 cm and 5 cm. Slides: ankle or toe moves
+    more than 1 cm a frame in the floor plane. 0 when no foot is ever down.
 
     Source: Lodge's foot-skating ratio.  Differs: speed is the length of the horizontal step, where
     Lodge's code takes the mean of its two signed parts, in which opposite signs cancel.
@@ -155,8 +154,7 @@ def skating_ratio(feet: Tensor) -> float:
     """
     step = feet[1:, ..., ON_FLOOR] - feet[:-1, ..., ON_FLOOR]
     slides = (step.norm(dim=-1) > SKATE_SPEED).unflatten(-1, (2, 2)).any(-2)
-    low = feet[:-1, :, 1].unflatten(-1, (2, 2)) < feet.new_tensor(SKATE_HEIGHT)[:, None]
-    down = low.all(-2)
+    down = (feet[:-1, :, 1] < feet.new_tensor(CONTACT_HEIGHT)).unflatten(-1, (2, 2)).all(-2)
     return (slides & down).sum().item() / max(down.sum().item(), 1)
 
 

@@ -9,15 +9,13 @@ from itertools import pairwise
 
 import numpy as np
 
-from dancediff.data.choreographer.footsteps import smoothstep
+from dancediff.data.choreographer.footsteps import OFFSETS, smoothstep
 from dancediff.data.choreographer.moves import Style
 from dancediff.data.choreographer.poses import ARM_JOINTS, pose_between, pose_key
 from dancediff.data.choreographer.quaternion import euler, to_matrix
 from dancediff.data.choreographer.score import Count
 from dancediff.data.choreographer.tracks import pose_track, same_hemisphere, smoothed
-from dancediff.motion.skeleton import SMPL24
 
-_OFFSETS = SMPL24.offsets.numpy().astype(np.float64)
 _REST = "low"  # smaller arms are nearer to this
 _NARROW = "bent"  # and those of dancers who pass each other to this
 _PASSING = (0.65, 1.5)  # metres between two dancers: arms at the body, arms free
@@ -97,7 +95,7 @@ def arm_matrices(q: np.ndarray, shrug: np.ndarray, body: np.ndarray) -> np.ndarr
     for s, sign in ((0, 1.0), (1, -1.0)):
         R[:, s, :, 0] = euler(0.0, -sign * lift, 0.0) @ R[:, s, :, 0]
     shoulder = [
-        _OFFSETS[c] + R[:, s, :, 0] @ _OFFSETS[a] for s, (c, a, _, _) in enumerate(ARM_JOINTS)
+        OFFSETS[c] + R[:, s, :, 0] @ OFFSETS[a] for s, (c, a, _, _) in enumerate(ARM_JOINTS)
     ]
     for _ in range(_ROUNDS):
         elbows, hands = zip(*(_reach(R[:, s], shoulder[s], s) for s in (0, 1)), strict=True)
@@ -120,9 +118,9 @@ def _reach(R: np.ndarray, shoulder: np.ndarray, s: int) -> tuple[np.ndarray, np.
     """Elbow and hand in the chest's frame, (n, f, 3); R (n, f, 4, 3, 3) of one arm."""
     _, _, elbow, wrist = ARM_JOINTS[s]
     C, S, E, W = np.moveaxis(R, -3, 0)
-    fore = _OFFSETS[wrist] + W @ _OFFSETS[wrist + 2]
+    fore = OFFSETS[wrist] + W @ OFFSETS[wrist + 2]
     upper = C @ S
-    at = shoulder + upper @ _OFFSETS[elbow]
+    at = shoulder + upper @ OFFSETS[elbow]
     return at, at + (upper @ (E @ fore[..., None]))[..., 0]
 
 

@@ -20,7 +20,7 @@ from dancediff.data.choreographer.body import (
     rise_of,
     spine,
 )
-from dancediff.data.choreographer.footsteps import foot_path, time_steps
+from dancediff.data.choreographer.footsteps import OFFSETS, foot_path, time_steps
 from dancediff.data.choreographer.moves import CHANNEL, Genre
 from dancediff.data.choreographer.poses import ARM_JOINTS
 from dancediff.data.choreographer.quaternion import euler
@@ -30,7 +30,6 @@ from dancediff.data.choreographer.walk import plan_walk
 from dancediff.motion.ik import two_bone_ik
 from dancediff.motion.skeleton import SMPL24
 
-_OFFSETS = SMPL24.offsets.numpy().astype(np.float64)
 _FACE = CHANNEL["face"]
 _SPINE = tuple(SMPL24.index(name) for name in ("belly", "spine", "chest", "neck", "head"))
 
@@ -103,7 +102,7 @@ def _legs(pose: np.ndarray, root: np.ndarray, dance: list[Part]) -> None:
             np.stack([getattr(x, k) for x in feet]) for k in ("yaw", "pitch", "flex")
         )
         target = np.stack([x.ankle for x in feet])
-        hip_at = root + facing @ _OFFSETS[hip]
+        hip_at = root + facing @ OFFSETS[hip]
         pole = np.stack([np.sin(yaw), 0.25 + 0 * yaw, np.cos(yaw)], -1)
         thigh, shin, _ = two_bone_ik(
             torch.from_numpy(hip_at), torch.from_numpy(target), torch.from_numpy(pole),
@@ -121,9 +120,9 @@ def _seen_from_chest(pose: np.ndarray) -> np.ndarray:
     """Pelvis, hips and knees in the chest's frame, (n, f, 5, 3)."""
     belly, spine, chest = (SMPL24.index(name) for name in ("belly", "spine", "chest"))
     up = pose[:, :, belly] @ pose[:, :, spine]  # from the pelvis to the spine
-    at = _OFFSETS[belly] + pose[:, :, belly] @ _OFFSETS[spine] + up @ _OFFSETS[chest]
+    at = OFFSETS[belly] + pose[:, :, belly] @ OFFSETS[spine] + up @ OFFSETS[chest]
     points = [np.zeros_like(at)]
     hips = [hip for hip, _, _ in LEGS]
-    points += [np.broadcast_to(_OFFSETS[hip], at.shape) for hip in hips]
-    points += [_OFFSETS[hip] + pose[:, :, hip] @ _OFFSETS[knee] for hip, knee, _ in LEGS]
+    points += [np.broadcast_to(OFFSETS[hip], at.shape) for hip in hips]
+    points += [OFFSETS[hip] + pose[:, :, hip] @ OFFSETS[knee] for hip, knee, _ in LEGS]
     return (np.stack(points, 2) - at[:, :, None]) @ (up @ pose[:, :, chest])

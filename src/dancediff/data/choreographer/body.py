@@ -17,19 +17,17 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
 from dancediff.axes import FPS
-from dancediff.data.choreographer.footsteps import FootPath, Jump
+from dancediff.data.choreographer.footsteps import OFFSETS, FootPath, Jump
 from dancediff.data.choreographer.moves import CHANNEL, Genre, Groove
 from dancediff.data.choreographer.quaternion import euler
 from dancediff.data.choreographer.score import Count
 from dancediff.data.choreographer.tracks import warp
 from dancediff.data.choreographer.walk import Walk
-from dancediff.motion.skeleton import SMPL24
 
 GRAVITY = 9.81
-_OFFSETS = SMPL24.offsets.numpy().astype(np.float64)
 LEGS = ((1, 4, 7), (2, 5, 8))  # hip, knee, ankle of the left and the right leg
 _REACH = 0.992  # of the leg's length; a straighter leg pops at the knee
-_LEG = [np.linalg.norm(_OFFSETS[k]) + np.linalg.norm(_OFFSETS[a]) for _, k, a in LEGS]
+_LEG = [np.linalg.norm(OFFSETS[k]) + np.linalg.norm(OFFSETS[a]) for _, k, a in LEGS]
 _EARLY = 0.14  # beats by which the weight shifts before a foot lifts
 _SHARES = (0.35, 0.30, 0.35)  # of a torso bend in belly, spine and chest
 _NECK_LIMIT = np.radians(62)
@@ -141,7 +139,7 @@ def _room(floor, rotation, feet) -> np.ndarray:
     """How high the pelvis can be so that both legs reach their feet, (f,)."""
     room = np.full(len(floor), np.inf)
     for (hip, _, _), leg, foot in zip(LEGS, _LEG, feet, strict=True):
-        out = rotation @ _OFFSETS[hip]
+        out = rotation @ OFFSETS[hip]
         away = floor + out[:, (0, 2)] - foot.ankle[:, (0, 2)]
         drop = np.sqrt(np.maximum((_REACH * leg) ** 2 - (away**2).sum(-1), 0.04))
         room = np.minimum(room, foot.ankle[:, 1] + drop - out[:, 1])

@@ -28,7 +28,8 @@ STILL = 1.6e-3  # metres a frame; a foot joint that moves less is planted
 LEAD = 0.22  # beats by which a landing foot is ahead of a turning body
 WEIGHT = {"step": 1.0, "ball": 1.0, "jump": 1.0, "leap": 1.0, "tap": 0.3, "heel": 0.3, "air": 0.05}
 TILT = {"tap": 0.5, "heel": -0.42, "ball": 0.48}  # radians a foot is pitched as it stands
-TOES = {side: SMPL24.offsets[j].numpy().astype(np.float64) for side, j in (("L", 10), ("R", 11))}
+OFFSETS = SMPL24.offsets.numpy().astype(np.float64)  # of joints from their parents, metres
+TOES = {"L": OFFSETS[10], "R": OFFSETS[11]}
 
 
 @dataclass(frozen=True)

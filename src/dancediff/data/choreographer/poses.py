@@ -15,12 +15,11 @@ from pathlib import Path
 
 import numpy as np
 
+from dancediff.data.choreographer.footsteps import OFFSETS
 from dancediff.data.choreographer.quaternion import from_matrix
-from dancediff.motion.skeleton import SMPL24
 
 ARM_POSES = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
 ARM_JOINTS = ((13, 16, 18, 20), (14, 17, 19, 21))  # left, right: collar, shoulder, elbow, wrist
-_OFFSETS = SMPL24.offsets.numpy().astype(np.float64)
 
 
 def unit(x) -> np.ndarray:
@@ -56,8 +55,8 @@ def arm_quaternions(u, v, hinge, flexion: float, side: int) -> np.ndarray:
     rise = 0.30 * u[1] + 0.04
     ahead = 0.22 * max(u[2] - 0.25 * side * u[0], 0.0)
     collar = _turn([0, 0, 1], side * rise) @ _turn([0, 1, 0], -side * ahead)
-    upper = _frame(u, hinge) @ _frame(_OFFSETS[elbow], rest_hinge).T
-    fore = _frame(v, hinge) @ _frame(_OFFSETS[wrist], rest_hinge).T
+    upper = _frame(u, hinge) @ _frame(OFFSETS[elbow], rest_hinge).T
+    fore = _frame(v, hinge) @ _frame(OFFSETS[wrist], rest_hinge).T
     hand = _turn(rest_hinge, np.radians(flexion))
     return from_matrix(np.stack([collar, collar.T @ upper, upper.T @ fore, hand]))
 
