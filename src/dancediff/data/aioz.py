@@ -19,13 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from dancediff.axes import FPS
-from dancediff.data.formats import (
-    find_song,
-    group_takes,
-    plain_array,
-    read_splits,
-    smpl_take,
-)
+from dancediff.data.formats import find_song, group_takes, plain_array, read_splits, smpl_take
 from dancediff.data.take import SPLITS, DanceTake, Job
 
 WIDTH = 72  # 24 joints

@@ -24,13 +24,7 @@ import torch
 from torch import Tensor
 
 from dancediff.axes import FPS
-from dancediff.data.formats import (
-    find_song,
-    make_take,
-    pad_hands,
-    plain_array,
-    read_json,
-)
+from dancediff.data.formats import find_song, make_take, pad_hands, plain_array, read_json
 from dancediff.data.take import DanceTake, Job
 from dancediff.genre import FINEDANCE
 from dancediff.motion.contact import TOE_CLEARANCE
