@@ -109,17 +109,16 @@ class PackedTakes:
 
     def motion(self, k: int, start: int = 0, stop: int | None = None) -> Tensor:
         """Motion vectors of take k, not normalised, frames start..stop-1: (n, f, d)."""
-        place, entry = self.places[k], self.places[k].entry
-        rows = self._map("x")[place.x : place.x + entry.dancers * entry.frames]
-        shape = (entry.dancers, entry.frames, TCDIFFPP.dim)
-        return torch.from_numpy(rows.reshape(shape)[:, start:stop])
+        return self._part("x", k, self.places[k].entry.dancers, slice(start, stop))
 
     def music(self, k: int, start: int = 0, stop: int | None = None) -> Tensor:
         """Features of all songs of take k, raw: (songs, f, m); the first is the take's own."""
-        place, entry = self.places[k], self.places[k].entry
-        rows = self._map("M")[place.M : place.M + entry.songs * entry.frames]
-        shape = (entry.songs, entry.frames, NUM_FEATURES)
-        return torch.from_numpy(rows.reshape(shape)[:, start:stop])
+        return self._part("M", k, self.places[k].entry.songs, slice(start, stop))
+
+    def _part(self, name: str, k: int, count: int, frames: slice) -> Tensor:
+        first, f = getattr(self.places[k], name), self.places[k].entry.frames
+        rows = self._map(name)[first : first + count * f]
+        return torch.from_numpy(rows.reshape(count, f, -1)[:, frames])
 
     def takes(self, *, num_frames: int = 1, max_dancers: int | None = None) -> list[DanceTake]:
         """All takes of at least ``num_frames`` and up to ``max_dancers``; they stay on disk."""

@@ -46,11 +46,7 @@ class _Source:
 
 
 def retarget(
-    bvh: BVH,
-    joints: str | dict[str, str] = "generic",
-    *,
-    scale: float | None = None,
-    suspect=(),
+    bvh: BVH, joints: str | dict[str, str] = "generic", *, scale: float | None = None, suspect=()
 ) -> tuple[Motion, dict]:
     r"""Turn a recording into a `Motion` of one dancer at 30 fps, with what was measured on the way.
 

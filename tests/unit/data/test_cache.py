@@ -82,3 +82,13 @@ def test_keys_tell_parts_apart():
     assert len({content_key(*part) for part in parts}) == len(parts)
     assert content_key(np.arange(4)[::2]) == content_key(np.array([0, 2]))
     assert len(code_digest()) == 16 and code_digest() != code_digest(("music",))
+
+
+def test_versions_differ_in_code_and_in_tables(tmp_path, monkeypatch):
+    monkeypatch.setattr(module, "__file__", str(tmp_path / "data" / "cache.py"))
+    (tmp_path / "music").mkdir()
+    found = set()
+    for name, text in (("a.py", "1"), ("a.py", "2"), ("b.toml", "1"), ("b.toml", "2")):
+        (tmp_path / "music" / name).write_text(text)
+        found.add(code_digest.__wrapped__(("music",)))
+    assert len(found) == 4
