@@ -50,7 +50,7 @@ trust: export OMP_NUM_THREADS = 1
 trust: export DANCEDIFF_TRUST = long
 trust: $(READY)
 	$(BIN)/python -m pytest -n 2 --dist worksteal --timeout=1200 tests/trust tests/fuzz tests/properties \
-	  tests/structure/test_licences.py tests/structure/test_packaging.py tests/unit/cli/test_doctor.py
+	  tests/structure/test_licences.py tests/structure/test_packaging.py tests/packaged/test_doctor.py
 
 lint: $(READY)
 	$(BIN)/ruff check .

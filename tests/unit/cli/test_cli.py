@@ -10,9 +10,23 @@ import numpy as np
 import pytest
 import soundfile
 
-from dancediff import __version__
+from dancediff import __version__, hub
 from dancediff.cli import main
 from dancediff.cli.files import write_all
+from dancediff.generation.pipeline import pipeline_of
+from tiny_lodge import tiny_lodge
+from tiny_tcdiffpp import tiny_tcdiffpp
+
+
+@pytest.fixture(autouse=True)
+def small_models(monkeypatch):
+    """Models of random weights by the names of the packaged ones."""
+    small = {"tcdiffpp": lambda: tiny_tcdiffpp().model, "lodge": tiny_lodge}
+
+    def load(name, load=hub.load, **options):
+        return pipeline_of(small[name](), name) if name in small else load(name, **options)
+
+    monkeypatch.setattr(hub, "load", load)
 
 
 @pytest.fixture

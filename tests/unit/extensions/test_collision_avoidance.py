@@ -15,9 +15,9 @@ from dancediff.extensions.collision_avoidance import (
 )
 from dancediff.extensions.constraint import Conditioning, Constraint
 from dancediff.generation.pipeline import pipeline_of
-from dancediff.metrics.collision import tif
 from dancediff.motion.representation import Normalizer, pack
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
+from tiny_tcdiffpp import tiny_tcdiffpp
 
 F = 30
 
@@ -97,22 +97,8 @@ def test_what_is_told_is_kept():
     assert bent[1, :, X].mean() > x[1, :, X].mean() + 0.02
 
 
-def test_five_dancers_touch_less():
-    song, model = dd.packaged_song(), dd.load("tcdiffpp")
-    ask = {"dancers": 5, "seconds": 5, "steps": 10, "guidance": 2}
-    touched = {
-        on: sum(
-            tif(model.generate(song, seed=seed, collision_avoidance=on, **ask).joints())
-            for seed in (0, 1)
-        )
-        for on in (False, True)
-    }
-    assert touched[False] > 0.1, "nobody met: choose other seeds"
-    assert touched[True] < 0.5 * touched[False], touched
-
-
 def test_arguments():
-    song, model = dd.packaged_song(), dd.load("tcdiffpp")
+    song, model = dd.packaged_song(), tiny_tcdiffpp()
     with pytest.raises(ValueError, match="collision_avoidance='wide' must be True or False"):
         model.generate(song, collision_avoidance="wide")
     plain = TCDiffPP(TCDiffPPConfig(d_model=16, num_layers=1, ff_dim=32))
@@ -121,7 +107,7 @@ def test_arguments():
 
 
 def test_naive_sampling_keeps_nobody_apart_and_says_so():
-    song, model = dd.packaged_song(), dd.load("tcdiffpp")
+    song, model = dd.packaged_song(), tiny_tcdiffpp()
     naive = {"long_sampling": "naive", "seconds": 5, "steps": 2}
     with pytest.raises(ValueError, match="not possible with long_sampling='naive'"):
         model.generate(song, collision_avoidance=True, **naive)
@@ -129,7 +115,7 @@ def test_naive_sampling_keeps_nobody_apart_and_says_so():
 
 
 def test_room_is_kept_where_the_model_can():
-    song, model = dd.packaged_song(), dd.load("tcdiffpp")
+    song, model = dd.packaged_song(), tiny_tcdiffpp()
     plain = TCDiffPP(TCDiffPPConfig(d_model=16, num_layers=1, ff_dim=32))
     ask = {"seconds": 5, "steps": 1}
     models = (model, pipeline_of(plain))

@@ -8,9 +8,9 @@ from dancediff.extensions.collision_avoidance import SLACK
 from dancediff.extensions.constraint import Conditioning, Constraint
 from dancediff.extensions.order_constraint import GAP, OrderConstraint, X, in_order
 from dancediff.generation.pipeline import pipeline_of
-from dancediff.metrics.swaps import obeys
 from dancediff.motion.representation import Normalizer
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
+from tiny_tcdiffpp import tiny_tcdiffpp
 
 F = 60
 
@@ -73,21 +73,8 @@ def test_what_is_told_is_kept():
     assert bent[0, 1, -1, X] < x[0, 1, -1, X] - 0.5
 
 
-def test_the_packaged_model_obeys_more_often():
-    song, model = dd.packaged_song(), dd.load("tcdiffpp")
-    ask = {"dancers": 3, "seconds": 5, "steps": 10, "swap": [2, 1, 0]}
-    obeyed = {
-        on: sum(
-            obeys(model.generate(song, seed=seed, order_constraint=on, **ask).root, ask["swap"])
-            for seed in range(8)
-        )
-        for on in (False, True)
-    }
-    assert obeyed[True] >= 7 and obeyed[True] >= obeyed[False], obeyed
-
-
 def test_arguments():
-    song, model = dd.packaged_song(), dd.load("tcdiffpp")
+    song, model = dd.packaged_song(), tiny_tcdiffpp()
     with pytest.raises(ValueError, match="order_constraint='sorted' must be True or False"):
         model.generate(song, order_constraint="sorted")
     plain = TCDiffPP(TCDiffPPConfig(d_model=16, num_layers=1, ff_dim=32))

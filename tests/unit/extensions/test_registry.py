@@ -9,12 +9,17 @@ import torch
 
 import dancediff.extensions
 from dancediff import hub
+from dancediff.extensions.build import EXTENSIONS
 from dancediff.extensions.parts import Parts
 from dancediff.extensions.registry import KINDS, REGISTRY, SHARED
 from dancediff.generation.group_dance import hooks_of
+from dancediff.generation.pipeline import pipeline_of
 from dancediff.generation.presets import PRESETS
 from dancediff.generation.solo_dance import LodgeSampler
+from dancediff.papers.tcdiffpp.model import TCDiffPP
 from places import ROOT
+from tiny_lodge import tiny_lodge
+from tiny_tcdiffpp import tiny_tcdiffpp
 
 FOLDER = Path(dancediff.extensions.__file__).parent
 OPTIONS = {"foot_contact": "foot_contact_projection"}  # where an option has another name
@@ -70,7 +75,8 @@ def modules_of(hooks: list) -> list[str]:
 
 
 def test_hooks_act_in_the_order_of_the_registry():
-    song, trio, lodge = hub.packaged_song(), hub.load("tcdiffpp"), hub.load("lodge")
+    song, trio = hub.packaged_song(), tiny_tcdiffpp()
+    lodge = pipeline_of(tiny_lodge(frames=256))
     request = trio.resolve(song, dancers=2, start=[(-1, 0), (1, 0)])
     assert modules_of(hooks_of(trio.model, request, request.known())) == hooks_in_registry(
         "tcdiffpp"
@@ -82,9 +88,9 @@ def test_hooks_act_in_the_order_of_the_registry():
     assert modules_of(hooks) == hooks_in_registry("lodge")
 
 
-@pytest.mark.parametrize("name", ["tcdiffpp", "lodge"])
-def test_parts_take_turns_in_the_order_of_the_registry(name):
-    parts = [m for m in hub.load(name).model.modules() if isinstance(m, Parts)]
+@pytest.mark.parametrize("model", [lambda: tiny_tcdiffpp(EXTENSIONS[TCDiffPP]).model, tiny_lodge])
+def test_parts_take_turns_in_the_order_of_the_registry(model):
+    parts = [m for m in model().modules() if isinstance(m, Parts)]
     assert parts
     for one in parts:
         assert list(one) == [known for known in REGISTRY if known in one]

@@ -9,6 +9,7 @@ from dancediff import hub
 from dancediff.data.choreographer import choreograph
 from dancediff.io.pieces import save_pieces
 from dancediff.motion.motion import Motion
+from tiny_tcdiffpp import tiny_tcdiffpp
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +31,7 @@ def test_same_bytes_as_the_whole(dance, tmp_path):
 
 
 def test_streamed_and_saved(tmp_path):
-    model, song = hub.load("tcdiffpp"), hub.packaged_song()
+    model, song = tiny_tcdiffpp(), hub.packaged_song()
     options = {"dancers": 2, "seconds": 9, "steps": 2, "seed": 3}
     whole = model.generate(song, **options).save(tmp_path / "whole.npz")
     pieces = save_pieces(model.stream(song, **options), tmp_path / "pieces.npz")

@@ -1,8 +1,5 @@
 """Banded systems against dense ones, and with a number of threads that was set by hand."""
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 import torch
@@ -48,13 +45,3 @@ def test_what_is_not_finite_stays_in_its_own_system():
     assert x[0].isnan().all() and (x[1] == 1).all() and x.dtype == torch.float32
     with pytest.raises(np.linalg.LinAlgError):
         solve_banded(nearness(-torch.ones(1, 5)), torch.ones(1, 5, 1))
-
-
-def test_a_number_of_threads_set_by_hand_does_no_harm():
-    """A batch of dense systems, as there was before, waited for ever after `set_num_threads`."""
-    code = (
-        "import torch; from dancediff import hub; torch.set_num_threads(2)\n"
-        "model, song = hub.load('tcdiffpp'), hub.packaged_song().slice(0, 3)\n"
-        "model.generate(song, dancers=2, seconds=2, steps=8, start=[(-1, 0), (1, 0)])"
-    )
-    subprocess.run([sys.executable, "-c", code], check=True, timeout=110)

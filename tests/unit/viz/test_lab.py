@@ -18,6 +18,7 @@ from dancediff.papers.lodge.cue_guidance import guided_steps
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 from dancediff.viz import lab, panels
 from places import BOOKS
+from tiny_lodge import tiny_lodge
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +35,7 @@ def model():
 
 @pytest.fixture(scope="module")
 def lodge():
-    return dd.load("lodge")
+    return pipeline_of(tiny_lodge(frames=256))
 
 
 def title(figure, ax=0):
@@ -139,17 +140,17 @@ def test_panels_have_no_defaults_of_their_own(name):
     assert not (set(parameters) - {"swap"}) & names
 
 
-def test_every_slider_of_an_option_marks_the_papers_value(lodge):
-    packaged = {"tcdiffpp": dd.load("tcdiffpp"), "lodge": lodge}
+def test_every_slider_of_an_option_marks_the_papers_value(model, lodge):
+    models = {"tcdiffpp": model, "lodge": lodge}
     for family, preset in PAPER.items():
         for option, value in preset.items():
-            if family in packaged:
+            if family in models:
                 low_high = (0, 50) if type(value) in (int, float) else ()
-                label = panels.option(packaged[family], option, *low_high).description
+                label = panels.option(models[family], option, *low_high).description
                 said = f"{value:g}" if isinstance(value, float) else str(value)
                 assert label.endswith(f"(paper: {said})"), label
     assert panels.option(lodge, "seed", 0, 9).description == "seed"
-    steps = panels.option(packaged["tcdiffpp"], "steps", 1, 50, value=8)
+    steps = panels.option(models["tcdiffpp"], "steps", 1, 50, value=8)
     assert (steps.value, steps.min, steps.max) == (8, 1, 50)
 
 

@@ -14,7 +14,7 @@ from dancediff.extensions.build import build
 from dancediff.generation.pipeline import pipeline_of
 from dancediff.papers.edge.model import EDGE, SPACING, EDGEConfig, start_slots
 from dancediff.papers.tcdiffpp.losses import LossWeights, tcdiffpp_losses
-from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
+from dancediff.papers.tcdiffpp.model import TCDiffPPConfig
 from dancediff.training.run import read_config, train_from_config
 from dancediff.training.statistics import fit_statistics
 from places import CONFIGS
@@ -287,7 +287,3 @@ def test_the_config_that_comes_along_is_valid_and_uses_the_same_data():
     edge, group = (read_config(CONFIGS / f"{k}_small.toml") for k in ("edge", "tcdiffpp"))
     assert edge["data"] == group["data"] and edge["train"] == group["train"]
     assert edge["model"]["class"] == "EDGE" and edge["weights"] == group["weights"]
-
-
-def test_a_tcdiffpp_folder_is_still_a_tcdiffpp():
-    assert isinstance(dd.load("tcdiffpp").model, TCDiffPP)

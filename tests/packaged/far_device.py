@@ -1,6 +1,6 @@
 """A second device made of Python: what a GPU would be asked while a dance is sampled.
 
-    python tests/unit/generation/far_device.py tcdiffpp '{"dancers": 3}'
+    python tests/packaged/far_device.py tcdiffpp '{"dancers": 3}'
 
 Tensors of the device "far" hold one of the CPU; every operation on them passes `run`, which counts
 where the program would have to wait for a GPU, and refuses to mix devices as a GPU does. Lists as

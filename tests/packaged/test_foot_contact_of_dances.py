@@ -1,0 +1,55 @@
+"""Foot contact in dances of the packaged model: feet slide less, and what was asked for is kept."""
+
+import pytest
+
+import dancediff as dd
+from dancediff.extensions.control import Keep
+from dancediff.extensions.foot_contact_projection import plant_feet
+from dancediff.metrics.physical import fsr
+from dancediff.motion.representation import TCDIFFPP
+from dancediff.motion.skeleton import FOOT_JOINTS
+
+KNEE = TCDIFFPP.joint_channels([dd.motion.skeleton.SMPL24.index("lknee")])
+
+
+@pytest.fixture(scope="module")
+def dance_with():
+    model, song = dd.load("tcdiffpp"), dd.packaged_song()
+    return lambda **more: model.generate(
+        song, **{"dancers": 2, "seconds": 5, "steps": 8, "seed": 3} | more
+    )
+
+
+def test_dances_slide_less_with_planted_feet(dance_with):
+    free, planted = (dance_with(foot_contact=on) for on in (False, True))
+    assert planted.meta["foot_contact"] and not free.meta["foot_contact"]
+    assert fsr(planted.joints()) < 0.6 * fsr(free.joints())
+
+
+def test_it_is_no_work_on_the_finished_dance(dance_with):
+    """The network answers to planted feet: planting the free dance is not the same."""
+    free, planted = (dance_with(foot_contact=on) for on in (False, True))
+    afterwards = plant_feet(free.features())
+    assert (afterwards[..., TCDIFFPP.root] - planted.root).abs().max() > 0.005
+
+
+def test_legs_that_were_asked_for_are_kept(dance_with):
+    other = dance_with(seed=9)
+    kept = dance_with(constraints=[Keep(other, joints="lower body")])
+    assert (kept.features()[..., KNEE] - other.features()[..., KNEE]).abs().max() < 1e-3
+
+
+def test_planted_feet_do_not_move_at_a_seam():
+    """Known frames are held, so that a long dance takes over where the segment before ended."""
+    dance = dd.load("tcdiffpp").generate(dd.packaged_song(), dancers=2, seconds=10, steps=8, seed=1)
+    step = 100 * dance.joints()[:, :, FOOT_JOINTS].diff(dim=1).norm(dim=-1)
+    stands = dance.features()[:, :-1, TCDIFFPP.contact] > 0.5
+    seams = [seam - 1 for seam in dance.meta["seams"] if seam < dance.num_frames]
+    assert seams and stands[:, seams].any()
+    jump = (step * stands)[:, seams]
+    assert jump.max() < 1.5
+
+
+def test_it_is_on_or_off(dance_with):
+    with pytest.raises(ValueError, match="foot_contact='glued' must be True or False"):
+        dance_with(foot_contact="glued")

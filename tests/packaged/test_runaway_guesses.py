@@ -1,0 +1,22 @@
+"""Guesses of the packaged model stay within what frequencies the training set has."""
+
+import dancediff as dd
+from dancediff.extensions.preconditioning import dct_matrix, preconditioning_of
+
+
+def test_no_guess_runs_away():
+    """Pushed ten times as far, a dance stays within what frequencies the training set has."""
+    model, song = dd.load("tcdiffpp"), dd.packaged_song()
+    free = dict.fromkeys(("foot_contact", "collision_avoidance", "order_constraint"), False)
+    ask = {"dancers": 2, "seconds": 5, "steps": 8} | free
+    precondition = preconditioning_of(model.model)
+    C = dct_matrix(150)
+    largest = {}
+    for kind, w in (("usual", 1.0), ("pushed", 10.0)):
+        guesses = []
+        look = lambda done, total, guess, seen=guesses: seen.append(guess)  # noqa: E731
+        model.generate(song, autoguidance=w, watch=look, **ask)
+        x = model.model.normalizer.normalize(guesses[-1].features())
+        largest[kind] = ((C @ (x - precondition.mean)).abs() / precondition.spread)[..., 4:7].max()
+    assert largest["pushed"] < 4.05  # the dance went through rotations and back
+    assert largest["usual"] < 4.05
