@@ -82,7 +82,6 @@ SMPL24 = Skeleton(
     parents=tuple(parent for _, parent, _ in _SMPL24),
     offsets=torch.tensor([offset for _, _, offset in _SMPL24], dtype=torch.float32),
 )
-BONES = SMPL24.bones
 FOOT_JOINTS = (7, 8, 10, 11)  # left ankle, right ankle, left toe, right toe
 LOWER_BODY = (1, 2, 4, 5, 7, 8, 10, 11)  # TCDiff++ footwork: hips, knees, ankles, toes
 

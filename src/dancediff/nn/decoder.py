@@ -112,6 +112,13 @@ class DanceDecoder(MusicConditioning):
         middle = pool * torch.arange(music_frames // pool) + (pool - 1) / 2
         self.register_buffer("token_frames", middle, persistent=False)
 
+    @classmethod
+    def of(cls, c: Any, music_frames: int, pool: int = 1) -> "DanceDecoder":
+        """Of the sizes in a model's config."""
+        sizes = {"motion_dim": c.motion_dim, "music_dim": c.music_dim, "dropout": c.dropout}
+        sizes |= {"music_frames": music_frames, "pool": pool}
+        return cls(c.d_model, c.num_heads, c.num_layers, c.ff_dim, **sizes)
+
     def forward(self, h: Tensor, memory: list[Tensor], cond: Tensor, frames: Tensor) -> Tensor:
         """All layers, from embedded motion to what is known of it, both (b, f, d_model).
 

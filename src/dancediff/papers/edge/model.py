@@ -79,16 +79,7 @@ class EDGE(DanceNetwork):
         c = config or EDGEConfig()
         super().__init__(c.motion_dim, c.music_dim, c.num_steps)
         self.config = c
-        self.decoder = DanceDecoder(
-            c.d_model,
-            c.num_heads,
-            c.num_layers,
-            c.ff_dim,
-            motion_dim=c.motion_dim,
-            music_dim=c.music_dim,
-            music_frames=c.num_frames,
-            dropout=c.dropout,
-        )
+        self.decoder = DanceDecoder.of(c, c.num_frames)
 
     def forward(self, x_t: Tensor, t: Tensor, conditions: Conditions) -> Tensor:
         """Guess the clean dance; every dancer is a row of the batch."""

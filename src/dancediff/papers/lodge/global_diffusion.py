@@ -132,17 +132,7 @@ class GlobalDenoiser(DanceNetwork):
         c = config or GlobalConfig()
         super().__init__(c.motion_dim, c.music_dim, c.num_steps)
         self.config = c
-        self.decoder = DanceDecoder(
-            c.d_model,
-            c.num_heads,
-            c.num_layers,
-            c.ff_dim,
-            motion_dim=c.motion_dim,
-            music_dim=c.music_dim,
-            music_frames=c.music_frames,
-            pool=c.pool,
-            dropout=c.dropout,
-        )
+        self.decoder = DanceDecoder.of(c, c.music_frames, c.pool)
         self.style: StyleToken | None = None  # this stage is told no genre
         self.register_buffer("frames", token_frames(c), persistent=False)
 

@@ -83,16 +83,7 @@ class LocalDenoiser(DanceNetwork):
         c = config or LocalConfig()
         super().__init__(c.motion_dim, c.music_dim, c.num_steps)
         self.config = c
-        self.decoder = DanceDecoder(
-            c.d_model,
-            c.num_heads,
-            c.num_layers,
-            c.ff_dim,
-            motion_dim=c.motion_dim,
-            music_dim=c.music_dim,
-            music_frames=c.num_frames,
-            dropout=c.dropout,
-        )
+        self.decoder = DanceDecoder.of(c, c.num_frames)
         self.style = StyleToken(c.d_model, len(c.genres), c.style_noise)
         block = FootRefine if c.foot_refine else NoFootRefine
         self.foot_refine = block(
