@@ -1,6 +1,7 @@
 """What each extension brings when the packaged models dance: switched off, one at a time.
 
     python benchmarks/extensions.py tcdiffpp         # 8 songs of 10 s, three dancers
+    python benchmarks/extensions.py tcdiffpp_swaps   # 40 songs of 8 s: do dancers change places?
     python benchmarks/extensions.py tcdiffpp_long    # 8 songs of 30 s: what acts between segments
     python benchmarks/extensions.py tcdiffpp_strange # 8 sounds that no training had
     python benchmarks/extensions.py lodge            # 8 songs of 34 s
@@ -160,7 +161,8 @@ class Setting:
     off: dict[str, Without]
     request: Callable[[int], dict]
     song: Callable[[int, float], tuple[Music, np.ndarray, Sequence]] = synthetic
-    data: str = "synthetic"
+    songs: int = 8
+    data: str = "synthetic songs that no training saw"
 
 
 SETTINGS = {
@@ -175,9 +177,15 @@ SETTINGS = {
             "foot_cues": patched(foot_cues, "foot_cues", no_feet),
             "autoguidance": Without({"autoguidance": 1.0}),
             "collision_avoidance": Without({"collision_avoidance": False}),
-            "order_constraint": Without({"order_constraint": False}),
         },
         group,
+    ),
+    "tcdiffpp_swaps": Setting(
+        "tcdiffpp",
+        8.0,
+        {"order_constraint": Without({"order_constraint": False})},
+        lambda k: {"seed": k, "dancers": 3, "swap": ORDERS[k % len(ORDERS)]},
+        songs=40,
     ),
     "tcdiffpp_long": Setting(
         "tcdiffpp",
@@ -190,7 +198,12 @@ SETTINGS = {
         guided_group,
     ),
     "tcdiffpp_strange": Setting(
-        "tcdiffpp", 10.0, FEET | CLIP, hard_to_dance, strange, "noise in bursts"
+        "tcdiffpp",
+        10.0,
+        FEET | CLIP,
+        hard_to_dance,
+        strange,
+        data="noise in bursts, guidance 2 and autoguidance 2.2",
     ),
     "lodge": Setting(
         "lodge",
@@ -229,24 +242,24 @@ def measured(dance: Motion, beats: np.ndarray, sections, asked: dict) -> dict[st
     ]
     return {
         "FSR": fsr(joints),
-        "off the floor, %": 100 * ((lowest.abs() > AIR) & ~flights(lowest)).float().mean().item(),
-        "wrists, m/s": fps * joints[:, :, WRISTS].diff(dim=1).norm(dim=-1).mean().item(),
-        "jerk, m/s3": fps**3 * joints.diff(n=3, dim=1).norm(dim=-1).mean().item(),
-        "fastest root, m/s": fps * floor.diff(dim=1).norm(dim=-1).max().item(),
-        "fastest joint, m/s": fps * joints.diff(dim=1).norm(dim=-1).max().item(),
-        "largest turn, degrees a frame": largest_turn(dance.pose),
-        "furthest, m": floor.norm(dim=-1).max().item(),
-        "knee bend, degrees": knee_bend(joints),
-        "turning, degrees/s": turning(joints),
-        "arms wide, %": 100 * arms_wide(joints),
-        "TIF, %": 100 * tif(joints) if len(joints) > 1 else None,
+        "off the floor (%)": 100 * ((lowest.abs() > AIR) & ~flights(lowest)).float().mean().item(),
+        "wrists (m/s)": fps * joints[:, :, WRISTS].diff(dim=1).norm(dim=-1).mean().item(),
+        "jerk (m/s3)": fps**3 * joints.diff(n=3, dim=1).norm(dim=-1).mean().item(),
+        "fastest root (m/s)": fps * floor.diff(dim=1).norm(dim=-1).max().item(),
+        "fastest joint (m/s)": fps * joints.diff(dim=1).norm(dim=-1).max().item(),
+        "largest turn (degrees a frame)": largest_turn(dance.pose),
+        "furthest (m)": floor.norm(dim=-1).max().item(),
+        "knee bend (degrees)": knee_bend(joints),
+        "turning (degrees/s)": turning(joints),
+        "arms wide (%)": 100 * arms_wide(joints),
+        "TIF (%)": 100 * tif(joints) if len(joints) > 1 else None,
         "orders kept": None if swap is None else float(obeys(dance.root, swap)),
-        "end missed, m": end and (floor[:, -1] - torch.tensor(end)).norm(dim=-1).max().item(),
-        "path missed, m": max(missed, default=None),
+        "end missed (m)": end and (floor[:, -1] - torch.tensor(end)).norm(dim=-1).max().item(),
+        "path missed (m)": max(missed, default=None),
         "seam ratio": (bend[seams].mean() / bend.median()).item() if seams else None,
         "BAS": beat_alignment(joints, beats) if len(beats) else None,
         "MMC": beat_alignment(joints, beats, direction="motion") if len(beats) else None,
-        "sections differ, m": sections_differ(joints, sections, fps) if len(joints) == 1 else None,
+        "sections differ (m)": sections_differ(joints, sections, fps) if len(joints) == 1 else None,
     }
 
 
@@ -278,21 +291,22 @@ class Extensions:
     """Dance with everything and without each extension, measure, write docs/results."""
 
     setting: tyro.conf.Positional[str]
-    songs: int = 8
+    songs: int | None = None
     only: tuple[str, ...] = ()
     out: Path = field(default_factory=lambda: Path("runs/extensions"))
 
     def run(self) -> None:
-        """Dance what is missing, then print the table; write it if nothing was left out."""
+        """Dance what is missing, then print the table; write it if nothing is left out."""
         here = SETTINGS[self.setting]
         off = {name: here.off[name] for name in self.only or here.off}
+        songs = self.songs or here.songs
         unknown = sorted(set(off) - set(REGISTRY))
         if unknown:
             raise SystemExit(f"not in the registry: {', '.join(unknown)}")
         variants = {"everything": Without()} | off
-        pipeline, bar = hub.load(here.model), tqdm(total=self.songs * len(variants), unit="dance")
+        pipeline, bar = hub.load(here.model), tqdm(total=songs * len(variants), unit="dance")
         found: dict[str, list[dict]] = {name: [] for name in variants}
-        for k in range(self.songs):
+        for k in range(songs):
             song, beats, sections = here.song(k, here.seconds)
             for name, without in variants.items():
                 bar.set_description(name)
@@ -309,7 +323,7 @@ class Extensions:
         bar.close()
         table = self.table(found)
         print(markdown(table))
-        if not self.only:
+        if not (self.only or self.songs):
             path = RESULTS / f"extensions_{self.setting}.json"
             path.write_text(json.dumps(table, indent=1, ensure_ascii=False) + "\n")
 
@@ -317,46 +331,37 @@ class Extensions:
         """What changes without each extension, in the form of docs/results/*.json."""
         here, everything = SETTINGS[self.setting], found["everything"]
         metrics = [m for m in everything[0] if any(d[m] is not None for d in everything)]
-        rows = []
+        usual = "; ".join(f"{m} {mean([d[m] for d in everything]):.3g}" for m in metrics)
+        rows = [["nothing: all values", 0, usual]]
         for name, dances in found.items():
             if name == "everything":
                 continue
             pairs = list(zip(dances, everything, strict=True))
-            seen = [(m, cell) for m in metrics if (cell := change(pairs, m)) is not None]
-            rows += [[f"`{name}`", m, mean([d[m] for d in everything]), cell] for m, cell in seen]
-            rows += [] if seen else [[f"`{name}`", f"none of the {len(metrics)}", None, None]]
+            seen = [f"{m} {step}" for m in metrics if (step := change(pairs, m))]
+            rows.append([f"`{name}`", len(seen), "; ".join(seen) or None])
         return {
-            "about": f"The packaged model `{here.model}` with everything, and the mean change "
-            f"without an extension, same songs and noise; of {len(metrics)} metrics "
-            f"({', '.join(metrics)}) those whose interval does not contain 0. By chance that "
-            "happens to one in twenty.",
-            "data": f"{here.data}, {self.songs} of {here.seconds:g} s",
-            "seed": f"songs from {FIRST_SONG} on, dances from 0 on",
+            "about": f"The packaged model `{here.model}` with everything, and how much metrics "
+            f"change without an addition, same noise: of {len(metrics)} those whose interval does "
+            "not contain 0, which happens to one in twenty by chance.",
+            "data": f"{here.data}, {len(everything)} of {here.seconds:g} s",
+            "seed": f"0 to {len(everything) - 1}",
             "intervals": "95 % bootstrap over songs",
             "command": f"python benchmarks/extensions.py {self.setting}",
-            "columns": ["without", "metric", "with everything", "change"],
+            "columns": ["without", "metrics that change", "by"],
             "rows": rows,
         }
 
 
-def mean(values: list) -> float | None:
-    """Of those that are there, three digits."""
-    known = [value for value in values if value is not None]
-    return round3(np.mean(known)) if known else None
+def mean(values: list) -> float:
+    """Of those that are there."""
+    return float(np.mean([value for value in values if value is not None]))
 
 
-def change(pairs: list[tuple[dict, dict]], metric: str) -> list[float] | None:
+def change(pairs: list[tuple[dict, dict]], metric: str) -> str | None:
     """Mean of the differences with its interval; None where that contains 0."""
     steps = [a[metric] - b[metric] for a, b in pairs if None not in (a[metric], b[metric])]
-    if len(steps) < 2:
-        return None
-    low, high = bootstrap_interval(np.mean, np.array(steps))
-    return [round3(v) for v in (np.mean(steps), low, high)] if low > 0 or high < 0 else None
-
-
-def round3(value: float) -> float:
-    """Three digits."""
-    return float(f"{value:.3g}")
+    low, high = bootstrap_interval(np.mean, np.array(steps)) if len(steps) > 1 else (0, 0)
+    return f"{mean(steps):+.3g} [{low:.2g}, {high:.2g}]" if low > 0 or high < 0 else None
 
 
 if __name__ == "__main__":

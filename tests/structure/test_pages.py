@@ -73,6 +73,12 @@ def test_how_a_dance_is_made_names_all_options_and_additions(family):
         assert (f"[{one.name}]" in block) == here
 
 
+def test_every_addition_says_what_it_brings():
+    names = [path.stem for path in tables.RESULTS.glob("extensions_*.json")]
+    named = " ".join(row[0] for name in names for row in tables.load(name)["rows"])
+    assert set(re.findall(r"`(\w+)`", named)) == set(REGISTRY)
+
+
 def test_a_changed_number_is_noticed(tmp_path, monkeypatch):
     table = {"about": "Made.", "data": "synthetic", "columns": ["a"], "rows": [[[1.5, 1, 2]]]}
     (tmp_path / "x.json").write_text(json.dumps(table))

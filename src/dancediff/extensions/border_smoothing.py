@@ -1,11 +1,11 @@
-r"""Running into a cue: a dance that arrives at held frames without a jerk, and leaves them so.
+r"""Border smoothing: a dance that arrives at hard cues without a jerk, and leaves them so.
 
 Read first: notebook 12 (cues) · `dancediff.motion.banded`.
 
 Symbols (axes: l local segments · f frames · d motion features)
     x      a guess that already has the cues in it   (l, f, d)
-    held   frames of hard cues                       (l, f) bool
-    e      a border between a held and a free frame
+    hard   frames of hard cues                       (l, f) bool
+    e      a border between a hard and a free frame
     u      how far a rotation is moved               (l, f, channels)
 """
 
@@ -21,12 +21,12 @@ from dancediff.motion.representation import LODGE, MotionSpec
 SMOOTH = 100.0  # what a change of u's speed costs; moving by as much costs 1
 NO_JERK = 300.0  # what a change of the dance's own speed costs at a border
 FADE = 2.0  # frames from a border in which that falls to a third
-HELD = 1e12  # what moving costs where a cue is
+FIXED = 1e12  # what moving costs where a cue is
 
 
 @dataclass(frozen=True)
 class BorderSmoothing:
-    """The hook that puts hard cues into guesses that are more signal than noise, and runs in."""
+    """The hook that puts hard cues into guesses that are more signal than noise."""
 
     hard: Tensor
     y: Tensor
@@ -36,45 +36,45 @@ class BorderSmoothing:
         """A guess (l, f, d)."""
         if abar < MORE_SIGNAL:
             return x0_hat
-        return run_in(torch.where(self.hard, self.y.to(x0_hat), x0_hat), self.frames)
+        return smooth_borders(torch.where(self.hard, self.y.to(x0_hat), x0_hat), self.frames)
 
 
-def run_in(x: Tensor, held: Tensor, spec: MotionSpec = LODGE) -> Tensor:
-    r"""Move the free frames around held ones a little, so that no joint starts or stops at once.
+def smooth_borders(x: Tensor, hard: Tensor, spec: MotionSpec = LODGE) -> Tensor:
+    r"""Move the free frames around hard ones a little, so that no joint starts or stops at once.
 
     $$\min_u \sum_i \Big[\lVert u_i \rVert^2 + S\,\lVert \Delta^2 u_i \rVert^2
       + w_i\,\lVert \Delta^2 x_i + \Delta^2 u_i \rVert^2\Big], \qquad
-      w_i = J \sum_e e^{-|i - e| / 2}, \quad u = 0 \text{ where held}$$
+      w_i = J \sum_e e^{-|i - e| / 2}, \quad u = 0 \text{ in hard frames}$$
 
-    A network that is given clean frames copies them and dances on beside them: measured, joints
-    change their speed there twice as much as elsewhere. Only rotations are moved.
+    A network that is given clean frames copies them and dances on beside them. Only rotations are
+    moved. What it brings: docs/ablations.md.
 
     Source: ours; the paper holds its cues and says nothing of the frames beside them.
 
-    Shapes: x (l, f, d), held (l, f) -> (l, f, d).
+    Shapes: x (l, f, d), hard (l, f) -> (l, f, d).
 
-    >>> x, held = torch.zeros(1, 40, 139), torch.arange(40)[None] < 4
+    >>> x, hard = torch.zeros(1, 40, 139), torch.arange(40)[None] < 4
     >>> x[:, 4:, 10] = 1.0                                    # a jump where the cue ends
-    >>> joined = run_in(x, held)
+    >>> joined = smooth_borders(x, hard)
     >>> bool((joined[:, :4] == 0).all()), bool(joined[0, :, 10].diff().abs().max() < 0.3)
     (True, True)
     """
-    free = ~held.to(x.device)
-    w = NO_JERK * _nearness_to_borders(held).to(x.device)
+    free = ~hard.to(x.device)
+    w = NO_JERK * _nearness_to_borders(hard).to(x.device)
     part = x[..., spec.rot6d].double()
     pull = w[..., None] * part.diff(n=2, dim=-2)
     b = -_transposed_bend(pull)
-    stay = torch.where(free, 1.0, HELD).double()
+    stay = torch.where(free, 1.0, FIXED).double()
     u = solve_banded(nearness(stay) + weighted_bends(SMOOTH + w), b)
     moved = x.clone()
     moved[..., spec.rot6d] += (u * free[..., None]).to(x)
     return moved
 
 
-def _nearness_to_borders(held: Tensor) -> Tensor:
+def _nearness_to_borders(hard: Tensor) -> Tensor:
     """1 at the frames on both sides of a border, less away from it: (l, f) -> (l, f - 2)."""
-    border = (held[:, 1:] != held[:, :-1]).double().cpu()
-    centre, e = torch.arange(1, held.shape[1] - 1)[:, None], torch.arange(border.shape[1])
+    border = (hard[:, 1:] != hard[:, :-1]).double().cpu()
+    centre, e = torch.arange(1, hard.shape[1] - 1)[:, None], torch.arange(border.shape[1])
     away = torch.maximum(e - centre, centre - e - 1).clamp_min(0)
     return border @ torch.exp(-away / FADE).double().mT
 

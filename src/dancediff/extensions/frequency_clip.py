@@ -2,7 +2,7 @@ r"""Frequency clip: guesses stay within what the training set has, one frequency
 
 Read first: notebook 06 · `dancediff.extensions.preconditioning`.
 
-Without it, music unlike any in training sent dancers across the stage at 6 m/s.
+With no cut at all, music unlike any in training sent dancers across the stage at 6 m/s.
 
 Symbols (axes: f frames · k frequencies · d motion features)
     mean, std   of each feature, and of each frequency over the training set   (d,), (k, d)

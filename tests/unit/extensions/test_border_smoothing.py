@@ -1,9 +1,9 @@
-"""Running into cues: `dancediff.extensions.border_smoothing`, and smooth primitives."""
+"""Cues are met without a jerk: `dancediff.extensions.border_smoothing`, and smooth primitives."""
 
 import pytest
 import torch
 
-from dancediff.extensions.border_smoothing import run_in
+from dancediff.extensions.border_smoothing import smooth_borders
 from dancediff.extensions.smooth_primitives import smooth_primitives
 from dancediff.motion.representation import LODGE
 from dancediff.motion.rotation import matrix_to_rot6d, rot6d_to_matrix
@@ -25,7 +25,7 @@ def test_a_jump_beside_a_cue_is_spread_out():
     x, held = wave(), torch.zeros(1, 64, dtype=torch.bool)
     held[:, :4] = held[:, -4:] = True
     x[held] += 0.2
-    joined = run_in(x, held)
+    joined = smooth_borders(x, held)
     assert torch.equal(joined[held], x[held])
     borders = [1, 2, 3, 4, 57, 58, 59, 60]
     assert largest_change(joined, borders) < 0.4 * largest_change(x, borders)
@@ -36,7 +36,7 @@ def test_it_is_the_minimum_that_the_docstring_says():
     """Against the dense system, with u = 0 where frames are held."""
     torch.manual_seed(0)
     x, held = torch.randn(1, 20, 139).double(), torch.arange(20)[None] < 4
-    u = (run_in(x, held) - x)[0, 4:, LODGE.rot6d]
+    u = (smooth_borders(x, held) - x)[0, 4:, LODGE.rot6d]
     bend = torch.eye(20, dtype=torch.float64).diff(n=2, dim=0)
     away = [max(3 - i, i - 4, 0) for i in range(1, 19)]  # the border is between 3 and 4
     w = 300 * torch.exp(-torch.tensor(away, dtype=torch.float64) / 2)
@@ -47,12 +47,12 @@ def test_it_is_the_minimum_that_the_docstring_says():
 
 @pytest.mark.parametrize("mask", [torch.zeros(1, 64).bool(), torch.ones(1, 64).bool()])
 def test_without_a_border_nothing_is_moved(mask):
-    torch.testing.assert_close(run_in(wave(), mask), wave(), atol=1e-6, rtol=0)
+    torch.testing.assert_close(smooth_borders(wave(), mask), wave(), atol=1e-6, rtol=0)
 
 
 def test_rows_do_not_know_of_each_other():
     x, held = torch.cat([wave(), 2 * wave()]), torch.arange(64).expand(2, 64) < 4
-    assert torch.equal(run_in(x, held)[:1], run_in(x[:1], held[:1]))
+    assert torch.equal(smooth_borders(x, held)[:1], smooth_borders(x[:1], held[:1]))
 
 
 def test_a_parabola_stays_and_unrest_goes():
