@@ -64,7 +64,10 @@ def test_unknown_name_lists_what_there_is():
     ("change", "message"),
     [
         ({"class": "Evil"}, "'Evil' is not one of TCDiffPP"),
-        ({"extensions": ["wings"]}, "extensions: 'wings' is not one of those of TCDiffPP: .*precond"),
+        (
+            {"extensions": ["wings"]},
+            "extensions: 'wings' is not one of those of TCDiffPP: .*precond",
+        ),
         ({"extensions": ["foot_cues"]}, "'foot_cues' needs 'preconditioning'"),
         ({"extensions": "ssd"}, "extensions='ssd' should be a list of names"),
         ({"config": {"without": ["lstm"]}}, "without: 'lstm' is not one of"),
