@@ -231,10 +231,8 @@ def _names(stream) -> str:
     return " ".join(stream.readline(200).decode().removesuffix("\n") for _ in range(2))
 
 
-_READERS: dict[str, Callable] = {
-    "STRING": _string,
-    "GLOBAL": _names,
-}  # pickletools' own take ASCII only
+# pickletools' own take ASCII only
+_READERS: dict[str, Callable] = {"STRING": _string, "GLOBAL": _names}
 _STEPS: dict[str, Callable] = {
     "PROTO": lambda m, _: None,
     "FRAME": lambda m, _: None,

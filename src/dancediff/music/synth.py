@@ -228,15 +228,10 @@ class _Band:
         _add(mix, self.notes[key], at, self.level[player])
 
 
-_LEVELS = {  # dB, loudest and softest a player may be
-    "kick": (-6, 0),
-    "snare": (-12, -2),
-    "hat": (-26, -10),
-    "shaker": (-28, -14),
-    "bass": (-16, -4),
-    "chord": (-26, -8),
-    "lead": (-26, -7),
-}
+_LEVELS = {  # dB, softest and loudest a player may be
+    "kick": (-6, 0), "snare": (-12, -2), "hat": (-26, -10), "shaker": (-28, -14),
+    "bass": (-16, -4), "chord": (-26, -8), "lead": (-26, -7),
+}  # fmt: skip
 
 
 def _add(mix: np.ndarray, sound: np.ndarray, at: float, level: float) -> None:
