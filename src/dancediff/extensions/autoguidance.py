@@ -12,7 +12,7 @@ from collections.abc import Callable
 
 from torch import Tensor
 
-from dancediff.motion.representation import TCDIFFPP, MotionSpec
+from dancediff.motion.representation import TCDIFFPP
 
 ROOT_SHARE = 0.7  # of TCDiff++ and EDGE: pushed as far as joints, dancers run
 LASTING_SHARE = 0.65  # of both: pushed as far as movements, poses that last are grotesque
@@ -25,7 +25,6 @@ def autoguided(
     *,
     root_share: float = 1.0,
     lasting_share: float = 1.0,
-    spec: MotionSpec = TCDIFFPP,
 ) -> Callable[[Tensor, int], Tensor]:
     r"""Push every guess of a denoiser away from the linear one.
 
@@ -53,7 +52,7 @@ def autoguided(
         guess = denoise(x_t, t)
         d = guess - linear(x_t, t)
         w = guess.new_full(guess.shape[-1:], weight)
-        w[spec.root] = 1 + root_share * (weight - 1)
+        w[TCDIFFPP.root] = 1 + root_share * (weight - 1)
         return guess + (w - 1) * (d - (1 - lasting_share) * d.mean(-2, keepdim=True))
 
     return pushed

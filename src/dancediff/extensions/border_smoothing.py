@@ -16,7 +16,7 @@ from torch import Tensor
 
 from dancediff.extensions.projection import MORE_SIGNAL
 from dancediff.motion.banded import nearness, solve_banded, weighted_bends
-from dancediff.motion.representation import LODGE, MotionSpec
+from dancediff.motion.representation import LODGE
 
 SMOOTH = 100.0  # what a change of u's speed costs; moving by as much costs 1
 NO_JERK = 300.0  # what a change of the dance's own speed costs at a border
@@ -39,7 +39,7 @@ class BorderSmoothing:
         return smooth_borders(torch.where(self.hard, self.y.to(x0_hat), x0_hat), self.frames)
 
 
-def smooth_borders(x: Tensor, hard: Tensor, spec: MotionSpec = LODGE) -> Tensor:
+def smooth_borders(x: Tensor, hard: Tensor) -> Tensor:
     r"""Move the free frames around hard ones a little, so that no joint starts or stops at once.
 
     $$\min_u \sum_i \Big[\lVert u_i \rVert^2 + S\,\lVert \Delta^2 u_i \rVert^2
@@ -61,13 +61,13 @@ def smooth_borders(x: Tensor, hard: Tensor, spec: MotionSpec = LODGE) -> Tensor:
     """
     free = ~hard.to(x.device)
     w = NO_JERK * _nearness_to_borders(hard).to(x.device)
-    part = x[..., spec.rot6d].double()
+    part = x[..., LODGE.rot6d].double()
     pull = w[..., None] * part.diff(n=2, dim=-2)
     b = -_transposed_bend(pull)
     stay = torch.where(free, 1.0, FIXED).double()
     u = solve_banded(nearness(stay) + weighted_bends(SMOOTH + w), b)
     moved = x.clone()
-    moved[..., spec.rot6d] += (u * free[..., None]).to(x)
+    moved[..., LODGE.rot6d] += (u * free[..., None]).to(x)
     return moved
 
 

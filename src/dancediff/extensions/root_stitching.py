@@ -12,10 +12,10 @@ Symbols (axes: L local segments · n frames of one · F frames of the dance · d
 import torch
 from torch import Tensor
 
-from dancediff.motion.representation import LODGE, MotionSpec
+from dancediff.motion.representation import LODGE
 
 
-def stitch(x: Tensor, *, blend: int = 8, spec: MotionSpec = LODGE) -> Tensor:
+def stitch(x: Tensor, *, blend: int = 8) -> Tensor:
     r"""Put locals one after another so that the root goes on without a jump.
 
     On the floor each local continues where the one before ended, with the mean of both velocities
@@ -45,10 +45,10 @@ def stitch(x: Tensor, *, blend: int = 8, spec: MotionSpec = LODGE) -> Tensor:
     if n < 2:
         raise ValueError(f"x has shape {tuple(x.shape)}; a local of one frame has no velocity")
     y = x.flatten(0, 1).clone()
-    root = x[..., spec.root].double()
+    root = x[..., LODGE.root].double()
     for axis in (0, 2):
-        y[:, spec.root.start + axis] = _path(root[..., axis], blend).to(y)
-    y[:, spec.root.start + 1] = _height(root[..., 1], blend).to(y)
+        y[:, LODGE.root.start + axis] = _path(root[..., axis], blend).to(y)
+    y[:, LODGE.root.start + 1] = _height(root[..., 1], blend).to(y)
     return y
 
 

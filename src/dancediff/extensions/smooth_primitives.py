@@ -8,11 +8,11 @@ Symbols (axes: d motion features)
 import torch
 from torch import Tensor
 
-from dancediff.motion.representation import LODGE, MotionSpec
+from dancediff.motion.representation import LODGE
 from dancediff.motion.rotation import matrix_to_rot6d, rot6d_to_matrix
 
 
-def smooth_primitives(x: Tensor, spec: MotionSpec = LODGE) -> Tensor:
+def smooth_primitives(x: Tensor) -> Tensor:
     r"""The parabola through the rotations of each primitive, by least squares; the rest stays.
 
     $$x_k \leftarrow a + b\,\tau_k + c\,\tau_k^2$$
@@ -30,7 +30,9 @@ def smooth_primitives(x: Tensor, spec: MotionSpec = LODGE) -> Tensor:
     tau = torch.linspace(-1, 1, x.shape[-2], dtype=torch.float64)
     powers = torch.stack([tau**0, tau, tau**2], dim=-1)
     fit = (powers @ torch.linalg.pinv(powers)).to(x)
-    smooth = fit @ x[..., spec.rot6d]
+    smooth = fit @ x[..., LODGE.rot6d]
     y = x.clone()
-    y[..., spec.rot6d] = matrix_to_rot6d(rot6d_to_matrix(smooth.unflatten(-1, (-1, 6)))).flatten(-2)
+    y[..., LODGE.rot6d] = matrix_to_rot6d(rot6d_to_matrix(smooth.unflatten(-1, (-1, 6)))).flatten(
+        -2
+    )
     return y

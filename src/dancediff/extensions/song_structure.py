@@ -25,7 +25,7 @@ from dancediff.papers.lodge.segments import Segments
 ALIKE = 0.7  # two phrases are the same material from here on
 
 
-def find_sections(M: Tensor, *, alike: float = ALIKE) -> list[Section]:
+def find_sections(M: Tensor) -> list[Section]:
     """Sections of a song, from what its features repeat; starts and stops are frames.
 
     Phrases of 8 beats are compared as a whole. Alike phrases in a row are one section, so a loop
@@ -46,7 +46,7 @@ def find_sections(M: Tensor, *, alike: float = ALIKE) -> list[Section]:
     labels = [0]
     for q in range(1, len(S)):
         nearest = int(S[q, :q].argmax())
-        labels.append(labels[nearest] if S[q, nearest] >= alike else q)
+        labels.append(labels[nearest] if S[q, nearest] >= ALIKE else q)
     return sections_of(labels, beats[: len(S) * PHRASE + 1 : PHRASE].tolist())
 
 

@@ -43,16 +43,15 @@ def plot_energy(
     return set_title(ax, title)
 
 
-def plot_drift(drifts, *, ax=None, names=None, title=None):
+def plot_drift(drifts, *, ax=None, title=None):
     """Posture over time: a panel for each metric, a line for each dance or model.
 
-    ``drifts``: a `dancediff.metrics.drift.Drift`, or {label: Drift}; ``names``: which metrics.
+    ``drifts``: a `dancediff.metrics.drift.Drift`, or {label: Drift}.
 
     -> the Axes; each metric has a panel inside it.
-    Raises: KeyError when a name is not there.
     """
     drifts = drifts if isinstance(drifts, dict) else {"": drifts}
-    names = list(next(iter(drifts.values())).names) if names is None else list(names)
+    names = list(next(iter(drifts.values())).names)
     rows = -(-len(names) // DRIFT_COLUMNS)
     ax = new_axes(ax, (7.6, 1.7 * rows))
     ax.axis("off")

@@ -151,27 +151,23 @@ def plot_schedule(abar, *, t=None, ax=None, title: str | None = None):
     return set_title(bare(ax), title)
 
 
-def plot_skeleton(joints=None, *, ax=None, title: str | None = None, numbers: bool = True):
+def plot_skeleton(*, ax=None, title: str | None = None):
     """The SMPL-24 joint tree from the front, with the index of every joint.
 
-    Shapes: joints (24, 3) metres, default the T-pose -> Axes. The dancer faces you, so the left
-    side of the body (blue) is on the right of the picture.
+    It stands in the T-pose and faces you, so the left side of the body (blue) is on the right of
+    the picture. Returns the Axes.
     """
     ax = new_axes(ax, (5.2, 4.4))
-    if joints is None:
-        joints = forward_kinematics(torch.eye(3).expand(24, 3, 3), torch.zeros(3))
+    joints = forward_kinematics(torch.eye(3).expand(24, 3, 3), torch.zeros(3))
     xy = np.asarray(joints)[:, :2]
     side = {"l": dancer_color(0), "r": dancer_color(4)}
     colors = [INK if n[0] not in side or n in ("root",) else side[n[0]] for n in SMPL24.names]
     for parent, child in SMPL24.bones:
         ax.plot(*xy[[parent, child]].T, color=mix(colors[child], "#FFFFFF", 0.45), lw=5, zorder=1)
     ax.scatter(*xy.T, s=150, color=colors, edgecolor="white", zorder=2)
-    if numbers:
-        for j, spot in enumerate(xy):
-            ax.annotate(
-                str(j), spot, color="white", fontsize=6.5, ha="center", va="center",
-                fontweight="bold", zorder=3,
-            )  # fmt: skip
+    look = {"color": "white", "fontsize": 6.5, "fontweight": "bold", "zorder": 3}
+    for j, spot in enumerate(xy):
+        ax.annotate(str(j), spot, ha="center", va="center", **look)
     ax.set_aspect("equal")
     ax.margins(0.08)
     ax.set(xlabel="x (m), the dancer's left is +", ylabel="y (m)")

@@ -30,7 +30,6 @@ def save_player(
     song=None,
     *,
     other: Motion | None = None,
-    titles: tuple[str, str] = ("A", "B"),
     metrics: bool = True,
 ) -> Path:
     """Write a dance as one .html page; with ``other`` two dances side by side, played together.
@@ -56,7 +55,7 @@ def save_player(
     facts = _facts(motions, song)
     facts["panes"] = [
         _pane(dance, title if other is not None else "", _numbers(dance, song) if metrics else [])
-        for dance, title in zip(motions, titles, strict=False)
+        for dance, title in zip(motions, "AB", strict=False)
     ]
     text = json.dumps(facts, separators=(",", ":")).replace("<", "\\u003c")  # no tag can begin
     page = (PAGE / "page.html").read_text(encoding="utf-8")

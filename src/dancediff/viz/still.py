@@ -43,13 +43,13 @@ def _image(png: bytes, words: str) -> str:
     return f'<img src="{data_url(png)}" alt="{words}" style="max-width:100%">'
 
 
-def still_html(png: bytes, note: str = NOTE) -> str:
+def still_html(png: bytes) -> str:
     """A picture that shows itself only where the widget below it is gone.
 
     >>> "display:none" in still_html(b"png")
     True
     """
-    inside = f"{_image(png, note) if png else ''}<p><i>{note}</i></p>"
+    inside = f"{_image(png, NOTE) if png else ''}<p><i>{NOTE}</i></p>"
     return f'{_STYLE}<div class="dancediff-still" style="display:none">{inside}</div>'
 
 

@@ -23,7 +23,7 @@ import torch
 from torch import Tensor
 
 from dancediff.motion.beats import motion_beats
-from dancediff.motion.representation import LODGE, MotionSpec, at_origin, joints_of
+from dancediff.motion.representation import LODGE, at_origin, joints_of
 
 SOFT_PER_LOCAL = 2
 
@@ -104,7 +104,6 @@ def primitives_of(
     *,
     joins: Iterable[int] = (),
     layout: Layout = LAYOUT,
-    spec: MotionSpec = LODGE,
 ) -> tuple[Tensor, Tensor]:
     r"""The primitives of a clip: what global diffusion learns to make.
 
@@ -130,12 +129,12 @@ def primitives_of(
     """
     if x.ndim != 2 or len(x) != layout.global_frames:
         raise ValueError(
-            f"x has shape {tuple(x.shape)}; expected one clip ({layout.global_frames}, {spec.dim})"
+            f"x has shape {tuple(x.shape)}; expected one clip ({layout.global_frames}, {LODGE.dim})"
         )
     if beats is None:
-        beats = motion_beats(joints_of(x.detach().cpu().float(), spec))
+        beats = motion_beats(joints_of(x.detach().cpu().float(), LODGE))
     frames = beside_joins(primitive_frames(beats, layout), joins)
-    return at_origin(x[frames.to(x.device)], spec), frames
+    return at_origin(x[frames.to(x.device)], LODGE), frames
 
 
 def primitive_frames(beats: Iterable[int], layout: Layout = LAYOUT) -> Tensor:
