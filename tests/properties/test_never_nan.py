@@ -9,7 +9,6 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dancediff import hub
 from dancediff.data.choreographer.formations import slots
 from dancediff.diffusion.conditions import Conditions
 from dancediff.extensions.beat_phase import beat_waves
@@ -57,6 +56,7 @@ from dancediff.papers.tcdiffpp.losses import (
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 from dancediff.training.config import TrainingExtensions
 from dancediff.training.extended_losses import extended_losses
+from tiny_lodge import tiny_lodge
 
 often = settings(deadline=None, derandomize=True, max_examples=40)
 seeds = st.integers(0, 2**32 - 1)
@@ -305,7 +305,7 @@ def tiny(kind):
     if kind == "EDGE":
         return pipeline_of(EDGE(EDGEConfig(**TINY, num_frames=30)).eval())
     if kind == "Lodge":
-        return hub.load("lodge")
+        return pipeline_of(tiny_lodge())
     sizes = {"fusion_hidden": 8, "footwork_hidden": 8, "num_frames": 30}
     config = TCDiffPPConfig(**TINY, **sizes)
     return pipeline_of(build(TCDiffPP, config, EXTENSIONS[TCDiffPP]).eval())

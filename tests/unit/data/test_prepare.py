@@ -150,6 +150,7 @@ def test_a_stopped_run_goes_on(tmp_path, monkeypatch):
     assert content(tmp_path / "whole") == content(tmp_path / "parts")
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="SIGKILL is of Unix")
 def test_a_killed_process_goes_on(tmp_path):
     """As a user does it: kill -9 in the middle, then the same command again."""
@@ -235,6 +236,7 @@ def memory_peak(folder, count):
     return tracemalloc.get_traced_memory()[1], most[0]
 
 
+@pytest.mark.slow
 def test_memory_does_not_grow_with_the_number_of_takes(tmp_path):
     # each in a process of its own: what other tests left running in this one allocates memory, too
     pool = partial(ProcessPoolExecutor, 1, mp_context=multiprocessing.get_context("spawn"))

@@ -69,6 +69,7 @@ def judge(dances, *, reference, songs):
     return {"x": {"value": x.mean().item(), "low": None, "high": None}}
 
 
+@pytest.mark.slow
 def test_switches_of_training_and_of_sampling(config, tmp_path):
     """Sampling alone shares a training; each switch changes the dance; genres are the songs'."""
     out = tmp_path / "out"

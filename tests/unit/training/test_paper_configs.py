@@ -79,6 +79,7 @@ def test_groups(name, sizes, optimizer, lr, tmp_path):
     dances_as_the_paper_says(model, tmp_path, dancers=2, overlap=15)
 
 
+@pytest.mark.slow
 def test_lodge(tmp_path):
     raw = read_toml(CONFIGS / "lodge_paper.toml")
     tables = check_lodge_tables(raw, "lodge_paper")
