@@ -136,9 +136,8 @@ class GroupDanceRequest(SegmentedRequest):
     @property
     def resampled(self) -> int:
         """Frames that a segment dances again instead of keeping them, for constraints behind."""
-        controls = (*self.constraints, self.start, self.end)
-        none = all(one is None for one in controls)
-        return 0 if none else min(LOOK_AHEAD, self.overlap // 2)
+        free = not self.constraints and self.start is None and self.end is None
+        return 0 if free else min(LOOK_AHEAD, self.overlap // 2)
 
     def known(self) -> "Constraint | None":
         """All constraints of a resolved request as one, in metres and matrices."""

@@ -116,7 +116,7 @@ class Pipeline(ABC):
         dtype = chosen_dtype(request.dtype, device)
         model.to(device).eval()
         try:
-            with cached_music(model), _Progress(progress) as report:
+            with cached_music(model), _reported(progress) as report:
                 yield {"dtype": dtype, "report": report}
         finally:
             model.train(was_training)
@@ -206,28 +206,21 @@ def _refuse(watch) -> None:
         raise ValueError("watch= is for group models only; leave it out")
 
 
-class _Progress:
-    """Turn ``progress=`` into a function (done, total) or None: False, True or such a function."""
+@contextmanager
+def _reported(progress) -> Iterator[Callable[[int, int], None] | None]:
+    """``progress=`` as a function (done, total) or None: False, True or such a function."""
+    if not progress or callable(progress):
+        yield progress or None
+        return
+    from tqdm.auto import tqdm
 
-    def __init__(self, progress):
-        self.progress, self.bar = progress, None
-
-    def __enter__(self):
-        if not self.progress or callable(self.progress):
-            return self.progress or None
-        from tqdm.auto import tqdm
-
-        self.bar = tqdm(desc="dancing", unit="step")
+    with tqdm(desc="dancing", unit="step") as bar:
 
         def report(done: int, total: int) -> None:
-            self.bar.total = total
-            self.bar.update(done - self.bar.n)
+            bar.total = total
+            bar.update(done - bar.n)
 
-        return report
-
-    def __exit__(self, *error):
-        if self.bar is not None:
-            self.bar.close()
+        yield report
 
 
 def usable_device(device) -> torch.device:
