@@ -36,23 +36,25 @@ _RING = np.stack([np.cos(a := np.linspace(0, 2 * np.pi, 24, endpoint=False)), 0 
 _SHADOW = mix(INK, "#334466", 0.5)
 
 # limb -> capsules (point a, point b, radius at a, radius at b), metres
+_LEFT_LEG = (
+    (1, 4, 0.085, 0.058),
+    (4, 7, 0.056, 0.036),
+    (LHEEL, 10, 0.034, 0.034),
+    (7, LHEEL, 0.036, 0.034),
+    (7, 10, 0.036, 0.030),
+    (10, LTIP, 0.032, 0.024),
+)
+_LEFT_ARM = ((16, 18, 0.052, 0.040), (18, 20, 0.039, 0.028), (20, 22, 0.030, 0.034))
+
+
+def _right(limb):
+    """The same on the right: each of its points comes just after the left one."""
+    return tuple((a + 1, b + 1, *radii) for a, b, *radii in limb)
+
+
 LIMBS = {
-    "lleg": (
-        (1, 4, 0.085, 0.058),
-        (4, 7, 0.056, 0.036),
-        (LHEEL, 10, 0.034, 0.034),
-        (7, LHEEL, 0.036, 0.034),
-        (7, 10, 0.036, 0.030),
-        (10, LTIP, 0.032, 0.024),
-    ),
-    "rleg": (
-        (2, 5, 0.085, 0.058),
-        (5, 8, 0.056, 0.036),
-        (RHEEL, 11, 0.034, 0.034),
-        (8, RHEEL, 0.036, 0.034),
-        (8, 11, 0.036, 0.030),
-        (11, RTIP, 0.032, 0.024),
-    ),
+    "lleg": _LEFT_LEG,
+    "rleg": _right(_LEFT_LEG),
     "torso": (
         (1, 2, 0.082, 0.082),
         (0, 3, 0.118, 0.116),
@@ -66,16 +68,8 @@ LIMBS = {
         (6, 17, 0.095, 0.050),
         (12, 15, 0.048, 0.048),
     ),
-    "larm": (
-        (16, 18, 0.052, 0.040),
-        (18, 20, 0.039, 0.028),
-        (20, 22, 0.030, 0.034),
-    ),
-    "rarm": (
-        (17, 19, 0.052, 0.040),
-        (19, 21, 0.039, 0.028),
-        (21, 23, 0.030, 0.034),
-    ),
+    "larm": _LEFT_ARM,
+    "rarm": _right(_LEFT_ARM),
     "head": ((SKULL, SKULL, HEAD_RADIUS, HEAD_RADIUS),),
     "face": ((FACE, FACE, 0.074, 0.074),),
 }
