@@ -15,7 +15,6 @@ ORDER = [  # lowest first; a module imports its own part and lower ones
     *["exercises", "grading", "nb", "cli"],
 ]
 HEAVY = ["torch", "librosa", "matplotlib", "ipywidgets", "pythreejs", "av"]
-SETTLING = {"papers", "extensions"}  # papers import both until these are taken out of them
 FILES = sorted(SOURCE.rglob("*.py"))
 
 MODULES = {
@@ -70,9 +69,7 @@ def wrong_imports(own: str, text: str) -> list[str]:
     wrong = []
     for other in ours(text):
         theirs, *folder = other.split(".")
-        if {theirs, part} <= SETTLING:
-            allowed = True
-        elif theirs != part:
+        if theirs != part:
             allowed = ORDER.index(theirs) < ORDER.index(part)
         else:  # papers know nothing of each other
             allowed = part != "papers" or folder[0] == inside[0]
