@@ -4,7 +4,7 @@ import pytest
 
 import dancediff as dd
 from dancediff.extensions.control import Keep
-from dancediff.extensions.foot_contact_projection import plant_feet
+from dancediff.extensions.foot_contact_projection import project_foot_contact
 from dancediff.metrics.physical import fsr
 from dancediff.motion.representation import TCDIFFPP
 from dancediff.motion.skeleton import FOOT_JOINTS
@@ -29,7 +29,7 @@ def test_dances_slide_less_with_planted_feet(dance_with):
 def test_it_is_no_work_on_the_finished_dance(dance_with):
     """The network answers to planted feet: planting the free dance is not the same."""
     free, planted = (dance_with(foot_contact=on) for on in (False, True))
-    afterwards = plant_feet(free.features())
+    afterwards = project_foot_contact(free.features())
     assert (afterwards[..., TCDIFFPP.root] - planted.root).abs().max() > 0.005
 
 

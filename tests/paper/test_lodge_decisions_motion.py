@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from dancediff.data.choreographer.choreograph import choreograph
-from dancediff.extensions.root_stitching import stitch
+from dancediff.extensions.root_stitching import root_stitching
 from dancediff.motion.beats import motion_beats
 from dancediff.motion.contact import CONTACT_HEIGHT, foot_contact
 from dancediff.motion.mirror import mirror_features
@@ -113,7 +113,7 @@ def test_l16_two_soft_primitives_in_each_local(clip):
 
 
 def test_l18_the_root_is_never_constrained(clip):
-    """Paper: all channels. Ours, as released: contacts and rotations; `stitch` does the root."""
+    """Paper: all channels. Ours, as released: contacts and rotations; the root is stitched."""
     channels = cue_channels()
     assert (~channels).nonzero().flatten().tolist() == [4, 5, 6]
 
@@ -127,7 +127,7 @@ def test_l19_no_jump_where_locals_meet(clip):
     seams = [256, 512, 768]
     step = clip[:, [4, 6]].diff(dim=0).norm(dim=1)
     released = locals_.flatten(0, 1)[:, [4, 6]].diff(dim=0).norm(dim=1)[[s - 1 for s in seams]]
-    dance = stitch(locals_)
+    dance = root_stitching(locals_)
     mended = dance[:, [4, 6]].diff(dim=0).norm(dim=1)[[s - 1 for s in seams]]
     assert released.max() > 0.12 > 3 * step.max() / 2
     assert mended.max() <= step.max()
@@ -169,7 +169,7 @@ def test_songs_of_any_length_are_danced_to_their_end():
     """Released: what is left after the last 256 frames is dropped, songs under 1024 refused."""
     for frames in (40, 700, 1100, 2047):
         p = segments_of(frames)
-        x = stitch(torch.zeros(len(p.locals), 256, 139))[: p.frames]
+        x = root_stitching(torch.zeros(len(p.locals), 256, 139))[: p.frames]
         assert len(x) == frames and frames // 256 < len(p.locals)
         arrange(torch.zeros(len(p.globals), 13, 8, 139), p, mirror=True)
 

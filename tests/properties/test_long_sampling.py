@@ -10,7 +10,7 @@ from dancediff.diffusion.long_sampling import SEAMS
 from dancediff.diffusion.pinning import MODES
 from dancediff.diffusion.samplers import SAMPLERS, SamplerOptions
 from dancediff.diffusion.schedule import cosine_abar
-from dancediff.extensions.root_stitching import stitch
+from dancediff.extensions.root_stitching import root_stitching
 from dancediff.generation.pipeline import pipeline_of
 from dancediff.motion.representation import LODGE
 from dancediff.papers.lodge.choreography import arrange
@@ -223,7 +223,7 @@ def test_locals_of_one_walk_are_stitched_to_that_walk(seed, L, n, data):
     parts = x.view(L, n, -1).clone()
     # no local knows where the one before ended
     parts[1:, :, LODGE.root] -= parts[1:, :1, LODGE.root] * torch.tensor([1.0, 0.0, 1.0])
-    y = stitch(parts, blend=blend)
+    y = root_stitching(parts, blend=blend)
     torch.testing.assert_close(y, x, atol=1e-4, rtol=0)
 
 
@@ -232,7 +232,7 @@ def test_locals_of_one_walk_are_stitched_to_that_walk(seed, L, n, data):
 def test_nobody_jumps_at_a_seam(seed, L, n, data):
     blend = data.draw(st.integers(0, n // 2))
     x = torch.randn(L, n, LODGE.dim, generator=generator(seed)).double()
-    y = stitch(x, blend=blend)
+    y = root_stitching(x, blend=blend)
     assert y.shape == (L * n, LODGE.dim)
     rest = [k for k in range(LODGE.dim) if not LODGE.root.start <= k < LODGE.root.stop]
     assert torch.equal(y[:, rest], x.flatten(0, 1)[:, rest])

@@ -14,8 +14,8 @@ from dancediff.diffusion.conditions import Conditions
 from dancediff.extensions.beat_phase import beat_waves
 from dancediff.extensions.build import EXTENSIONS, build
 from dancediff.extensions.collision_avoidance import CollisionAvoidance
-from dancediff.extensions.floor_contact import stand_on_floor
-from dancediff.extensions.foot_contact_projection import foot_contact_hook, plant_feet
+from dancediff.extensions.floor_contact import project_floor_contact
+from dancediff.extensions.foot_contact_projection import foot_contact_hook, project_foot_contact
 from dancediff.extensions.group_relations import Group
 from dancediff.extensions.speed_limit import limit_travel, limit_turns
 from dancediff.generation.pipeline import pipeline_of
@@ -131,7 +131,7 @@ def test_rotations(seed, dtype, angle, size):
 def test_what_bodies_cannot_do_is_taken_out(kind, seed, n, f, dtype, solo):
     spec = LODGE if solo else TCDIFFPP
     x = dance(kind, seed, n, f, spec, dtype)
-    for mend in (limit_turns, limit_travel, stand_on_floor, plant_feet):
+    for mend in (limit_turns, limit_travel, project_floor_contact, project_foot_contact):
         assert finite(mend(x, None, spec)), mend.__name__
     held = torch.rand(n, f, generator=torch.Generator().manual_seed(seed)) < 0.5
     norm = Normalizer(-torch.ones(spec.dim), torch.ones(spec.dim))

@@ -80,7 +80,7 @@ def pushes(joints: Tensor, fps: float = 30.0) -> Tensor:
 
 @dataclass(frozen=True)
 class CollisionAvoidance:
-    """A `Source` of `Conditioning`: where two are too near, both are asked to step aside.
+    """A `Source` of `ConstraintHook`: where two are too near, both are asked to step aside.
 
     >>> two = torch.zeros(2, 30, 151)
     >>> two[1, ..., X] = 0.2                                     # metres: far too near

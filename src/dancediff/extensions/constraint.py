@@ -139,13 +139,13 @@ class Source(Protocol):
 
 
 @dataclass(frozen=True)
-class Conditioning:
+class ConstraintHook:
     """The hook that conditions every guess on what ``sources`` ask for, all at once.
 
     Earlier sources are believed over later ones. ``std``: of each frequency in the training set.
 
     >>> mask = torch.ones(1, 4, 1, dtype=torch.bool)
-    >>> hook = Conditioning(torch.ones(4, 1), [Constraint(mask, torch.ones(1, 4, 1))])
+    >>> hook = ConstraintHook(torch.ones(4, 1), [Constraint(mask, torch.ones(1, 4, 1))])
     >>> hook.apply(torch.zeros(1, 1, 4, 1), abar=0.5).flatten().round().tolist()
     [1.0, 1.0, 1.0, 1.0]
     """
@@ -153,11 +153,11 @@ class Conditioning:
     std: Tensor
     sources: Sequence[Source]
 
-    def for_segment(self, segment: Segment) -> "Conditioning | None":
+    def for_segment(self, segment: Segment) -> "ConstraintHook | None":
         """The same for a segment of a long dance; None where nothing is asked."""
         bound = (source.for_segment(segment) for source in self.sources)
         sources = [source for source in bound if source is not None]
-        return Conditioning(self.std, sources) if sources else None
+        return ConstraintHook(self.std, sources) if sources else None
 
     def apply(self, x0_hat: Tensor, abar: float) -> Tensor:
         """Condition a guess (b, n, f, d); sources see the first row of the batch."""

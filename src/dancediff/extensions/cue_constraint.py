@@ -23,7 +23,7 @@ from dancediff.motion.representation import LODGE
 
 
 @dataclass(frozen=True)
-class Conditioned:
+class SoloConstraintHook:
     """The hook that conditions every guess (l, f, d) on one `Constraint`."""
 
     constraint: Constraint
@@ -34,7 +34,7 @@ class Conditioned:
         return self.constraint.condition(x0_hat[None], abar, self.spread)[0]
 
 
-def cue_constraint(hard: Tensor, y: Tensor, spread: Tensor) -> Conditioned:
+def cue_constraint(hard: Tensor, y: Tensor, spread: Tensor) -> SoloConstraintHook:
     """Guesses meet the hard cues.
 
     >>> hard = torch.zeros(1, 64, 139, dtype=torch.bool)
@@ -45,10 +45,10 @@ def cue_constraint(hard: Tensor, y: Tensor, spread: Tensor) -> Conditioned:
     >>> bool((x[:4] - 0.8).abs().max() < 1e-3), bool(x.diff().abs().max() < 0.2)
     (True, True)
     """
-    return Conditioned(Constraint(hard.cpu(), y.cpu()), spread.cpu())
+    return SoloConstraintHook(Constraint(hard.cpu(), y.cpu()), spread.cpu())
 
 
-def return_to_origin(origin: Tensor, shape: Sequence[int], spread: Tensor) -> Conditioned:
+def return_to_origin(origin: Tensor, shape: Sequence[int], spread: Tensor) -> SoloConstraintHook:
     """Guesses begin and end at one place on the floor.
 
     Windows of the training set begin in the middle of the floor; segments that also end there do
@@ -65,4 +65,4 @@ def return_to_origin(origin: Tensor, shape: Sequence[int], spread: Tensor) -> Co
     mask, y = torch.zeros(shape, dtype=torch.bool), torch.zeros(shape)
     for end in (0, -1):
         mask[:, end, LODGE.floor], y[:, end, LODGE.floor] = True, origin.cpu()[LODGE.floor]
-    return Conditioned(Constraint(mask, y), spread.cpu())
+    return SoloConstraintHook(Constraint(mask, y), spread.cpu())

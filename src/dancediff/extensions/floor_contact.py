@@ -25,11 +25,11 @@ FIXED = 1e8  # what lifting a body costs where its height is known
 
 
 def floor_contact(x: Tensor, fixed: Fixed) -> Tensor:
-    """Put bodies on the floor, see `stand_on_floor`.
+    """Put bodies on the floor, see `project_floor_contact`.
 
     Shapes: x (..., f, d) metres and 6-D rotations -> the same.
     """
-    return stand_on_floor(x, fixed.height, fixed.spec)
+    return project_floor_contact(x, fixed.height, fixed.spec)
 
 
 def flights(h: Tensor, *, fps: float = 30.0) -> Tensor:
@@ -56,7 +56,7 @@ def flights(h: Tensor, *, fps: float = 30.0) -> Tensor:
     return air & (peak >= LEGS_REACH * GRAVITY * T**2 / 8)
 
 
-def grounding_shift(h: Tensor, fixed: Tensor | None = None) -> Tensor:
+def floor_contact_shift(h: Tensor, fixed: Tensor | None = None) -> Tensor:
     r"""How far to lift a body in every frame so that it stands on the floor unless it leaps.
 
     $$\min_v \sum_{i \notin \text{leap}} (v_i + h_i)^2 + S \sum_i (\Delta^2 v)_i^2$$
@@ -65,7 +65,7 @@ def grounding_shift(h: Tensor, fixed: Tensor | None = None) -> Tensor:
 
     Shapes: h (..., f) metres, fixed (..., f) bool -> (..., f) metres.
 
-    >>> round(grounding_shift(torch.full((40,), 0.1))[0].item(), 3)    # floats: down by 10 cm
+    >>> round(floor_contact_shift(torch.full((40,), 0.1))[0].item(), 3)    # floats: down by 10 cm
     -0.1
     """
     f = h.shape[-1]
@@ -77,7 +77,9 @@ def grounding_shift(h: Tensor, fixed: Tensor | None = None) -> Tensor:
     return solve_banded(A, (weight * target)[..., None])[..., 0].to(h)
 
 
-def stand_on_floor(x: Tensor, fixed: Tensor | None = None, spec: MotionSpec = TCDIFFPP) -> Tensor:
+def project_floor_contact(
+    x: Tensor, fixed: Tensor | None = None, spec: MotionSpec = TCDIFFPP
+) -> Tensor:
     """Put bodies that float or sink on the floor; only the height of the root changes.
 
     Source: ours.
@@ -86,11 +88,11 @@ def stand_on_floor(x: Tensor, fixed: Tensor | None = None, spec: MotionSpec = TC
 
     >>> from dancediff.motion.representation import pack
     >>> x = pack(torch.zeros(90, 4), torch.zeros(90, 3) + 2, torch.eye(3).expand(90, 24, 3, 3))
-    >>> lowest = joints_of(stand_on_floor(x))[..., 1].amin(-1)
+    >>> lowest = joints_of(project_floor_contact(x))[..., 1].amin(-1)
     >>> round(lowest.mean().item(), 3)
     0.02
     """
     h = joints_of(x, spec)[..., 1].amin(-1) - TOE_CLEARANCE
     out = x.clone()
-    out[..., spec.height] += grounding_shift(h, fixed)
+    out[..., spec.height] += floor_contact_shift(h, fixed)
     return out

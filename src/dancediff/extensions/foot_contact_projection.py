@@ -51,7 +51,7 @@ def foot_contact_projection(x: Tensor, fixed: Fixed) -> Tensor:
     height, place = fixed.height, fixed.place
     if legs is not None and height is not None and place is not None:
         rooted = torch.stack([legs | place, legs | height, legs | place], -1)
-    return plant_feet(x, legs, fixed.spec, rooted=rooted)
+    return project_foot_contact(x, legs, fixed.spec, rooted=rooted)
 
 
 STEPS = (speed_limit, floor_contact, foot_contact_projection)
@@ -70,7 +70,7 @@ def foot_contact_hook(
     return Projection(normalizer, STEPS, Fixed(mask, spec))
 
 
-def plant_feet(
+def project_foot_contact(
     x: Tensor,
     fixed: Tensor | None = None,
     spec: MotionSpec = TCDIFFPP,
@@ -80,8 +80,8 @@ def plant_feet(
     r"""Let the legs follow feet that stand where x itself says that they stand.
 
     Where it says that of no foot and the body does not leap, one stands nevertheless (`support`).
-    The feet are moved as little as that takes (`planting_shift`) and keep their direction. The root
-    follows the feet that stand (`root_shift`), and all above it with the root; hips, knees and
+    The feet are moved as little as that takes (`foot_contact_shift`) and keep their direction. The
+    root follows the feet that stand (`root_shift`), and all above it with the root; hips, knees and
     ankles do the rest by two-bone inverse kinematics, so that a foot out of the leg's reach still
     slides. Feet are parted where legs close or cross (`legs_apart`). Without the root's part legs
     reach for their feet: segment after segment of a long dance they got straighter, until knees
@@ -97,7 +97,7 @@ def plant_feet(
     >>> slide = torch.zeros(30, 3)
     >>> slide[:, 0], slide[:, 1] = torch.linspace(0, 0.2, 30), 0.93    # 20 cm to the left, upright
     >>> x = pack(torch.ones(30, 4), slide, torch.eye(3).expand(30, 24, 3, 3))
-    >>> _, root, pose = unpack(plant_feet(x))
+    >>> _, root, pose = unpack(project_foot_contact(x))
     >>> bool(forward_kinematics(pose, root)[:, 7].diff(dim=0).norm(dim=-1).max() < 0.001)
     True
     """
@@ -112,7 +112,7 @@ def plant_feet(
     u = []
     for k, aside in enumerate((apart, -apart)):
         foot = feet[..., k::2, :] + aside[..., None, :]
-        u.append(aside + planting_shift(foot, contact[..., k::2], fixed))
+        u.append(aside + foot_contact_shift(foot, contact[..., k::2], fixed))
     if rooted is None and fixed is not None:
         rooted = fixed[..., None].expand(*fixed.shape, 3)
     v = root_shift(torch.stack(u, -2), contact, rooted)
@@ -233,7 +233,7 @@ def support(c: Tensor, joints: Tensor) -> Tensor:
     return torch.cat([c[..., :2], toe], -1)
 
 
-def planting_shift(p: Tensor, c: Tensor, fixed: Tensor | None = None) -> Tensor:
+def foot_contact_shift(p: Tensor, c: Tensor, fixed: Tensor | None = None) -> Tensor:
     r"""How far to move a foot in every frame so that it stands while it is planted.
 
     $$\min_u \sum_i \Big[\lVert u_i \rVert^2 + S\,\lVert \Delta^2 u_i \rVert^2
@@ -250,7 +250,7 @@ def planting_shift(p: Tensor, c: Tensor, fixed: Tensor | None = None) -> Tensor:
     Shapes: p (..., f, j, 3) metres, c (..., f, j), fixed (..., f) -> (..., f, 3) metres.
 
     >>> slides = torch.linspace(0, 0.1, 5)[:, None, None] * torch.tensor([1.0, 0.0, 0.0]) + 0.05
-    >>> u = planting_shift(slides, torch.ones(5, 1))
+    >>> u = foot_contact_shift(slides, torch.ones(5, 1))
     >>> [round(x, 3) for x in (slides[:, 0] + u)[:, 0].tolist()]      # it stands in the middle
     [0.1, 0.1, 0.1, 0.1, 0.1]
     """

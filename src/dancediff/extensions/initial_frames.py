@@ -16,7 +16,7 @@ FRAMES = 8  # the last of the context: they say where and how fast a segment set
 
 @dataclass(frozen=True)
 class InitialFrames:
-    """For `Conditioning`: the last frames of the context, as a constraint of the segment.
+    """For `ConstraintHook`: the last frames of the context, as a constraint of the segment.
 
     Pinning holds the context in the noisy motion; the guess, and with it the frames that follow,
     would still set out from somewhere else.

@@ -52,7 +52,7 @@ def in_order(x: Tensor, S: Tensor, gap: float = GAP) -> Tensor:
 
 @dataclass(frozen=True)
 class OrderConstraint:
-    """A `Source` of `Conditioning`: in the last frame dancers are asked to stand in the order S.
+    """A `Source` of `ConstraintHook`: in the last frame dancers are asked to stand in the order S.
 
     >>> rule = OrderConstraint(Normalizer(-torch.ones(151), torch.ones(151)), torch.tensor([1, 0]))
     >>> asked = rule.at(torch.zeros(2, 30, 151), 0.5)

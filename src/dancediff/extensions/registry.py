@@ -109,7 +109,7 @@ _ALL = (
     Extension("smooth_primitives", "sampling", "Primitives keep pose, velocity and bend only.",
               "smooth_primitives", SOLO, lesson=12),
     Extension("repeat_sections", "sampling", "What comes again in a song comes again in the dance.",
-              "song_structure", SOLO),
+              "repeat_sections", SOLO),
     Extension("root_stitching", "sampling", "Dancers go on over seams from where they are.",
               "root_stitching", SOLO, lesson=12),
     Extension("group_relations", "sampling", "A group dances a solo: in unison, canon or mirror.",

@@ -15,7 +15,7 @@ from torch import Tensor
 from dancediff.motion.representation import LODGE
 
 
-def stitch(x: Tensor, *, blend: int = 8) -> Tensor:
+def root_stitching(x: Tensor, *, blend: int = 8) -> Tensor:
     r"""Put locals one after another so that the root goes on without a jump.
 
     On the floor each local continues where the one before ended, with the mean of both velocities
@@ -36,7 +36,7 @@ def stitch(x: Tensor, *, blend: int = 8) -> Tensor:
 
     >>> x = torch.zeros(2, 32, 139)
     >>> x[..., 4] = torch.arange(32.0)                    # both walk a metre a frame from 0
-    >>> stitch(x)[:, 4].equal(torch.arange(64.0))
+    >>> root_stitching(x)[:, 4].equal(torch.arange(64.0))
     True
     """
     n = x.shape[1]

@@ -22,7 +22,7 @@ from dancediff.diffusion.samplers import SamplerOptions, sample, sampling_times
 from dancediff.extensions import control
 from dancediff.extensions.autoguidance import LASTING_SHARE, ROOT_SHARE, autoguided
 from dancediff.extensions.collision_avoidance import CollisionAvoidance
-from dancediff.extensions.constraint import Conditioning, Constraint, Source
+from dancediff.extensions.constraint import Constraint, ConstraintHook, Source
 from dancediff.extensions.foot_contact_projection import foot_contact_hook
 from dancediff.extensions.frequency_clip import FrequencyClip
 from dancediff.extensions.initial_frames import InitialFrames
@@ -80,7 +80,7 @@ def long_group_sampler(model, song, request: GroupDanceRequest, *, dtype=None) -
 
 def hooks_of(
     model, request: GroupDanceRequest, known: Constraint | None
-) -> list[Conditioning | Projection]:
+) -> list[ConstraintHook | Projection]:
     """What changes guesses while a request is danced by TCDiff++."""
     normalizer, sources = model.normalizer.on_cpu(), list[Source]()
     if request.pinning in HOLDING and request.seam == "copy":
@@ -94,7 +94,7 @@ def hooks_of(
     linear, feet = preconditioning_of(model), foot_contact_hooks(model, request)
     if not sources or linear is None:
         return [*feet]
-    return [Conditioning(linear.spread.cpu(), sources), *feet]
+    return [ConstraintHook(linear.spread.cpu(), sources), *feet]
 
 
 def foot_contact_hooks(model, request: SegmentedRequest) -> list[Projection]:

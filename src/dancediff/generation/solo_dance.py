@@ -19,9 +19,9 @@ from dancediff.extensions.cue_constraint import cue_constraint, return_to_origin
 from dancediff.extensions.foot_contact_projection import foot_contact_hook
 from dancediff.extensions.group_relations import PIECE, Group, canon_delays, places
 from dancediff.extensions.preconditioning import preconditioning_of
-from dancediff.extensions.root_stitching import stitch
+from dancediff.extensions.repeat_sections import find_sections, repeat_sections
+from dancediff.extensions.root_stitching import root_stitching
 from dancediff.extensions.smooth_primitives import smooth_primitives
-from dancediff.extensions.song_structure import find_sections, repeat_sections
 from dancediff.generation.solo_request import LodgeRequest
 from dancediff.motion.representation import LODGE, at_origin, with_hands
 from dancediff.music.features import beat_frames
@@ -86,7 +86,7 @@ class LodgeSampler(ParallelSampler):
 
     def join(self, x: Tensor) -> Tensor:
         """The root goes on over seams."""
-        return stitch(x) if self.request.root_stitching else super().join(x)
+        return root_stitching(x) if self.request.root_stitching else super().join(x)
 
 
 def solo_pieces(model, song, request: LodgeRequest, *, report=None, dtype=None) -> Iterator[Tensor]:

@@ -13,7 +13,7 @@ from dancediff.extensions.collision_avoidance import (
     girths,
     pushes,
 )
-from dancediff.extensions.constraint import Conditioning, Constraint
+from dancediff.extensions.constraint import Constraint, ConstraintHook
 from dancediff.generation.pipeline import pipeline_of
 from dancediff.motion.representation import Normalizer, pack
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
@@ -37,7 +37,7 @@ def joints(x):
 def spaced(x, abar, *before):
     norm = Normalizer(-torch.ones(151), torch.ones(151))
     spread = 4.0 / (1 + torch.arange(F, dtype=torch.float32)[:, None]) ** 1.5
-    return Conditioning(spread.expand(F, 151), [*before, CollisionAvoidance(norm)]).apply(x, abar)
+    return ConstraintHook(spread.expand(F, 151), [*before, CollisionAvoidance(norm)]).apply(x, abar)
 
 
 def gap(x):

@@ -7,7 +7,7 @@ from dancediff.diffusion.long_sampling import Segment
 from dancediff.diffusion.pinning import Pinning
 from dancediff.diffusion.samplers import SamplerOptions, sample
 from dancediff.diffusion.schedule import abar_at, cosine_abar, gaussian
-from dancediff.extensions.constraint import Conditioning, Constraint, covariance
+from dancediff.extensions.constraint import Constraint, ConstraintHook, covariance
 from dancediff.extensions.preconditioning import Preconditioning, dct_matrix
 
 ABAR = cosine_abar()
@@ -46,7 +46,7 @@ def known_at(frames, value, slack=None):
 def draw(constraint, b=3000, eta=1.0):
     options, g = SamplerOptions(ABAR, "ddim", 60, eta=eta, clamp=None), gen(1)
     x_T = gaussian((b, 1, F, 1), generator=g, dtype=torch.float64)
-    hooks = [Conditioning(SPREAD, [constraint])]
+    hooks = [ConstraintHook(SPREAD, [constraint])]
     return sample(exact(), x_T.shape, options, generator=g, x_T=x_T, hooks=hooks)[:, 0, :, 0]
 
 

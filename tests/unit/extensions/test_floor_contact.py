@@ -9,8 +9,8 @@ from dancediff.extensions.floor_contact import (
     GRAVITY,
     SMOOTH,
     flights,
-    grounding_shift,
-    stand_on_floor,
+    floor_contact_shift,
+    project_floor_contact,
 )
 from dancediff.motion.contact import TOE_CLEARANCE
 from dancediff.motion.representation import LODGE, TCDIFFPP, joints_of
@@ -67,12 +67,12 @@ def test_the_shift_minimises_its_equation():
     A = torch.cat([torch.diag(weight), SMOOTH**0.5 * D])
     right = torch.cat([-weight * h, torch.zeros(38)])
     wanted = torch.linalg.lstsq(A, right[:, None].double()).solution[:, 0]
-    assert torch.allclose(grounding_shift(h).double(), wanted, atol=1e-5)
+    assert torch.allclose(floor_contact_shift(h).double(), wanted, atol=1e-5)
 
 
 def test_a_dance_on_the_floor_stays_as_it_is(dance):
     """With its leaps: there are some, and nothing moves by more than a centimetre."""
-    moved = (stand_on_floor(dance) - dance).abs()
+    moved = (project_floor_contact(dance) - dance).abs()
     assert flights(lowest(dance)).any()
     assert moved.max() < 0.01
     assert moved[..., HEIGHT].median() < 0.001
@@ -83,7 +83,7 @@ def test_who_floats_is_put_down(level):
     assert not flights(lowest(level)).any()
     high = level.clone()
     high[:, 60:120, HEIGHT] += 0.2
-    down = stand_on_floor(high)
+    down = project_floor_contact(high)
     assert (down[..., HEIGHT] - level[..., HEIGHT])[:, 70:110].abs().max() < 0.02
     others = [c for c in range(TCDIFFPP.dim) if c != HEIGHT]
     assert torch.equal(down[..., others], high[..., others])
@@ -92,7 +92,7 @@ def test_who_floats_is_put_down(level):
 def test_who_sank_is_lifted(level):
     low = level.clone()
     low[..., HEIGHT] -= 0.1
-    assert lowest(stand_on_floor(low)).min() > -0.02
+    assert lowest(project_floor_contact(low)).min() > -0.02
 
 
 def test_known_heights_are_kept(level):
@@ -101,7 +101,7 @@ def test_known_heights_are_kept(level):
     high[..., HEIGHT] += 0.1
     held = torch.zeros(high.shape[:-1], dtype=torch.bool)
     held[:, :100] = True
-    down = stand_on_floor(high, held)
+    down = project_floor_contact(high, held)
     assert torch.allclose(down[:, :100], high[:, :100], atol=1e-5)
     shift = (down - high)[..., HEIGHT]
     assert shift.diff(dim=1).abs().max() < 0.025
@@ -111,5 +111,5 @@ def test_known_heights_are_kept(level):
 def test_lodges_vector_stands_like_the_other(dance):
     high = dance.clone()
     high[..., HEIGHT] += 0.1
-    same = stand_on_floor(high)[..., : LODGE.dim]
-    assert torch.equal(stand_on_floor(high[..., : LODGE.dim], spec=LODGE), same)
+    same = project_floor_contact(high)[..., : LODGE.dim]
+    assert torch.equal(project_floor_contact(high[..., : LODGE.dim], spec=LODGE), same)

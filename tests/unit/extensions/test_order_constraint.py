@@ -5,7 +5,7 @@ import torch
 
 import dancediff as dd
 from dancediff.extensions.collision_avoidance import SLACK
-from dancediff.extensions.constraint import Conditioning, Constraint
+from dancediff.extensions.constraint import Constraint, ConstraintHook
 from dancediff.extensions.order_constraint import GAP, OrderConstraint, X, in_order
 from dancediff.generation.pipeline import pipeline_of
 from dancediff.motion.representation import Normalizer
@@ -26,7 +26,7 @@ def ordered(x, abar, S, *before):
     norm = Normalizer(-torch.ones(151), torch.ones(151))
     spread = 4.0 / (1 + torch.arange(F, dtype=torch.float32)[:, None]) ** 1.5
     sources = [*before, OrderConstraint(norm, torch.tensor(S))]
-    return Conditioning(spread.expand(F, 151), sources).apply(x, abar)
+    return ConstraintHook(spread.expand(F, 151), sources).apply(x, abar)
 
 
 def test_places_are_the_nearest_in_order():

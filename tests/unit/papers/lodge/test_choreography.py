@@ -2,7 +2,7 @@ import pytest
 import torch
 
 from dancediff.data.choreographer.structure import Section
-from dancediff.extensions.song_structure import repeat_sections
+from dancediff.extensions.repeat_sections import repeat_sections
 from dancediff.motion.mirror import mirror_features
 from dancediff.motion.representation import LODGE, Normalizer
 from dancediff.papers.lodge.choreography import Arrangement, arrange, chain, cue_positions

@@ -11,7 +11,7 @@ from dancediff.diffusion.long_sampling import SEAMS
 from dancediff.diffusion.pinning import MODES
 from dancediff.diffusion.samplers import SamplerOptions
 from dancediff.diffusion.schedule import cosine_abar
-from dancediff.extensions.constraint import Conditioning
+from dancediff.extensions.constraint import ConstraintHook
 from dancediff.extensions.initial_frames import InitialFrames
 from dancediff.papers.tcdiffpp.long_group_sampling import LongGroupSampler
 
@@ -154,7 +154,7 @@ def test_seams_of_an_imperfect_network():
 
     std = 0.5 / (1 + torch.arange(150.0)[:, None].repeat(1, 2)) ** 2
     assert jump() == pytest.approx(0.02, abs=1e-4)
-    assert jump(hooks=[Conditioning(std, [InitialFrames()])]) < 0.004
+    assert jump(hooks=[ConstraintHook(std, [InitialFrames()])]) < 0.004
     assert jump(seam="fade") < 0.001
 
 

@@ -1,7 +1,7 @@
 import pytest
 import torch
 
-from dancediff.extensions.root_stitching import stitch
+from dancediff.extensions.root_stitching import root_stitching
 from dancediff.papers.lodge.primitives import Layout
 from dancediff.papers.lodge.segments import segments_of
 
@@ -55,7 +55,7 @@ def test_other_layouts():
 @pytest.mark.parametrize("blend", [0, 1, 8, 32])
 def test_the_root_goes_on_at_the_seam_with_the_mean_of_both_velocities(blend):
     x = walkers()
-    y = stitch(x, blend=blend)
+    y = root_stitching(x, blend=blend)
     assert y.shape == (256, 139)
     for s in (64, 128, 192):
         j = s // 64
@@ -67,13 +67,13 @@ def test_the_root_goes_on_at_the_seam_with_the_mean_of_both_velocities(blend):
 
 def test_velocity_changes_little_anywhere():
     x = walkers()
-    rough, smooth = (stitch(x, blend=b)[:, [X, Z]].diff(dim=0).diff(dim=0) for b in (0, 16))
+    rough, smooth = (root_stitching(x, blend=b)[:, [X, Z]].diff(dim=0).diff(dim=0) for b in (0, 16))
     assert smooth.abs().max() < 0.3 * rough.abs().max()
 
 
 def test_away_from_seams_everybody_walks_as_before():
     x, n, B = walkers(), 64, 8
-    y = stitch(x, blend=B).view(4, n, 139)
+    y = root_stitching(x, blend=B).view(4, n, 139)
     inner = slice(B, n - B)
     for axis in (X, Z):
         steps = y[:, inner, axis].diff(dim=1)
@@ -85,23 +85,23 @@ def test_away_from_seams_everybody_walks_as_before():
 
 def test_heights_meet_and_do_not_drift():
     x = walkers(L=50)
-    y = stitch(x, blend=8)
+    y = root_stitching(x, blend=8)
     assert y[:, Y].diff().abs().max() < 0.04 < (x[1:, 0, Y] - x[:-1, -1, Y]).abs().max()
     assert (y[:, Y] - x.flatten(0, 1)[:, Y]).abs().max() < 0.3  # no local is lifted as a whole
-    assert torch.equal(stitch(x, blend=0)[:, Y], x.flatten(0, 1)[:, Y])
+    assert torch.equal(root_stitching(x, blend=0)[:, Y], x.flatten(0, 1)[:, Y])
 
 
 def test_one_local_and_bad_arguments():
     x = walkers(L=1)
-    assert torch.allclose(stitch(x), x[0], atol=1e-6)
+    assert torch.allclose(root_stitching(x), x[0], atol=1e-6)
     with pytest.raises(ValueError, match="blend=33"):
-        stitch(x, blend=33)
+        root_stitching(x, blend=33)
     with pytest.raises(ValueError, match="one frame"):
-        stitch(torch.zeros(2, 1, 139), blend=0)
+        root_stitching(torch.zeros(2, 1, 139), blend=0)
 
 
 def test_the_source_is_left_alone():
     x = walkers()
     before = x.clone()
-    stitch(x)
+    root_stitching(x)
     assert torch.equal(x, before)

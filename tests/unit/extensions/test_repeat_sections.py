@@ -1,7 +1,7 @@
 import numpy as np
 import torch
 
-from dancediff.extensions.song_structure import find_sections, phrase_similarity, sections_of
+from dancediff.extensions.repeat_sections import find_sections, phrase_similarity, sections_of
 from dancediff.music.synth import synth_song
 
 
