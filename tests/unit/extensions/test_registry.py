@@ -1,5 +1,6 @@
 """The registry of extensions against modules, presets and lessons."""
 
+import json
 from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace
@@ -45,8 +46,22 @@ def test_an_entry_is_sound(extension):
         for preset in extension.presets:
             assert preset in REGISTRY[name].presets
     assert set(extension.presets) <= set(PRESETS) - {"paper"}
+
+
+def named_in(lesson: str, extension) -> bool:
+    return any(name in lesson for name in (extension.name, extension.module.rsplit(".", 1)[-1]))
+
+
+@pytest.mark.parametrize("extension", REGISTRY.values(), ids=lambda e: e.name)
+def test_the_lesson_names_what_it_shows(extension):
     if extension.lesson is not None:
-        assert list((ROOT / "notebooks").glob(f"{extension.lesson:02d}_*.ipynb"))
+        (notebook,) = (ROOT / "notebooks").glob(f"{extension.lesson:02d}_*.ipynb")
+        cells = json.loads(notebook.read_text(encoding="utf-8"))["cells"]
+        assert named_in("".join("".join(cell["source"]) for cell in cells), extension)
+
+
+def test_a_lesson_without_the_name_is_noticed():
+    assert not named_in("feet that stand", REGISTRY["floor_contact"])
 
 
 def on(value) -> bool:
