@@ -2,7 +2,8 @@ r"""State space duality: Mamba's scan as matrix products, several times as fast 
 
 Read first: notebook 08 · Dao & Gu 2024 (SSD, "Mamba-2") section 6 · `dancediff.nn.ssm`.
 
-Symbols (axes: b batch · f frames · s ssm state · h heads · p channels of one head)
+Symbols (axes: b batch · f frames · s ssm state · h heads · p channels of one head
+         z chunks · i frames of one chunk)
     u       what goes in                             (b, f, (h p))
     delta   $\Delta$, how long a frame lasts, > 0    (b, f, h)
     A       decay rates, < 0                         (h,)
@@ -15,7 +16,7 @@ import torch.nn.functional as F
 from einops import rearrange
 from torch import Tensor, nn
 
-from dancediff.nn.ssm import MambaBlock, init_delta
+from dancediff.nn.ssm import MambaBlock, init_delta, selective_scan_ref
 
 LANES = 64  # a multiple of what PyTorch's loops take at a time (AVX-512: 2 x 16 numbers)
 
@@ -35,6 +36,27 @@ def segsum(a: Tensor) -> Tensor:
     total = a.cumsum(-1)
     future = torch.ones(a.shape[-1], a.shape[-1], dtype=torch.bool, device=a.device).triu(1)
     return (total[..., :, None] - total[..., None, :]).masked_fill(future, -torch.inf)
+
+
+def ssd_scan_ref(
+    u: Tensor, delta: Tensor, A: Tensor, B: Tensor, C: Tensor, D_skip: Tensor
+) -> Tensor:
+    r"""The same scan frame by frame: all channels of a head share its decay. Read this one.
+
+    $$h_f = e^{\Delta_f A}\, h_{f-1} + \Delta_f B_f u_f, \qquad y_f = C_f^\top h_f + D\,u_f$$
+
+    Source: SSD section 2, with a scalar A for each head.
+
+    Shapes: as `ssd_scan`.
+
+    >>> one, half = torch.ones(1, 3, 1), torch.tensor([2.0]).log().neg()
+    >>> ssd_scan_ref(one, one, half, one, one, torch.zeros(1)).flatten()
+    tensor([1.0000, 1.5000, 1.7500])
+    """
+    p = u.shape[-1] // len(A)
+    A = A.repeat_interleave(p)[:, None].expand(-1, B.shape[-1])
+    delta, D_skip = delta.repeat_interleave(p, -1), D_skip.repeat_interleave(p)
+    return selective_scan_ref(u, delta, A, B, C, D_skip)
 
 
 def ssd_scan(
@@ -59,12 +81,9 @@ def ssd_scan(
 
     Shapes: u (b, f, (h p)), delta (b, f, h), A, D_skip (h,), B, C (b, f, s) -> (b, f, (h p)).
 
-    >>> from dancediff.nn.ssm import selective_scan_ref
-    >>> u, B = torch.randn(2, 9, 4), torch.randn(2, 9, 3)
-    >>> delta, A, ones = torch.rand(2, 9, 2), -torch.rand(2), torch.ones(2)
-    >>> wide = lambda x: x.repeat_interleave(2, -1)                # two channels a head
-    >>> slow = selective_scan_ref(u, wide(delta), wide(A)[:, None].expand(4, 3), B, B, wide(ones))
-    >>> torch.allclose(ssd_scan(u, delta, A, B, B, ones, chunk=4), slow, atol=1e-5)
+    >>> u, B = torch.randn(2, 9, 4), torch.randn(2, 9, 3)          # two channels a head
+    >>> inputs = u, torch.rand(2, 9, 2), -torch.rand(2), B, B, torch.ones(2)
+    >>> torch.allclose(ssd_scan(*inputs, chunk=4), ssd_scan_ref(*inputs), atol=1e-5)
     True
     """
     f = u.shape[1]
