@@ -25,7 +25,7 @@ FINEDANCE = (  # those of the FineDance data set, in the order of Lodge's genre 
 
 
 def genres() -> list[str]:
-    """Names of the genres that a Lodge model with default sizes knows.
+    """Names of the genres that the packaged Lodge model knows.
 
     >>> genres()[:3]
     ['hiphop', 'popping', 'locking']
