@@ -1,6 +1,7 @@
 """Axis letters, and the one place where dancers and frames become tokens.
 
-Read first: notebook 01. Every shape in this project is written with these letters.
+Read first: notebook 01. Every shape in this project is written with these letters;
+a file that needs another says what it means in the table at its top.
 
     b batch · n dancers · f frames · d motion features or channels · m music features
     j joints · l tokens · h attention heads · s state of the SSM

@@ -2,7 +2,8 @@ r"""Constraints: what is known about a dance before it is sampled, and guesses c
 
 Read first: notebook 10 · Song et al. 2023 ("Pseudoinverse-guided diffusion models") eq. 7.
 
-Symbols (axes: n dancers · f frames · d motion features, normalised · k frequencies)
+Symbols (axes: n dancers · f frames · d motion features, normalised · k frequencies
+         c known frames · p features of dancers of which something is known)
     mask     which entries are known                                   (n, f, d) bool
     value    what they are                                             (n, f, d)
     slack    how far off they may be, as a standard deviation          (n, f, d)

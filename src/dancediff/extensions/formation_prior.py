@@ -83,7 +83,7 @@ class FormationPrior(Part):
             rest = paths - self.mean(S)
             C = table(dct_matrix, rest.shape[2], like=rest)
             rest = torch.cat([rest, _mirrored(rest)])
-            waves = torch.einsum("kf,wnfc->kcwn", C, rest).double()
+            waves = torch.einsum("kf,bnfc->kcbn", C, rest).double()
             size, basis = torch.linalg.eigh(waves.mT @ waves / waves.shape[2])
             self.basis[n - 1, :, :, :n, :n] = basis.float()
             self.spread[n - 1, :, :, :n] = size.clamp_min(SMALLEST**2).sqrt().float()

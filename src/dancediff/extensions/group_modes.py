@@ -1,6 +1,12 @@
 r"""How the dancers of a group vary together.
 
 Read first: `dancediff.extensions.preconditioning` · `dancediff.extensions.formation_prior`.
+
+Symbols (axes: b batch · n dancers · m modes, as many · f frames · k frequencies
+         c the two coordinates on the floor)
+    c_n, mean   of each dancer            (b, n, k, c), (b, n, f, c)
+    U, basis    orthonormal               (b, k, c, n, m)
+    spread      of each mode              (b, m, k, c)
 """
 
 from dataclasses import dataclass
@@ -15,9 +21,7 @@ class GroupModes:
 
     $$\tilde c_{m} = \sum_n U_{nm}\, c_n$$
 
-    with the symbols of `dancediff.extensions.formation_prior`, which makes them:
-    ``features`` c of them, ``mean`` (b, n, f, c), ``basis`` U (b, k, c, n, n) orthonormal, and
-    ``spread`` of the modes (b, n, k, c).
+    ``features`` are the motion features that have modes.
     """
 
     features: slice

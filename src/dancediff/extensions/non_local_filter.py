@@ -3,7 +3,8 @@ r"""Non-local filter: denoise a frame with the help of other frames, at full res
 Read first: notebook 05 · Buades et al. 2005 (non-local means) ·
 `dancediff.extensions.preconditioning`.
 
-Symbols (axes: b batch · n dancers · f, g frames · h heads · d motion features · p parts of a body)
+Symbols (axes: b batch · n dancers · f, g frames · h heads · d motion features · p parts of a body
+         w channels of a head)
     tokens   what the decoder knows of a frame         (b, n, f, d_model)
     guess    the linear guess of x_0, normalised       (b, n, f, d)
     rest     what it leaves, see `left_over`           (b, n, f, d)

@@ -2,7 +2,8 @@ r"""What a decoder is told: step and music, as tokens to attend to and as one ve
 
 Read first: notebooks 05 and 08 · EDGE section 3 · Perez et al. 2018 (FiLM) eq. 2.
 
-Symbols (axes: b batch · f frames · k music tokens · m music features · d channels)
+Symbols (axes: b batch · f frames · k music tokens · m music features · d channels
+         p frames that share a music token)
     t      the diffusion step, 0 (clean) .. T-1 (noise)   (b,)
     M      music features, standardised                   (b, f, m)
     cond   all conditions in one vector                   (b, d)

@@ -2,7 +2,8 @@ r"""Multi-genre discriminator: is this a real dance of this genre to this music?
 
 Read first: notebook 12 · Lodge section 3.4, eq. 9 · Kim et al. 2022 (MNET).
 
-Symbols (axes: b batch · f frames · g genres · d motion, m music features)
+Symbols (axes: b batch · f frames · g genres · d motion, m music features
+         l tokens · h heads · c channels of a head)
     x        motion, true or made, normalised             (b, f, d)
     M        music features, standardised                 (b, f, m)
     genre    number of the genre                          (b,)
@@ -69,7 +70,8 @@ class PlacedAttention(nn.Module):
 
     def forward(self, x: Tensor) -> Tensor:
         """Every token gathers what it needs from all others."""
-        Q, K, V = rearrange(self.qkv(x), "b l (q h c) -> q b h l c", q=3, h=self.num_heads)
+        heads = self.num_heads
+        Q, K, V = rearrange(self.qkv(x), "b l (qkv h c) -> qkv b h l c", qkv=3, h=heads)
         y = F.scaled_dot_product_attention(Q, K, V, self.places.to(Q.dtype))
         return self.out(rearrange(y, "b h l c -> b l (h c)"))
 

@@ -155,5 +155,5 @@ def pair_distances(root: Tensor) -> Tensor:
     >>> pair_distances(torch.zeros(1, 3, 7, 3)).shape
     torch.Size([1, 7, 3, 3])
     """
-    by_frame = rearrange(root, "b n f x -> b f n x")
+    by_frame = rearrange(root, "b n f d -> b f n d")
     return torch.cdist(by_frame, by_frame)

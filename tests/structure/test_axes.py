@@ -1,0 +1,53 @@
+"""Axes of `rearrange` and `einsum` are letters of the house, or explained on top of the file.
+
+Names of two letters and more explain themselves.
+"""
+
+import ast
+import re
+
+import pytest
+
+import dancediff.axes
+from places import SOURCE
+
+HOUSE = set("bnfdmjlhs")
+
+
+EINSUM = re.compile(r"[a-z]+(,[a-z]+)*->[a-z]*")
+REARRANGE = re.compile(r"[\w .()]+->[\w .()]+")
+
+
+def letters(tree: ast.AST) -> set[str]:
+    """Axes of one letter in the patterns of a file."""
+    found: set[str] = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str):
+            if EINSUM.fullmatch(node.value):
+                found |= set(re.findall(r"[a-z]", node.value))
+            elif REARRANGE.fullmatch(node.value):
+                found |= set(re.findall(r"\b[a-z]\b", node.value))
+    return found
+
+
+def unexplained(text: str) -> set[str]:
+    """Letters in patterns that neither the house nor the file's table of symbols knows."""
+    tree = ast.parse(text)
+    table = re.search(r"\(axes:(.*?)\)$", ast.get_docstring(tree) or "", re.DOTALL | re.MULTILINE)
+    return letters(tree) - HOUSE - set(re.findall(r"\b[a-z]\b", table[1] if table else ""))
+
+
+def test_axes_are_explained():
+    found = {p.name: unexplained(p.read_text(encoding="utf-8")) for p in SOURCE.rglob("*.py")}
+    assert {name: unknown for name, unknown in found.items() if unknown} == {}
+    assert set(re.findall(r"(?:^| · )\s*([a-z]) ", dancediff.axes.__doc__, re.MULTILINE)) >= HOUSE
+
+
+PATTERNS = [("b (z f) d -> b z f d", {"z"}), ("bq,qn->bn", {"q"})]
+
+
+@pytest.mark.parametrize("pattern, unknown", PATTERNS)
+def test_a_letter_that_nobody_explains_is_noticed(pattern, unknown):
+    code = f'y = change(x, "{pattern}")'
+    assert unexplained(code) == unknown
+    assert unexplained(f'"""Symbols (axes: z chunks · q queries)"""\n{code}') == set()
