@@ -1,9 +1,10 @@
-"""Pages: as long as agreed, up to date with their numbers, and true about what is in the code."""
+"""Pages and lessons: as long as agreed, up to date with their numbers, true about the code."""
 
+import ast
 import json
 import re
 import sys
-from importlib import import_module
+from pydoc import locate
 
 import pytest
 
@@ -18,6 +19,7 @@ import tables
 
 LOG = sorted((ROOT / "docs" / "log").glob("*.md"))
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+LESSONS = sorted((ROOT / "notebooks").glob("[0-9]*.ipynb"))
 MOST_WORDS = 14_000
 
 
@@ -106,23 +108,46 @@ def test_the_map_names_all_parts():
     assert named == there - {"assets", "py"}
 
 
-@pytest.mark.parametrize("path", PAGES, ids=lambda p: p.name)
+@pytest.mark.parametrize("path", [*PAGES, *LESSONS], ids=lambda p: p.name)
 def test_names_of_the_code_exist(path):
-    """``dancediff.x.y`` in backticks, and what code blocks import."""
+    """``dancediff.x.y`` in backticks or quotes, and what code blocks import."""
     text = path.read_text(encoding="utf-8")
-    names = re.findall(r"`(dancediff(?:\.\w+)+)`", text)
+    if path in LESSONS:
+        text = "\n".join(map(source, json.loads(text)["cells"]))
+    names = re.findall(r"[`\"](dancediff(?:\.\w+)+)[`\"]", text)
     for module, imported in re.findall(r"from (dancediff[\w.]*) import ([\w, ]+)", text):
         names += [f"{module}.{name.split(' as ')[0].strip()}" for name in imported.split(",")]
-    assert [name for name in names if not exists(name)] == []
+    assert [name for name in names if locate(name) is None] == []
 
 
-def exists(name: str) -> bool:
-    try:
-        import_module(name)
-    except ImportError:
-        module, _, attribute = name.rpartition(".")
-        return hasattr(import_module(module), attribute)
-    return True
+def source(cell: dict) -> str:
+    return "".join(cell["source"])
+
+
+@pytest.mark.parametrize("path", LESSONS, ids=lambda p: p.stem)
+def test_what_a_lesson_stores_is_what_its_code_prints(path):
+    """A stored "same as X" names the X of its cell: else the lesson must be run again."""
+    for cell in json.loads(path.read_text(encoding="utf-8"))["cells"]:
+        if cell["cell_type"] == "code":
+            printed = "".join("".join(o.get("text", "")) for o in cell["outputs"])
+            for name in re.findall(r"✓ same as (.+)", printed):
+                assert any(re.fullmatch(said, name) for said in compared(source(cell))), name
+
+
+def compared(code: str) -> list[str]:
+    """The names given to ``nb.same``, as patterns: what an f-string puts in may be anything.
+
+    >>> compared('nb.same(1, 1, "a.b"); nb.same(1, 1, f"x at {t}")')
+    ['a\\\\.b', 'x\\\\ at\\\\ .*']
+    """
+    calls = [node for node in ast.walk(ast.parse(code)) if isinstance(node, ast.Call)]
+    names = [call.args[2] for call in calls if ast.unparse(call.func) == "nb.same"]
+    found = []
+    for name in names:
+        parts = name.values if isinstance(name, ast.JoinedStr) else [name]
+        texts = (part.value if isinstance(part, ast.Constant) else None for part in parts)
+        found.append("".join(".*" if text is None else re.escape(text) for text in texts))
+    return found
 
 
 def test_files_named_in_pages_exist():
