@@ -2,13 +2,13 @@
 
 # %% 05.1
 # vel compares frames, dist compares dancers: what is the same for all goes out of both. contact
-# does not know the truth; nobody slides, so it is content. Only who compares places notices.
+# does not know the truth; nobody slides, so it is zero. Only a loss of places notices.
 notices = {"simple": True, "vel": False, "fk": True, "contact": False, "dist": False}
 
 
 # %% 05.2
 # An offset is wrong by the difference of the two dancers' errors, so a shift of the whole group
-# costs nothing. Each pair counts once, and nobody is paired with herself.
+# costs nothing. Each pair counts once, and nobody with themselves.
 import torch
 
 
@@ -19,8 +19,8 @@ def distance_loss(p_hat, p):
 
 
 # %% 05.3
-# A difference of two frames of one dancer forgets where she stands. So each may be put anywhere,
-# as long as she keeps her steps; the mean over pairs of dancers (exercise 05.2) would notice.
+# A difference of two frames of one dancer forgets where that dancer stands. So each may be put
+# anywhere, as long as the steps stay; the mean over pairs of dancers (exercise 05.2) would notice.
 def fool(p):
     aside = p.new_tensor([[10.0 * k, 0, 0] for k in range(len(p))])  # metres to the right
     return p + aside[:, None]

@@ -18,8 +18,8 @@ def within(x, mean, spread, C):
 
 
 # %% 06.3
-# Every frame takes its share of what is missing in the end, so the dancer sets out early and keeps
-# her own movement on top. A ramp is the simplest; the covariance of the lesson knows how dances do.
+# Every frame takes its share of what is missing in the end, so the dancer starts early and keeps
+# its own movement on top. A ramp is the simplest; the covariance of the lesson knows how dances do.
 import torch
 
 

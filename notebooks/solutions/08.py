@@ -31,7 +31,7 @@ times_longer = {"Python loop": 4, "the same scan in chunks": 4, "self-attention"
 
 # %% 08.4
 # In one long stream a dancer's memory is full of the others, and fades n times as fast, since the
-# next token is not her own next frame. As a batch of streams each keeps her own past.
+# next token is not the dancer's own next frame. As a batch of streams each keeps its own past.
 def remember(tokens, n, memory):
     f = len(tokens) // n
     streams = tokens.reshape(f, n, -1).transpose(0, 1)  # (n, f, d)

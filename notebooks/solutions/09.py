@@ -10,7 +10,7 @@ def both(S1, S2):
 
 
 # %% 09.2
-# From left to right everybody keeps her place unless somebody is in the way, so who stands in order
+# From left to right everybody stays in place unless somebody is in the way, so who stands in order
 # is not touched. The middle is kept by a shift of all. The library moves them by the least squares.
 from itertools import pairwise
 

@@ -12,7 +12,7 @@ def join(segments, overlap):
 
 
 # %% 10.2
-# Danced backwards from the seam on, everybody is where she was, and turns round within a frame. One
+# Danced backwards from the seam on, all are where they were, and turn round within a frame. One
 # frame says where somebody is, two say how fast: so more than one frame must be held at a seam.
 
 

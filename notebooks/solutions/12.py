@@ -32,7 +32,7 @@ met = {
 
 # %% 12.4
 # Places cannot be repaired without a jump, steps can: a straight ramp from the steps before the
-# seam to those after it. The library bends both sides towards their mean instead. Both are right,
+# seam to those after it. The library moves both sides towards their mean instead. Both are right,
 # and with both the place where a walk ends depends on all the walks before it.
 import torch
 
