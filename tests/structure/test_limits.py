@@ -1,29 +1,15 @@
 """Limits that keep functions readable, counted in the source."""
 
 import ast
-import io
-import tokenize
 
 import pytest
 
+from code_lines import code_lines
 from dancediff.generation.request import REQUESTS
 from places import SOURCE
 
 MOST_PARAMETERS = 8
 MOST_LINES = 60  # of code: no docstring, no comments, no blank lines
-NOT_CODE = {
-    tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT,
-    tokenize.ENCODING, tokenize.ENDMARKER,
-}  # fmt: skip
-
-
-def code_lines(text: str) -> set[int]:
-    """Numbers of the lines on which there is code or a string."""
-    lines: set[int] = set()
-    for token in tokenize.generate_tokens(io.StringIO(text).readline):
-        if token.type not in NOT_CODE:
-            lines |= set(range(token.start[0], token.end[0] + 1))
-    return lines
 
 
 def functions(tree: ast.AST, prefix: str = ""):

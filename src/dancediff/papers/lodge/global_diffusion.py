@@ -155,7 +155,7 @@ class GlobalDenoiser(DanceNetwork):
         """Refuse shapes that do not fit."""
         c, b = self.config, len(x_t)
         check_shapes(
-            x_t=(x_t, (b, c.num_frames, c.motion_dim)),
+            x_t=(x_t, (b, len(self.frames), c.motion_dim)),
             t=(t, (b,)),
             music=(conditions.music, (b, c.music_frames, c.music_dim)),
             style=(conditions.style, None if self.style is None else (b, c.d_model)),
