@@ -23,7 +23,7 @@ from dancediff.nn.decoder import DanceDecoder
 SPACING = 1.2  # metres between the start slots, about as in the training data
 
 
-@dataclass
+@dataclass(frozen=True)
 class EDGEConfig:
     """Sizes; plain values, so that it can be stored as JSON.
 

@@ -22,7 +22,7 @@ from dancediff.nn.attention import FeedForward
 from dancediff.papers.lodge.style import MappingNetwork
 
 
-@dataclass
+@dataclass(frozen=True)
 class DiscriminatorConfig:
     """Sizes; plain values, so that it can be stored as JSON.
 
@@ -43,7 +43,7 @@ class DiscriminatorConfig:
 
     def __post_init__(self):
         """JSON knows no tuples."""
-        self.genres = tuple(self.genres)
+        object.__setattr__(self, "genres", tuple(self.genres))
 
 
 class PlacedAttention(nn.Module):

@@ -29,7 +29,7 @@ from dancediff.papers.lodge.style import StyleToken
 VARIANTS = ("continuous", "discrete")
 
 
-@dataclass
+@dataclass(frozen=True)
 class GlobalConfig:
     """Sizes of the first stage; plain values, so that it can be stored as JSON.
 

@@ -25,7 +25,7 @@ from dancediff.papers.lodge.shapes import check_shapes
 from dancediff.papers.lodge.style import StyleToken
 
 
-@dataclass
+@dataclass(frozen=True)
 class LocalConfig:
     """Sizes of the second stage; plain values, so that it can be stored as JSON.
 
@@ -49,7 +49,7 @@ class LocalConfig:
 
     def __post_init__(self):
         """JSON knows no tuples."""
-        self.genres = tuple(self.genres)
+        object.__setattr__(self, "genres", tuple(self.genres))
         if len(set(self.genres)) < len(self.genres) or not self.genres:
             raise ValueError(f"genres={self.genres} must hold at least one name, each once")
 

@@ -15,7 +15,7 @@ from dancediff.papers.lodge.global_diffusion import GlobalConfig, GlobalDenoiser
 from dancediff.papers.lodge.local_diffusion import LocalConfig, LocalDenoiser
 
 
-@dataclass
+@dataclass(frozen=True)
 class LodgeConfig:
     """The sizes of both stages, by default the paper's; plain values, to be stored as JSON.
 

@@ -24,7 +24,7 @@ LARGEST, MOST_LAYERS = 8192, 64  # a size beyond is a slip; such a network is ne
 COMPONENTS = ("dancer_positioning", "fusion_projection", "footwork_adaptor", "swap_mode", "ssm")
 
 
-@dataclass
+@dataclass(frozen=True)
 class TCDiffPPConfig:
     """Sizes; plain values, so that it can be stored as JSON.
 
@@ -54,7 +54,7 @@ class TCDiffPPConfig:
 
         Raises: ValueError naming the size, its value and what is allowed.
         """
-        self.without = tuple(self.without)
+        object.__setattr__(self, "without", tuple(self.without))
         for name in self.without:
             if name not in COMPONENTS:
                 raise ValueError(f"without: {name!r} is not one of {', '.join(COMPONENTS)}")
