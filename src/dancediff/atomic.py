@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+RENAMED = {"spread": "std", "knobs": "scale_and_shift"}  # parts of tensors' names in older files
 UNFINISHED = ".part."  # how names of files begin that are being written
 
 
@@ -68,6 +69,15 @@ def writing(path) -> Iterator[None]:
         if err.errno is not None and err.filename is None:
             err.filename = str(path)
         raise
+
+
+def tensor_name(name: str) -> str:
+    """The name that a tensor of a file has now.
+
+    >>> tensor_name("film.knobs.1.weight")
+    'film.scale_and_shift.1.weight'
+    """
+    return ".".join(RENAMED.get(part, part) for part in name.split("."))
 
 
 def save_tensors(tensors: dict, path, metadata: dict[str, str] | None = None) -> None:

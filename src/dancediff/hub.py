@@ -17,7 +17,7 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file
 
 from dancediff import __version__
-from dancediff.atomic import atomic_write, save_tensors
+from dancediff.atomic import atomic_write, save_tensors, tensor_name
 from dancediff.extensions.build import build, extensions_of
 from dancediff.generation.pipeline import Pipeline, pipeline_of
 from dancediff.music.song import Music
@@ -121,7 +121,7 @@ def _read(folder: Path) -> TCDiffPP | EDGE | Lodge:
     make: Callable[..., TCDiffPP | EDGE | Lodge] = partial(build, model_class, extensions=names)
     config = _config(stored["config"], config_class())
     tensors = {
-        prefix + key: value
+        prefix + tensor_name(key): value
         for name, prefix in _FILES.get(stored["class"], _ONE_FILE).items()
         for key, value in load_file(folder / f"{name}.safetensors").items()
     }

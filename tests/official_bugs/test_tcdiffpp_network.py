@@ -65,7 +65,7 @@ def test_music_still_comes_in_beside_the_state_space_model(extensions):
     model, (x_t, t, M, S) = build(TCDiffPP, TCDiffPPConfig(**sizes), extensions), inputs()
     layer = model.decoder.sequence_decoder.layers[0]
     for film in layer.films:  # music reaches FiLM too; here only attention may carry it
-        torch.nn.init.zeros_(film.knobs[1].weight)
+        torch.nn.init.zeros_(film.scale_and_shift[1].weight)
     assert (
         model(x_t, t, Conditions(-M, S))[1] - model(x_t, t, Conditions(M, S))[1]
     ).abs().max() > 1e-4

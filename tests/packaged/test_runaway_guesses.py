@@ -17,6 +17,6 @@ def test_no_guess_runs_away():
         look = lambda done, total, guess, seen=guesses: seen.append(guess)  # noqa: E731
         model.generate(song, autoguidance=w, watch=look, **ask)
         x = model.model.normalizer.normalize(guesses[-1].features())
-        largest[kind] = ((C @ (x - precondition.mean)).abs() / precondition.spread)[..., 4:7].max()
+        largest[kind] = ((C @ (x - precondition.mean)).abs() / precondition.std)[..., 4:7].max()
     assert largest["pushed"] < 4.05  # the dance went through rotations and back
     assert largest["usual"] < 4.05

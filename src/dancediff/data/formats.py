@@ -93,7 +93,7 @@ def smpl_take(
 ) -> DanceTake:
     """A take from a pickle of SMPL poses, of which ``read_poses`` tells rotations and path.
 
-    Each dancer's floor is at 0, and told in ``notes``; ``facts`` are the take's other fields.
+    Each dancer's floor is at 0; ``notes`` has its height, ``facts`` are the take's other fields.
 
     Raises: ValueError naming the file and what is wrong with it.
     """

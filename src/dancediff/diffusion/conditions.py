@@ -1,4 +1,4 @@
-r"""Conditions: what a denoiser is told besides the noisy motion and its step.
+r"""Conditions: the inputs of a denoiser besides the noisy motion and its step.
 
 Symbols (axes: b batch · n dancers · f frames · m music features)
     music       M, standardised music features           (b, f, m)

@@ -1,4 +1,4 @@
-r"""Pinning: tell the sampler how the window starts, and let it dance on from there.
+r"""Pinning: keep the first frames of a window equal to a context while the rest is sampled.
 
 Read first: notebook 10 · Lugmayr et al. 2022 (RePaint) eq. 8 · TCDiff++ section 4.4, eq. 19.
 
@@ -16,11 +16,11 @@ from torch import Tensor
 from dancediff.diffusion.schedule import Generators, gaussian, q_sample
 
 MODES = ("same_noise", "renoise", "clean", "init")
-HOLDING = ("same_noise", "renoise")  # those that hold the context at the noise level of the rest
+NOISY_CONTEXT = ("same_noise", "renoise")  # modes: the context has the noise level of the rest
 
 
 class Pin(Protocol):
-    """What holds a part of a dance while the rest is sampled; `Pinning` is one."""
+    """What keeps a part of a dance fixed while the rest is sampled; `Pinning` is one."""
 
     def start(self, x_T: Tensor) -> Tensor:
         """The first input with that part in it."""
@@ -33,7 +33,7 @@ class Pin(Protocol):
 
 @dataclass
 class Pinning:
-    r"""Hold the first k frames of a window at known motion while the rest is sampled.
+    r"""Keep the first k frames of a window equal to the context while the rest is sampled.
 
     $$x_{t'}^{[0:k]} \leftarrow \sqrt{\bar\alpha_{t'}}\,\text{context}
       + \sqrt{1 - \bar\alpha_{t'}}\;\epsilon$$
@@ -53,14 +53,14 @@ class Pinning:
     frames at every step is what no network was trained on: joined segment after segment, dances
     lose their turns and stretch out their arms (docs/drift.md).
 
-    In "init" the known motion enters the first input with weight 4.9e-5: it is the noise that has
-    to carry it over, so hand the noise that made the known frames to `start`.
+    In "init" the context enters the first input with weight 4.9e-5: it is the noise that has
+    to carry it over, so hand the noise that made the context to `start`.
 
     Replacing frames is not enough for a smooth seam: free frames follow the guess, and the guess
-    for the known frames is never quite right. `dancediff.extensions.initial_frames` mends that.
+    for the context is never quite right. `dancediff.extensions.initial_frames` mends that.
 
     The last guess is left alone, as in the released code: whoever joins the segments decides what
-    becomes of the known frames.
+    becomes of the context.
 
     Shapes: context (b, n, k, d), abar (T,).
     Raises: ValueError for an unknown mode.
@@ -82,7 +82,7 @@ class Pinning:
             raise ValueError(f"mode={self.mode!r} is not one of {', '.join(map(repr, MODES))}")
 
     def start(self, x_T: Tensor) -> Tensor:
-        """Put the known frames under the noise that x_T (b, n, f, d) already has there."""
+        """Put the context under the noise that x_T (b, n, f, d) already has there."""
         self.noise = x_T[:, :, : self.context.shape[2]]
         noisy = q_sample(self.context, len(self.abar) - 1, self.abar, self.noise)
         return self._replace(x_T, noisy)

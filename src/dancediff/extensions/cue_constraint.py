@@ -3,13 +3,13 @@ r"""Hard cues as a constraint, and segments that return to the origin: hooks on 
 Read first: notebook 12 · `dancediff.extensions.constraint`.
 
 Hard cues are pasted into the noisy motion; the free frames beside them follow the guess, and jump
-where that does not meet the cue. With these hooks the guess itself is conditioned on the cues, as a
-whole dance would bend to meet them, and the network sees it coming.
+where that does not meet the cue. With these hooks the guess itself is conditioned on the cues, over
+all frames at once, and the network sees in its next input where the dance is going.
 
 Symbols (axes: l local segments · f frames · d motion features)
     hard     entries held at every step                    (l, f, d) bool
     y        the cues, normalised                          (l, f, d)
-    spread   standard deviation of each frequency          (k, d)
+    std      standard deviation of each frequency          (k, d)
 """
 
 from collections.abc import Sequence
@@ -27,28 +27,28 @@ class SoloConstraintHook:
     """The hook that conditions every guess (l, f, d) on one `Constraint`."""
 
     constraint: Constraint
-    spread: Tensor
+    std: Tensor
 
     def apply(self, x0_hat: Tensor, abar: float) -> Tensor:
         """A guess made at noise level ``abar``."""
-        return self.constraint.condition(x0_hat[None], abar, self.spread)[0]
+        return self.constraint.condition(x0_hat[None], abar, self.std)[0]
 
 
-def cue_constraint(hard: Tensor, y: Tensor, spread: Tensor) -> SoloConstraintHook:
+def cue_constraint(hard: Tensor, y: Tensor, std: Tensor) -> SoloConstraintHook:
     """Guesses meet the hard cues.
 
     >>> hard = torch.zeros(1, 64, 139, dtype=torch.bool)
     >>> hard[:, :4, 7:] = True
-    >>> spread = (1 / (1 + torch.arange(64.0)[:, None]) ** 2).expand(64, 139)
-    >>> hook = cue_constraint(hard, torch.full((1, 64, 139), 0.8), spread)
+    >>> std = (1 / (1 + torch.arange(64.0)[:, None]) ** 2).expand(64, 139)
+    >>> hook = cue_constraint(hard, torch.full((1, 64, 139), 0.8), std)
     >>> x = hook.apply(torch.zeros(1, 64, 139), abar=0.5)[0, :, 10]
     >>> bool((x[:4] - 0.8).abs().max() < 1e-3), bool(x.diff().abs().max() < 0.2)
     (True, True)
     """
-    return SoloConstraintHook(Constraint(hard.cpu(), y.cpu()), spread.cpu())
+    return SoloConstraintHook(Constraint(hard.cpu(), y.cpu()), std.cpu())
 
 
-def return_to_origin(origin: Tensor, shape: Sequence[int], spread: Tensor) -> SoloConstraintHook:
+def return_to_origin(origin: Tensor, shape: Sequence[int], std: Tensor) -> SoloConstraintHook:
     """Guesses begin and end at one place on the floor.
 
     Windows of the training set begin in the middle of the floor; segments that also end there do
@@ -56,13 +56,13 @@ def return_to_origin(origin: Tensor, shape: Sequence[int], spread: Tensor) -> So
 
     Shapes: origin (d,) normalised, of which x and z of the root count; shape (l, f, d).
 
-    >>> spread = (1 / (1 + torch.arange(64.0)[:, None]) ** 2).expand(64, 139)
+    >>> std = (1 / (1 + torch.arange(64.0)[:, None]) ** 2).expand(64, 139)
     >>> walk = torch.linspace(0, 3, 64)[None, :, None].expand(1, 64, 139)
-    >>> x = return_to_origin(torch.zeros(139), (1, 64, 139), spread).apply(walk, abar=0.5)
+    >>> x = return_to_origin(torch.zeros(139), (1, 64, 139), std).apply(walk, abar=0.5)
     >>> x[0, -1, [3, 4, 5, 6]].abs().round(decimals=2).tolist()
     [3.0, 0.0, 3.0, 0.0]
     """
     mask, y = torch.zeros(shape, dtype=torch.bool), torch.zeros(shape)
     for end in (0, -1):
         mask[:, end, LODGE.floor], y[:, end, LODGE.floor] = True, origin.cpu()[LODGE.floor]
-    return SoloConstraintHook(Constraint(mask, y), spread.cpu())
+    return SoloConstraintHook(Constraint(mask, y), std.cpu())

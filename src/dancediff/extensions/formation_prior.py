@@ -1,4 +1,4 @@
-r"""What is known of a formation before any network is asked: who stands where, who moves with whom.
+r"""Formation prior: a Gaussian over where dancers stand and who moves with whom.
 
 Read first: notebook 07 · `dancediff.extensions.preconditioning`.
 
@@ -8,7 +8,7 @@ Symbols (axes: b batch · n dancers, ranked from left to right · f frames · k 
     place      where each rank stands, for every size of group                            (N, N, c)
     progress   share of the way to the new place that is done                             (f,)
     basis      principal formations, one a column, for every size and frequency     (N, f, c, N, N)
-    spread     how far each of them varies                                             (N, f, c, N)
+    std     how far each of them varies                                             (N, f, c, N)
 """
 
 from collections.abc import Iterable
@@ -29,9 +29,9 @@ class FormationPrior(Part):
     $$\mu_r(f) = p_r + w(f)\,\big(p_{S^{-1}(r)} - p_r\big), \qquad
       x_k - \mu_k \sim \mathcal N\big(0,\; U_k \operatorname{diag}(\sigma_k^2)\, U_k^\top\big)$$
 
-    With it the linear guess puts everybody in her place, on her way to where S wants her, and
-    takes a common step of all as one movement, not as n that happen to agree. Without it the noise
-    of a single dancer says where she stands, and the network has to know better at every level.
+    With it the linear guess puts each dancer in place, on the way to the place that S asks for, and
+    takes a common step of all as one movement, not as n that happen to agree. Without it the linear
+    guess of a place depends on the noise of a single dancer, and the network has to correct it.
 
     `fit` treats left and right alike, since a mirrored dance is a dance.
 
@@ -47,12 +47,12 @@ class FormationPrior(Part):
     place: Tensor
     progress: Tensor
     basis: Tensor
-    spread: Tensor
+    std: Tensor
 
     def __init__(self, max_dancers: int, num_frames: int, *, use_swap: bool = True):
         """Until it is fitted everybody stands in the middle and all vary alike.
 
-        ``use_swap``: False for a network that is not told S.
+        ``use_swap``: False for a network without S.
         """
         super().__init__()
         self.use_swap = use_swap
@@ -60,7 +60,7 @@ class FormationPrior(Part):
         self.register_buffer("place", torch.zeros(N, N, 2))
         self.register_buffer("progress", torch.linspace(0, 1, f))
         self.register_buffer("basis", torch.eye(N).repeat(N, f, 2, 1, 1))
-        self.register_buffer("spread", torch.full((N, f, 2, N), 0.5))
+        self.register_buffer("std", torch.full((N, f, 2, N), 0.5))
 
     @torch.no_grad()
     def fit(self, windows: Iterable[tuple[Tensor, Tensor]]) -> None:
@@ -80,13 +80,13 @@ class FormationPrior(Part):
             self.place[n - 1, :n] = _unmoved_by_a_mirror(paths[:, :, 0].mean(0))
         self._fit_progress(joined)
         for n, (paths, S) in joined.items():
-            rest = paths - self.mean(S)
-            C = table(dct_matrix, rest.shape[2], like=rest)
-            rest = torch.cat([rest, _mirrored(rest)])
-            waves = torch.einsum("kf,bnfc->kcbn", C, rest).double()
+            residual = paths - self.mean(S)
+            C = table(dct_matrix, residual.shape[2], like=residual)
+            residual = torch.cat([residual, _mirrored(residual)])
+            waves = torch.einsum("kf,bnfc->kcbn", C, residual).double()
             size, basis = torch.linalg.eigh(waves.mT @ waves / waves.shape[2])
             self.basis[n - 1, :, :, :n, :n] = basis.float()
-            self.spread[n - 1, :, :, :n] = size.clamp_min(SMALLEST**2).sqrt().float()
+            self.std[n - 1, :, :, :n] = size.clamp_min(SMALLEST**2).sqrt().float()
 
     def _fit_progress(self, joined: dict[int, tuple[Tensor, Tensor]]) -> None:
         """Least squares over all who move to another place, frame by frame."""
@@ -113,7 +113,7 @@ class FormationPrior(Part):
             features=TCDIFFPP.floor,
             mean=self.mean(S, f),
             basis=self.basis[size][:, rows, :, :n, :n],
-            spread=self.spread[size][:, rows, :, :n].permute(0, 3, 1, 2),
+            std=self.std[size][:, rows, :, :n].permute(0, 3, 1, 2),
         )
 
     def _size(self, S: Tensor) -> Tensor:

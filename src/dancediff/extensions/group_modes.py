@@ -6,7 +6,7 @@ Symbols (axes: b batch · n dancers · m modes, as many · f frames · k frequen
          c the two coordinates on the floor)
     c_n, mean   of each dancer            (b, n, k, c), (b, n, f, c)
     U, basis    orthonormal               (b, k, c, n, m)
-    spread      of each mode              (b, m, k, c)
+    std         of each mode              (b, m, k, c)
 """
 
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ class GroupModes:
     features: slice
     mean: Tensor
     basis: Tensor
-    spread: Tensor
+    std: Tensor
 
     def turn(self, coefficients: Tensor) -> Tensor:
         """From dancers to modes, (b, n, k, d)."""
@@ -50,9 +50,9 @@ class GroupModes:
         placed[..., self.features] += self.mean
         return placed
 
-    def spreads(self, spread: Tensor) -> Tensor:
+    def std_with_modes(self, std: Tensor) -> Tensor:
         """Those of all features (k, d), with those of the modes: (b, n, k, d)."""
         b, n = self.mean.shape[:2]
-        spreads = spread.expand(b, n, -1, -1).clone()
-        spreads[..., self.features] = self.spread
-        return spreads
+        changed = std.expand(b, n, -1, -1).clone()
+        changed[..., self.features] = self.std
+        return changed

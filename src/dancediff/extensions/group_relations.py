@@ -1,7 +1,7 @@
 r"""A group that dances Lodge's solo: in unison, one after the other, or as in a mirror.
 
-Lodge makes one dancer. Here the others repeat what she does, each from a place of a formation, as
-a corps does; nobody sees anybody. A model of groups is `dancediff.papers.tcdiffpp`.
+Lodge makes one dancer. Here the others repeat that dance, each from a place of a formation; no
+dancer depends on another. A model of groups is `dancediff.papers.tcdiffpp`.
 
 Symbols (axes: n dancers · F frames · f frames of a piece · d motion features)
     x        the solo, metres and 6-D rotations           (F, d)
@@ -47,7 +47,7 @@ def places(dancers: int, formation: str) -> np.ndarray:
 
 
 def canon_delays(dancers: int, beats: np.ndarray) -> list[int]:
-    """How late each dancer starts: 4 beats after the one to her left, of the song's median beat.
+    """How late each dancer starts: 4 of the song's median beats after its left neighbour.
 
     >>> canon_delays(3, np.arange(0, 300, 15)), canon_delays(2, np.array([]))
     ([0, 60, 120], [0, 60])
@@ -121,7 +121,7 @@ def late(x: Tensor, frames: int, *, ease: int = EASE, part: slice = slice(None))
 
     $$\tau = \begin{cases} 0 & t \le -E \\ (t + E)^2 / 4E & -E < t < E \\ t & t \ge E \end{cases}$$
 
-    At t frames after her turn she is where the first dancer was in frame tau: she sets out E =
+    At t frames after its turn a dancer is where the first one was in frame tau: it starts E =
     ``ease`` frames early and slowly, and is exactly ``frames`` late from E frames after on. Feet
     step where the first dancer's did. ``part``: only these frames of the result.
 

@@ -1,4 +1,4 @@
-"""Initial frames: a segment sets out from where, and as fast as, the segment before ended.
+"""Initial frames: a segment starts where, and as fast as, the segment before ended.
 
 Read first: notebook 10 · `dancediff.extensions.constraint` · `dancediff.diffusion.pinning`.
 """
@@ -11,7 +11,7 @@ from torch import Tensor
 from dancediff.diffusion.long_sampling import Segment
 from dancediff.extensions.constraint import Constraint
 
-FRAMES = 8  # the last of the context: they say where and how fast a segment sets out
+FRAMES = 8  # the last of the context: they say where and how fast a segment starts
 
 
 @dataclass(frozen=True)
@@ -19,7 +19,7 @@ class InitialFrames:
     """For `ConstraintHook`: the last frames of the context, as a constraint of the segment.
 
     Pinning holds the context in the noisy motion; the guess, and with it the frames that follow,
-    would still set out from somewhere else.
+    would still start somewhere else.
     """
 
     frames: int = FRAMES

@@ -4,8 +4,7 @@ Read first: `dancediff.papers.lodge.global_diffusion` and `dancediff.papers.lodg
 the networks as the paper has them · `dancediff.extensions.parts`.
 
     style_film      the style token joins the vector of FiLM
-    global_style    the first stage is told the genre, too: the primitives of a salsa are those of
-                    a salsa
+    global_style    the genre is an input of the first stage, too, so that primitives depend on it
 
 In the first stage preconditioning takes each primitive for itself, since its neighbours are seconds
 away. Beat phase is not for it: soft primitives are moved to a beat only after they are made.

@@ -36,11 +36,11 @@ class Extended(DanceNetwork):
         return self.parts.prepare(run)
 
     @property
-    def spread(self) -> Tensor:
-        """Of each frequency in the training set (k, d), with preconditioning."""
-        known = preconditioning_of(self)
-        assert known is not None
-        return known.spread
+    def std(self) -> Tensor:
+        """Standard deviation of each frequency in the training set (k, d)."""
+        preconditioning = preconditioning_of(self)
+        assert preconditioning is not None
+        return preconditioning.std
 
     def linear_guess(self, x_t: Tensor, t: Tensor, conditions: Conditions) -> Tensor:
         """What preconditioning guesses without the network, like x_t."""

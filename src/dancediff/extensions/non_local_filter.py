@@ -5,11 +5,11 @@ Read first: notebook 05 · Buades et al. 2005 (non-local means) ·
 
 Symbols (axes: b batch · n dancers · f, g frames · h heads · d motion features · p parts of a body
          w channels of a head)
-    tokens   what the decoder knows of a frame         (b, n, f, d_model)
-    guess    the linear guess of x_0, normalised       (b, n, f, d)
-    rest     what it leaves, see `left_over`           (b, n, f, d)
-    A        which frames are averaged, by head        (b, n, h, f, g)
-    u, v     how much of it a part of the body takes   (b, n, h, f, p)
+    tokens    what the decoder knows of a frame         (b, n, f, d_model)
+    guess     the linear guess of x_0, normalised       (b, n, f, d)
+    residual  what it leaves of x_t, see `residual_of`  (b, n, f, d)
+    A         which frames are averaged, by head        (b, n, h, f, g)
+    u, v      how much of it a part of the body takes   (b, n, h, f, p)
 """
 
 import torch
@@ -34,7 +34,7 @@ def body_parts(dim: int) -> Tensor:
     return torch.tensor([0] * 4 + [1] * 3 + [2 + k // 6 for k in range(dim - 7)])
 
 
-def left_over(x_t: Tensor, guess: Tensor, abar: Tensor) -> Tensor:
+def residual_of(x_t: Tensor, guess: Tensor, abar: Tensor) -> Tensor:
     r"""What a guess leaves of the noisy motion, less and less as noise takes over.
 
     $$r = \bar\alpha\,(x_t - \sqrt{\bar\alpha}\,\hat x_0)$$
@@ -87,20 +87,20 @@ class NonLocalFilter(Part):
         """A, rows sum to one; (b, n, f, d_model) -> (b, n, h, f, g)."""
         return self._weights(self.norm(tokens))
 
-    def forward(self, tokens: Tensor, guess: Tensor, rest: Tensor) -> Tensor:
+    def forward(self, tokens: Tensor, guess: Tensor, residual: Tensor) -> Tensor:
         """The correction to add to the guess."""
         tokens = self.norm(tokens)
         A = self._weights(tokens)
         mix = self.mix(tokens).float()
         u, v = rearrange(mix, "... f (two h p) -> two ... h f p", two=2, h=HEADS)[..., self.parts]
         with torch.autocast(guess.device.type, enabled=False):  # millimetres need float32
-            averaged = A @ torch.cat([guess, rest], dim=-1).unsqueeze(-3)
+            averaged = A @ torch.cat([guess, residual], dim=-1).unsqueeze(-3)
             smooth, kept = averaged.chunk(2, dim=-1)
             return (u * (smooth - guess.unsqueeze(-3)) + v * kept).sum(dim=-3)
 
     def read(self, x: Tensor, h: Tensor, run: Pass) -> Tensor:
         """As a part of a decoder: x with the correction."""
-        return x + self(h, run.guess, left_over(run.x_t, run.guess, run.abar))
+        return x + self(h, run.guess, residual_of(run.x_t, run.guess, run.abar))
 
     def _weights(self, tokens: Tensor) -> Tensor:
         both = self.query_key(tokens)

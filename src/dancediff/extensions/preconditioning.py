@@ -7,7 +7,7 @@ Symbols (axes: b batch · n dancers · f frames · k frequencies, as many as fra
     F        what the network puts out                    (b, n, f, d)
     abar     signal power left                            (b,)
     mean     of each feature over the training set        (d,)
-    spread   standard deviation of each frequency         (k, d)
+    std      standard deviation of each frequency         (k, d)
     skip     share of x_t that is kept                    (b, 1 or n, k, d)
     scale    size of the network's part                   (b, 1 or n, k, d)
 
@@ -29,7 +29,7 @@ from dancediff.extensions.parts import Part, Pass
 from dancediff.lookup import table
 
 LARGEST = 0.5  # of `scale`: the slow parts of F stay in the units of the motion
-SMALLEST = 2e-4  # of `spread`: a feature that never moved can still be corrected
+SMALLEST = 2e-4  # of `std`: a feature that never moved can still be corrected
 
 
 def dct_matrix(f: int) -> Tensor:
@@ -49,25 +49,25 @@ def dct_matrix(f: int) -> Tensor:
     return C.float()
 
 
-def linear_coefficients(abar: Tensor, spread: Tensor) -> tuple[Tensor, Tensor]:
+def linear_coefficients(abar: Tensor, std: Tensor) -> tuple[Tensor, Tensor]:
     r"""How much of the noisy motion to keep, and how far off that guess is.
 
     $$c_\text{skip} = \frac{\sqrt{\bar\alpha}\,\sigma^2}{v}, \quad
       c_\text{out} = \sigma \sqrt{\frac{1 - \bar\alpha}{v}},
       \quad v = \bar\alpha\sigma^2 + 1 - \bar\alpha$$
 
-    Source: EDM eq. 7, for an x_0 of spread $\sigma$ under $\sqrt{\bar\alpha} x_0 +
+    Source: EDM eq. 7, for an x_0 of std $\sigma$ under $\sqrt{\bar\alpha} x_0 +
     \sqrt{1 - \bar\alpha}\,\epsilon$.
 
-    Shapes: abar and spread broadcast -> both like them.
+    Shapes: abar and std broadcast -> both like them.
 
     >>> [c.item() for c in linear_coefficients(torch.tensor(1.0), torch.tensor(0.5))]  # no noise
     [1.0, 0.0]
     >>> [c.item() for c in linear_coefficients(torch.tensor(0.0), torch.tensor(0.5))]  # only noise
     [0.0, 0.5]
     """
-    v = abar * spread**2 + (1 - abar)  # in this order: 1 would swallow a small spread
-    return abar.sqrt() * spread**2 / v, spread * ((1 - abar) / v).sqrt()
+    v = abar * std**2 + (1 - abar)  # in this order: 1 would swallow a small std
+    return abar.sqrt() * std**2 / v, std * ((1 - abar) / v).sqrt()
 
 
 class Preconditioning(nn.Module):
@@ -76,8 +76,8 @@ class Preconditioning(nn.Module):
     $$\hat x_0 = \mu + C^\top\big(c_\text{skip}\, C (x_t - \sqrt{\bar\alpha}\,\mu)
       + \min(c_\text{out}, \tfrac12)\, C F\big)$$
 
-    Source: after EDM.  Differs: EDM has one spread for all data, the papers let the network
-    output x_0 itself. With one spread the network must cancel the noise of every feature in every
+    Source: after EDM.  Differs: EDM has one std for all data, the papers let the network
+    output x_0 itself. With one std the network must cancel the noise of every feature in every
     frame, which is more numbers than a narrow network can carry; the dances tremble.
 
     Shapes: see the module's symbols.
@@ -90,16 +90,16 @@ class Preconditioning(nn.Module):
     """
 
     mean: Tensor
-    spread: Tensor
+    std: Tensor
 
     def __init__(self, num_frames: int, dim: int):
         super().__init__()
         self.register_buffer("mean", torch.zeros(dim))
-        self.register_buffer("spread", torch.full((num_frames, dim), LARGEST))
+        self.register_buffer("std", torch.full((num_frames, dim), LARGEST))
 
     @torch.no_grad()
     def fit(self, windows: Iterable[Tensor], weights: Iterable[float] | None = None) -> None:
-        """Take mean and spread from clean normalised windows, in pieces (w, f, d).
+        """Take mean and std from clean normalised windows, in pieces (w, f, d).
 
         ``weights``: how much a window of each piece counts; by default all count the same.
         """
@@ -112,7 +112,7 @@ class Preconditioning(nn.Module):
         mean, power = mean / count, power / count
         power[0] -= x.shape[1] * mean**2  # the mean pose is all in frequency 0
         self.mean.copy_(mean)
-        self.spread.copy_(power.clamp_min(SMALLEST**2).sqrt())
+        self.std.copy_(power.clamp_min(SMALLEST**2).sqrt())
 
     def linear_guess(self, x_t: Tensor, abar: Tensor, group: GroupModes | None = None) -> Tensor:
         """What can be said without a network (b, n, f, d); with a group, how it varies together."""
@@ -146,21 +146,21 @@ class Preconditioning(nn.Module):
             return guess + C.T @ _scaled(scale.clamp_max(LARGEST), C @ F, group)
 
     def error(self, abar: Tensor) -> Tensor:
-        """Mean square of what the linear guess misses, where the training set's spread is right.
+        """Mean square of what the linear guess misses, where the training set's std is right.
 
         Shapes: abar (b,) -> (b,).
         """
-        return self._coefficients(abar[:, None, None], len(self.spread))[1].square().mean((1, 2))
+        return self._coefficients(abar[:, None, None], len(self.std))[1].square().mean((1, 2))
 
     def _coefficients(
         self, abar: Tensor, f: int, group: GroupModes | None = None
     ) -> tuple[Tensor, Tensor]:
         # A shorter window knows fewer frequencies: take those it has from the fitted ones.
-        rows = (torch.arange(f, device=abar.device) * len(self.spread)) // f
-        spread = self.spread[rows]
+        rows = (torch.arange(f, device=abar.device) * len(self.std)) // f
+        std = self.std[rows]
         if group is not None:
-            spread = group.spreads(spread)
-        return linear_coefficients(abar, spread)
+            std = group.std_with_modes(std)
+        return linear_coefficients(abar, std)
 
 
 def _scaled(by: Tensor, coefficients: Tensor, group: GroupModes | None) -> Tensor:

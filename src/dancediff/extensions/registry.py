@@ -102,11 +102,11 @@ _ALL = (
     # ---- sampling ----
     Extension("dpm_solver", "sampling", "DPM-Solver++ instead of DDIM: fewer steps.",
               "diffusion.samplers", ALL, lesson=6),
-    Extension("same_noise", "sampling", "Known frames keep their noise while they are pinned.",
+    Extension("same_noise", "sampling", "The context keeps its noise while it is pinned.",
               "diffusion.pinning", GROUP, lesson=10),
     Extension("resampled_overlap", "sampling", "Shared frames are sampled again for constraints.",
               "diffusion.long_sampling", GROUP, needs=("control",)),
-    Extension("smooth_primitives", "sampling", "Primitives keep pose, velocity and bend only.",
+    Extension("smooth_primitives", "sampling", "Primitives keep pose, velocity and acceleration.",
               "smooth_primitives", SOLO),
     Extension("repeat_sections", "sampling", "What comes again in a song comes again in the dance.",
               "repeat_sections", SOLO),

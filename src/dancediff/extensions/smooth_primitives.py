@@ -1,4 +1,4 @@
-"""Smooth primitives: what eight frames of a network say beyond pose, velocity and bend is dropped.
+"""Smooth primitives: each keeps its pose, velocity and acceleration, and loses its jitter.
 
 Symbols (axes: d motion features)
     x      primitives, metres and 6-D rotations    (..., 8, d)
@@ -18,7 +18,7 @@ def smooth_primitives(x: Tensor) -> Tensor:
     $$x_k \leftarrow a + b\,\tau_k + c\,\tau_k^2$$
 
     A primitive tells a pose, a velocity and whether that changes. What eight frames of a network
-    say beyond it is unrest, and local diffusion would have to repeat it at every seam.
+    say beyond it is jitter, and local diffusion would have to repeat it at every seam.
 
     Shapes: x (..., 8, d) -> (..., 8, d), rotations orthonormal again.
 

@@ -17,7 +17,7 @@ from torch import Tensor
 from dancediff.axes import FPS
 from dancediff.diffusion.conditions import Conditions
 from dancediff.diffusion.guidance import guided, off_at_the_end, ramp_up
-from dancediff.diffusion.pinning import HOLDING
+from dancediff.diffusion.pinning import NOISY_CONTEXT
 from dancediff.diffusion.samplers import SamplerOptions, sample, sampling_times
 from dancediff.extensions import control
 from dancediff.extensions.autoguidance import LASTING_SHARE, ROOT_SHARE, autoguided
@@ -58,7 +58,7 @@ def group_pieces(
 
 def long_group_sampler(model, song, request: GroupDanceRequest, *, dtype=None) -> LongGroupSampler:
     """How a resolved request is danced by TCDiff++."""
-    segments, known = SegmentPlan.of(request, model.config.num_frames), request.known()
+    segments, constraint = SegmentPlan.of(request, model.config.num_frames), request.constraint()
     assert request.pinning and request.seam  # only naive long sampling has none
     return LongGroupSampler(
         shape=(request.dancers, segments.window, model.config.motion_dim),
@@ -70,23 +70,23 @@ def long_group_sampler(model, song, request: GroupDanceRequest, *, dtype=None) -
         pinning=request.pinning,
         seam=request.seam,
         resampled=request.resampled,
-        hooks=hooks_of(model, request, known),
-        mask=None if known is None else known.mask,
-        initial_order=None if known is None else control.initial_order(known),
+        hooks=hooks_of(model, request, constraint),
+        mask=None if constraint is None else constraint.mask,
+        initial_order=None if constraint is None else control.initial_order(constraint),
         options=sampler_options(model, request),
         generator=torch.Generator().manual_seed(request.seed),
     )
 
 
 def hooks_of(
-    model, request: GroupDanceRequest, known: Constraint | None
+    model, request: GroupDanceRequest, constraint: Constraint | None
 ) -> list[ConstraintHook | Projection]:
     """What changes guesses while a request is danced by TCDiff++."""
     normalizer, sources = model.normalizer.on_cpu(), list[Source]()
-    if request.pinning in HOLDING and request.seam == "copy":
+    if request.pinning in NOISY_CONTEXT and request.seam == "copy":
         sources.append(InitialFrames())
-    if known is not None:
-        sources.append(control.normalized(known, normalizer))
+    if constraint is not None:
+        sources.append(control.normalized(constraint, normalizer))
     if request.order_constraint:
         sources.append(OrderConstraint(normalizer))
     if request.collision_avoidance:
@@ -94,7 +94,7 @@ def hooks_of(
     linear, feet = preconditioning_of(model), foot_contact_hooks(model, request)
     if not sources or linear is None:
         return [*feet]
-    return [ConstraintHook(linear.spread.cpu(), sources), *feet]
+    return [ConstraintHook(linear.std.cpu(), sources), *feet]
 
 
 def foot_contact_hooks(model, request: SegmentedRequest) -> list[Projection]:
@@ -108,7 +108,7 @@ def naive_dance(
     """Sample all segments of a dance as one batch and join them, as EDGE does.
 
     ``ramp``: in long dances guidance rises over the first half of the DDIM steps, as in EDGE's
-    code. A swap is asked of the segment that carries it out; the others are told to stay. With
+    code. A swap is asked of the segment that carries it out; in the others all stay. With
     TCDiff++ it is the row "w/o LGDS" of the paper's ablation.
 
     Shapes: -> (n, F, d) metres and 6-D rotations, on the CPU.
@@ -180,9 +180,9 @@ def largest_guess(model, request: SegmentedRequest) -> Callable[[Tensor], Tensor
     """Where guesses are cut: at the training range, as published, or frequency by frequency."""
     if not request.frequency_clip:
         return cut_to_range
-    known = preconditioning_of(model)
-    assert known is not None  # `resolve` has looked
-    return FrequencyClip(known.mean, known.spread)
+    preconditioning = preconditioning_of(model)
+    assert preconditioning is not None  # `resolve` has looked
+    return FrequencyClip(preconditioning.mean, preconditioning.std)
 
 
 def sampler_options(model, request: SegmentedRequest) -> SamplerOptions:

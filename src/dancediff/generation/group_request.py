@@ -88,7 +88,7 @@ class GroupDanceRequest(SegmentedRequest):
 
     def resolve(self, model, song) -> Self:
         """As `SamplingConfig.resolve`; an order that follows from places at the end is a swap."""
-        from dancediff.diffusion.pinning import HOLDING
+        from dancediff.diffusion.pinning import NOISY_CONTEXT
         from dancediff.extensions import control
 
         filled = super().resolve(model, song)
@@ -99,20 +99,20 @@ class GroupDanceRequest(SegmentedRequest):
         elif filled.pinning == "auto":
             adds_noise = filled.sampler == "ddpm" or filled.eta > 0
             filled = replace(filled, pinning="renoise" if adds_noise else "same_noise")
-        known = filled.known()
-        if known is None:
+        constraint = filled.constraint()
+        if constraint is None:
             return filled
         if not has_preconditioning(model):
             raise ValueError(
                 "start=, end= and constraints= need statistics of the training data that only a "
                 "model with preconditioning has; leave them out"
             )
-        if filled.pinning not in HOLDING:
+        if filled.pinning not in NOISY_CONTEXT:
             raise ValueError(
                 f"pinning={filled.pinning!r} goes with no constraint; use 'same_noise'"
             )
-        control.initial_order(known)
-        order = control.final_order(known)
+        control.initial_order(constraint)
+        order = control.final_order(constraint)
         if order is None or filled.swap_at is not None:
             return filled
         if filled.swap not in (None, order.tolist()):
@@ -139,7 +139,7 @@ class GroupDanceRequest(SegmentedRequest):
         free = not self.constraints and self.start is None and self.end is None
         return 0 if free else min(LOOK_AHEAD, self.overlap // 2)
 
-    def known(self) -> "Constraint | None":
+    def constraint(self) -> "Constraint | None":
         """All constraints of a resolved request as one, in metres and matrices."""
         from dancediff.axes import FPS
         from dancediff.extensions import control

@@ -35,7 +35,7 @@ class LodgeSampler(ParallelSampler):
     """The paper's sampler, with those additions that a resolved `LodgeRequest` asks for."""
 
     def primitives(self, M: Tensor, segments: Segments) -> Tensor:
-        """Without unrest."""
+        """Without jitter."""
         primitives = super().primitives(M, segments)
         smooth = self.request.smooth_primitives
         if smooth and self.global_stage.config.variant == "continuous":
@@ -55,12 +55,12 @@ class LodgeSampler(ParallelSampler):
         stage, request, hooks = self.local_stage, self.request, list[GuessHook]()
         preconditioning, normalizer = preconditioning_of(stage), stage.normalizer.on_cpu()
         if preconditioning is not None:
-            spread = preconditioning.spread
+            std = preconditioning.std
             if request.cue_constraint:
-                hooks.append(cue_constraint(pin.hard, pin.y, spread))
+                hooks.append(cue_constraint(pin.hard, pin.y, std))
             if request.return_to_origin:
                 origin = normalizer.normalize(torch.zeros(LODGE.dim))
-                hooks.append(return_to_origin(origin, pin.y.shape, spread))
+                hooks.append(return_to_origin(origin, pin.y.shape, std))
             if request.border_smoothing:
                 hooks.append(BorderSmoothing(pin.hard.cpu(), pin.y.cpu(), pin.hard_frames.cpu()))
         if request.foot_contact:

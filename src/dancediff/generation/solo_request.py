@@ -25,13 +25,13 @@ class LodgeRequest(SamplingConfig):
         None, "A section of the song that comes again gets the soft cues of its first time."
     )
     smooth_primitives: bool = option(
-        None, "Keep pose, velocity and acceleration of a primitive, not its unrest."
+        None, "Keep pose, velocity and acceleration of a primitive, not its jitter."
     )
     cue_constraint: bool = option(
         None, "Condition guesses on hard cues, so that these are met without a jump."
     )
     border_smoothing: bool = option(
-        None, "Bend the frames beside hard cues so that these are met without a jerk."
+        None, "Change the frames beside hard cues so that these are met without a jerk."
     )
     root_stitching: bool = option(
         None, "Go on over seams from where the segment before ended; else back to the middle."

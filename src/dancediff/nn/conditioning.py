@@ -1,4 +1,4 @@
-r"""What a decoder is told: step and music, as tokens to attend to and as one vector for FiLM.
+r"""Conditions of a decoder: step and music, as tokens to attend to and as one vector for FiLM.
 
 Read first: notebooks 05 and 08 · EDGE section 3 · Perez et al. 2018 (FiLM) eq. 2.
 
@@ -64,12 +64,13 @@ class FiLM(nn.Module):
     def __init__(self, d_model: int):
         """One learned map from the condition to 2 d numbers."""
         super().__init__()
-        self.knobs = nn.Sequential(nn.Mish(), BatchInvariantLinear(d_model, 2 * d_model))
+        self.scale_and_shift = nn.Sequential(nn.Mish(), BatchInvariantLinear(d_model, 2 * d_model))
 
     def forward(self, h: Tensor, cond: Tensor) -> Tensor:
         """Broadcast over every axis between batch and channels."""
         b, d = cond.shape
-        scale, shift = self.knobs(cond).reshape(b, *(1,) * (h.ndim - 2), 2 * d).chunk(2, dim=-1)
+        both = self.scale_and_shift(cond).reshape(b, *(1,) * (h.ndim - 2), 2 * d)
+        scale, shift = both.chunk(2, dim=-1)
         return shift.addcmul(1 + scale, h)
 
 

@@ -120,7 +120,7 @@ class DanceDecoder(MusicConditioning):
         return cls(c.d_model, c.num_heads, c.num_layers, c.ff_dim, **sizes)
 
     def forward(self, h: Tensor, memory: list[Tensor], cond: Tensor, frames: Tensor) -> Tensor:
-        """All layers, from embedded motion to what is known of it, both (b, f, d_model).
+        """All layers, from embedded motion to its features, both (b, f, d_model).
 
         ``memory``: the music tokens first, then any that belong to no frame.
         """

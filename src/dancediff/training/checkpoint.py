@@ -11,7 +11,7 @@ import torch
 from safetensors import SafetensorError, safe_open
 from torch import nn
 
-from dancediff.atomic import save_tensors
+from dancediff.atomic import save_tensors, tensor_name
 from dancediff.nn.dance_network import DanceNetwork
 from dancediff.training.config import TrainConfig
 from dancediff.training.ema import EMA, Network
@@ -196,7 +196,7 @@ def _write(path, tensors: dict, facts: dict) -> None:
 
 def _read(path, prefix: str = "") -> dict:
     with safe_open(path, "pt") as file:
-        return {k: file.get_tensor(k) for k in file.keys() if k.startswith(prefix)}
+        return {tensor_name(k): file.get_tensor(k) for k in file.keys() if k.startswith(prefix)}
 
 
 def _named(prefix: str, tensors: dict) -> dict:

@@ -98,7 +98,7 @@ def train_from_config(
       choreographed corpus and whose validation split is evaluated on; ``takes`` does so directly.
       With ``class = "Lodge"`` all of it is up to `dancediff.training.lodge.train_lodge`, and
       ``takes`` are solos.
-    - ``start``: a trained model to set out from, see `take_over`; not for Lodge.
+    - ``start``: a trained model to start from, see `take_over`; not for Lodge.
     - ``preview(model, step)``: see `dancediff.training.evaluator`.
     - ``options``: ``device``, or a ``world`` that brings its own; ``resume``, ``overwrite``: see
       `dancediff.training.trainer.Trainer`.

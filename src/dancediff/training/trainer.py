@@ -144,7 +144,7 @@ class Trainer(Generic[Network]):
         return Logger(path, self.first)
 
     def _steps(self) -> tqdm:
-        """The numbers of the steps that are left, with a bar; closed before an error is told."""
+        """The numbers of the steps that are left, with a bar; closed before an error is shown."""
         left = range(self.first, self.config.steps)
         options = {"initial": self.first, "total": self.config.steps, "mininterval": 0.5}
         return tqdm(left, desc="training", disable=not self.world.first, **options)

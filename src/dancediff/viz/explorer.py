@@ -16,7 +16,7 @@ _WIDE = {"max_width": "100%", "align_self": "flex-start"}  # else a picture is b
 
 
 class Cancelled(Exception):
-    """Raised out of ``report`` once Cancel was pressed or a newer wish has come."""
+    """Raised out of ``report`` once Cancel was pressed or a newer request has come."""
 
 
 class Explorer:
@@ -32,7 +32,7 @@ class Explorer:
         self.slow = "report" in inspect.signature(panel).parameters
         self.dance = self.dance_a = self.song = self._still = None
         self._first = {name: control.value for name, control in controls.items()}
-        self._wish, self._busy = 0, threading.Lock()
+        self._newest, self._busy = 0, threading.Lock()
         self._thread: threading.Thread | None = None
 
         self.run = _button("Dance", "play", self.draw)
@@ -71,15 +71,15 @@ class Explorer:
 
     def draw(self, *_) -> None:
         """Run the panel; a slow one in a thread, after the one that still runs has stopped."""
-        self._wish += 1
+        self._newest += 1
         if self.slow:
-            self._thread = threading.Thread(target=self._work, args=(self._wish,), daemon=True)
+            self._thread = threading.Thread(target=self._work, args=(self._newest,), daemon=True)
             self._thread.start()
         else:
-            self._attempt(self._wish, self.values())
+            self._attempt(self._newest, self.values())
 
     def wait(self) -> None:
-        """Until the newest wish is fulfilled, cancelled or has failed."""
+        """Until the newest request is done, cancelled or has failed."""
         if self._thread is not None:
             self._thread.join()
 
@@ -87,25 +87,25 @@ class Explorer:
         if not self.slow or self.picture.value:  # a slow one starts when it is asked to
             self.draw()
 
-    def _work(self, wish: int) -> None:
+    def _work(self, request: int) -> None:
         with self._busy:
-            if wish != self._wish:
+            if request != self._newest:
                 return
             self.message.value = ""
             self.bar.value, self.bar.max = 0, 1
             _show(True, self.cancel, self.bar)
-            self._attempt(wish, self.values(), report=self._reporter(wish))
+            self._attempt(request, self.values(), report=self._reporter(request))
             _show(False, self.cancel, self.bar)
 
-    def _reporter(self, wish: int):
+    def _reporter(self, request: int):
         def report(done: int, total: int) -> None:
-            if wish != self._wish:
+            if request != self._newest:
                 raise Cancelled
             self.bar.max, self.bar.value = total, done
 
         return report
 
-    def _attempt(self, wish: int, values: dict, **more) -> None:
+    def _attempt(self, request: int, values: dict, **more) -> None:
         try:
             made = self.panel(**values, **more)
         except Cancelled:
@@ -113,7 +113,7 @@ class Explorer:
         except Exception as err:
             self.message.value = f"<pre>{type(err).__name__}: {escape(str(err))}</pre>"
         else:
-            if wish == self._wish:
+            if request == self._newest:
                 self._take(made)
 
     def _take(self, made) -> None:
@@ -128,7 +128,7 @@ class Explorer:
         _show(self.dance is not None, self.watch)
 
     def _cancel(self, _) -> None:
-        self._wish += 1
+        self._newest += 1
         self.message.value = "cancelled"
 
     def _reset(self, _) -> None:

@@ -30,7 +30,7 @@ from dancediff.viz.style import bare, set_title
 
 GUESSES = 6  # moments of the way from noise to dance that are shown
 NEAR = 0.05  # metres from the finished dance at which a guess is as good as it
-SHORT = {"seconds": 5.0, "steps": 10}  # unless a panel is told otherwise: nobody shall wait
+SHORT = {"seconds": 5.0, "steps": 10}  # unless a panel asks for others: nobody shall wait
 
 
 def dance_panel(model, song, *, report=None, **options):

@@ -55,7 +55,7 @@ def test_rows_do_not_know_of_each_other():
     assert torch.equal(smooth_borders(x, held)[:1], smooth_borders(x[:1], held[:1]))
 
 
-def test_a_parabola_stays_and_unrest_goes():
+def test_a_parabola_stays_and_jitter_goes():
     tau = torch.linspace(-1, 1, 8)[:, None]
     x = torch.zeros(2, 8, 139)
     x[..., LODGE.rot6d] = matrix_to_rot6d(torch.eye(3).expand(22, 3, 3)).flatten()

@@ -12,9 +12,9 @@ from dancediff.extensions.preconditioning import Preconditioning, dct_matrix
 
 ABAR = cosine_abar()
 F = 60
-SPREAD = 0.8 / (1 + torch.arange(F)[:, None].double() / 3) ** 2  # (k, 1): slow parts are large
+STD = 0.8 / (1 + torch.arange(F)[:, None].double() / 3) ** 2  # (k, 1): slow parts are large
 C = dct_matrix(F).double()
-PRIOR = C.T @ (SPREAD**2 * C)  # covariance over the frames
+PRIOR = C.T @ (STD**2 * C)  # covariance over the frames
 
 
 def gen(seed=0):
@@ -23,14 +23,14 @@ def gen(seed=0):
 
 def process(b):
     """b draws (b, 1, F, 1)."""
-    z = torch.randn(b, F, generator=gen(), dtype=torch.float64) * SPREAD[:, 0]
+    z = torch.randn(b, F, generator=gen(), dtype=torch.float64) * STD[:, 0]
     return (z @ C)[:, None, :, None]
 
 
 def exact():
     """The best denoiser of that process is the linear guess."""
     p = Preconditioning(F, 1).double()
-    p.spread = SPREAD
+    p.std = STD
     return lambda x_t, t: p.linear_guess(x_t, torch.full((len(x_t),), abar_at(ABAR, t)).to(x_t))
 
 
@@ -46,7 +46,7 @@ def known_at(frames, value, slack=None):
 def draw(constraint, b=3000, eta=1.0):
     options, g = SamplerOptions(ABAR, "ddim", 60, eta=eta, clamp=None), gen(1)
     x_T = gaussian((b, 1, F, 1), generator=g, dtype=torch.float64)
-    hooks = [ConstraintHook(SPREAD, [constraint])]
+    hooks = [ConstraintHook(STD, [constraint])]
     return sample(exact(), x_T.shape, options, generator=g, x_T=x_T, hooks=hooks)[:, 0, :, 0]
 
 
@@ -68,7 +68,7 @@ def test_the_bent_guess_is_the_conditional_mean():
     a = abar_at(ABAR, t)
     x_t = a**0.5 * x_0 + (1 - a) ** 0.5 * eps
     y = x_0[0, 0, frames, 0]
-    bent = known_at(frames, y[:, None]).condition(exact()(x_t[:1], t), a, SPREAD)[0, 0, :, 0]
+    bent = known_at(frames, y[:, None]).condition(exact()(x_t[:1], t), a, STD)[0, 0, :, 0]
     # the slow way: all that is known, noisy frames and clean entries, in one equation
     A = torch.cat([a**0.5 * torch.eye(F).double(), torch.eye(F).double()[frames]])
     noise = torch.cat([torch.full((F,), 1 - a), torch.full((4,), 1e-12)]).double()
@@ -83,7 +83,7 @@ def test_covariance_is_that_of_the_linear_guess():
     for t in (100, 600):
         a = abar_at(ABAR, t)
         missed = (x_0 - exact()(a**0.5 * x_0 + (1 - a) ** 0.5 * eps, t))[:, 0, :, 0]
-        cov = covariance(a, SPREAD, F, torch.arange(F))[0]
+        cov = covariance(a, STD, F, torch.arange(F))[0]
         torch.testing.assert_close(missed.T.cov(), cov, atol=0.03 * cov.max().item(), rtol=0)
 
 
@@ -108,7 +108,7 @@ def test_pasting_alone_leaves_a_jump():
             together = Constraint(
                 *(torch.cat([getattr(r, n) for r in rows]) for n in ("mask", "value"))
             )
-            return together.condition(x.transpose(0, 1), a, SPREAD).transpose(0, 1)
+            return together.condition(x.transpose(0, 1), a, STD).transpose(0, 1)
 
     assert seam_over_natural() > 2
     assert seam_over_natural(hooks=[Hook()]) < 1.15
@@ -126,22 +126,22 @@ def test_many_dancers_and_features_at_once_equal_one_at_a_time():
     mask = torch.rand(3, F, 4, generator=draw) < 0.2
     mask[:, :, 2] = mask[:1, :, :1].squeeze(2)  # some share their frames
     value, slack = torch.rand(2, 3, F, 4, generator=draw, dtype=torch.float64)
-    spread = SPREAD * torch.tensor([1.0, 0.3, 0.1, 2.0])
+    std = STD * torch.tensor([1.0, 0.3, 0.1, 2.0])
     x = torch.randn(2, 3, F, 4, generator=draw, dtype=torch.float64)
-    together = Constraint(mask, value, slack).condition(x, 0.4, spread)
+    together = Constraint(mask, value, slack).condition(x, 0.4, std)
     for n in range(3):
         for d in range(4):
             one = (slice(n, n + 1), slice(None), slice(d, d + 1))
             alone = Constraint(mask[one], value[one], slack[one])
-            bent = alone.condition(x[:, n : n + 1, :, d : d + 1], 0.4, spread[:, d : d + 1])
+            bent = alone.condition(x[:, n : n + 1, :, d : d + 1], 0.4, std[:, d : d + 1])
             torch.testing.assert_close(together[:, n, :, d], bent[:, 0, :, 0])
 
 
 def test_nothing_known_changes_nothing():
     x = torch.randn(1, 1, F, 1, generator=gen())
     nothing = Constraint(torch.zeros(1, F, 1, dtype=torch.bool), torch.zeros(1, F, 1))
-    assert torch.equal(nothing.condition(x, 0.5, SPREAD), x)
-    assert x.dtype == nothing.condition(x, 0.5, SPREAD).dtype
+    assert torch.equal(nothing.condition(x, 0.5, STD), x)
+    assert x.dtype == nothing.condition(x, 0.5, STD).dtype
 
 
 def segment(start=30, n=1, order=(0,), context=None):

@@ -10,7 +10,7 @@ from dancediff.motion.representation import LODGE
 from dancediff.papers.lodge.cue_guidance import CueGuidance
 
 ABAR, SHAPE = cosine_abar(), (2, 64, LODGE.dim)
-SPREAD = (1 / (1 + torch.arange(64.0)[:, None]) ** 2).expand(64, LODGE.dim)
+STD = (1 / (1 + torch.arange(64.0)[:, None]) ** 2).expand(64, LODGE.dim)
 
 
 def guidance():
@@ -37,7 +37,7 @@ def edge(x):
 def test_a_dance_meets_its_borders_without_a_jump():
     still, pin = torch.zeros_like, guidance()
     pasted = dance(lambda x, t: still(x), pin=pin)
-    hooks = [cue_constraint(pin.hard, pin.y, SPREAD)]
+    hooks = [cue_constraint(pin.hard, pin.y, STD)]
     conditioned = dance(lambda x, t: still(x), hooks, pin)
     assert pasted[:, :, 7:].diff(dim=1).abs().max() == pytest.approx(0.8)
     assert conditioned[:, :, 7:].diff(dim=1).abs().max() < 0.2
@@ -46,7 +46,7 @@ def test_a_dance_meets_its_borders_without_a_jump():
 
 def test_the_root_and_a_guess_that_is_right_stay():
     pin = guidance()
-    hook, x = cue_constraint(pin.hard, pin.y, SPREAD), torch.randn(SHAPE)
+    hook, x = cue_constraint(pin.hard, pin.y, STD), torch.randn(SHAPE)
     conditioned = hook.apply(x, 0.5)
     torch.testing.assert_close(conditioned[..., LODGE.root], x[..., LODGE.root])
     assert (conditioned - x)[..., 7:].abs().max() > 0.1
@@ -54,12 +54,12 @@ def test_the_root_and_a_guess_that_is_right_stay():
 
 
 def test_segments_end_at_the_origin_and_nothing_else_of_the_root_changes():
-    hook = return_to_origin(torch.full((LODGE.dim,), 0.25), SHAPE, SPREAD)
+    hook = return_to_origin(torch.full((LODGE.dim,), 0.25), SHAPE, STD)
     walk = torch.linspace(0, 3, 64)[None, :, None].expand(SHAPE)
     back = hook.apply(walk, 0.5)
     assert torch.equal(back[..., LODGE.height], walk[..., LODGE.height])
     for guess in (back, dance(lambda x, t: walk, [hook])):
         assert (guess[:, [0, -1]][..., LODGE.floor] - 0.25).abs().max() < 1e-3
         assert guess[..., LODGE.floor].diff(dim=1).abs().max() < 0.2, "the whole way, no jump"
-    first = return_to_origin(torch.full((LODGE.dim,), 0.25), (1, *SHAPE[1:]), SPREAD)
+    first = return_to_origin(torch.full((LODGE.dim,), 0.25), (1, *SHAPE[1:]), STD)
     assert torch.allclose(first.apply(walk[:1], 0.5), hook.apply(walk, 0.5)[:1])

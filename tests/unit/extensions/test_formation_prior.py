@@ -47,9 +47,9 @@ def test_places_and_ways_are_found(prior):
 def test_a_common_step_is_one_movement(prior):
     """Wandering together is the largest mode of the slow frequencies; the others are small."""
     for size in (2, 3):
-        mode, spread = prior.basis[size - 1, 1, 0, :size, :size], prior.spread[size - 1, 1, 0]
+        mode, std = prior.basis[size - 1, 1, 0, :size, :size], prior.std[size - 1, 1, 0]
         assert torch.allclose(mode[:, -1].abs(), torch.full((size,), size**-0.5), atol=0.02)
-        assert spread[size - 1] > 10 * spread[0]
+        assert std[size - 1] > 10 * std[0]
 
 
 def test_left_and_right_are_alike():
@@ -62,7 +62,7 @@ def test_left_and_right_are_alike():
     other.fit([(mirrored, S_mirrored)])
     assert torch.allclose(one.place, other.place, atol=1e-5)
     assert torch.allclose(one.progress, other.progress, atol=1e-5)
-    assert torch.allclose(one.spread, other.spread, atol=1e-4)
+    assert torch.allclose(one.std, other.std, atol=1e-4)
 
 
 def test_the_guess_is_the_conditional_mean_of_the_gaussian(prior):
@@ -73,7 +73,7 @@ def test_the_guess_is_the_conditional_mean_of_the_gaussian(prior):
     cov = torch.zeros(n * FRAMES, n * FRAMES, dtype=torch.float64)
     for q in range(FRAMES):
         U = prior.basis[n - 1, q, k, :n, :n].double()
-        V = U * prior.spread[n - 1, q, k, :n].double() ** 2 @ U.T
+        V = U * prior.std[n - 1, q, k, :n].double() ** 2 @ U.T
         cov += torch.kron(V, torch.outer(C[q], C[q]))
     mean = prior.mean(S)[0, :, :, k].flatten().double()
     x_t = torch.randn(1, n, FRAMES, DIM, generator=torch.Generator().manual_seed(1))

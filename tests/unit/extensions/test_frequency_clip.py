@@ -17,7 +17,7 @@ def smooth(w=256, f=60, d=3):
 def fitted():
     p = Preconditioning(60, 3)
     p.fit([smooth()])
-    return p, FrequencyClip(p.mean, p.spread)
+    return p, FrequencyClip(p.mean, p.std)
 
 
 def test_guesses_are_cut_where_no_dance_is():
@@ -25,12 +25,12 @@ def test_guesses_are_cut_where_no_dance_is():
     p, clip = fitted()
     C = dct_matrix(60).to(x)
     coefficients = C @ (x - p.mean)
-    real = (coefficients.abs() < 4 * p.spread).all((1, 2))
+    real = (coefficients.abs() < 4 * p.std).all((1, 2))
     assert real.float().mean() > 0.9
     torch.testing.assert_close(clip(x[real].float()), x[real].float(), atol=1e-4, rtol=0)
-    coefficients[:, 7, 1] += 100 * p.spread[7, 1]  # one frequency of one feature runs away
+    coefficients[:, 7, 1] += 100 * p.std[7, 1]  # one frequency of one feature runs away
     back = C @ (clip(p.mean + C.T @ coefficients) - p.mean)
-    torch.testing.assert_close(back[:, 7, 1], (4 * p.spread[7, 1]).expand(len(x)).to(back))
+    torch.testing.assert_close(back[:, 7, 1], (4 * p.std[7, 1]).expand(len(x)).to(back))
     coefficients[:, 7, 1] = back[:, 7, 1]
     torch.testing.assert_close(back[real], coefficients[real], atol=1e-4, rtol=0)
 

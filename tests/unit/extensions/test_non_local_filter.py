@@ -3,7 +3,7 @@ import torch
 
 from dancediff.diffusion.conditions import Conditions
 from dancediff.extensions.build import build
-from dancediff.extensions.non_local_filter import HEADS, NonLocalFilter, body_parts, left_over
+from dancediff.extensions.non_local_filter import HEADS, NonLocalFilter, body_parts, residual_of
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 
 SIZES = {"d_model": 16, "num_heads": 2, "num_layers": 1, "ff_dim": 32, "fusion_hidden": 48}
@@ -17,7 +17,7 @@ def make(d=16, motion_dim=151):
     return some
 
 
-def by_loops(module, tokens, guess, rest):
+def by_loops(module, tokens, guess, residual):
     """The equation, entry by entry."""
     A = module.weights(tokens)
     mix = module.mix(module.norm(tokens))
@@ -30,17 +30,17 @@ def by_loops(module, tokens, guess, rest):
             u = mix[..., h * count + part]
             v = mix[..., (HEADS + h) * count + part]
             smooth = (A[:, :, h] @ guess[..., c, None])[..., 0]
-            kept = (A[:, :, h] @ rest[..., c, None])[..., 0]
+            kept = (A[:, :, h] @ residual[..., c, None])[..., 0]
             out[..., c] += u * (smooth - guess[..., c]) + v * kept
     return out
 
 
 def test_is_its_equation():
     module = make(motion_dim=25)
-    tokens, guess, rest = (torch.randn(2, 3, 9, d) for d in (16, 25, 25))
+    tokens, guess, residual = (torch.randn(2, 3, 9, d) for d in (16, 25, 25))
     with torch.no_grad():
-        expected = by_loops(module, tokens, guess, rest)
-        torch.testing.assert_close(module(tokens, guess, rest), expected, atol=1e-4, rtol=1e-4)
+        expected = by_loops(module, tokens, guess, residual)
+        torch.testing.assert_close(module(tokens, guess, residual), expected, atol=1e-4, rtol=1e-4)
 
 
 def test_weights_are_averages_and_short_heads_stay_near():
@@ -53,11 +53,11 @@ def test_weights_are_averages_and_short_heads_stay_near():
 
 def test_dancers_do_not_mix_and_features_keep_apart():
     module = make()
-    tokens, guess, rest = (torch.randn(1, 3, 12, d) for d in (16, 151, 151))
-    before = module(tokens, guess, rest)
+    tokens, guess, residual = (torch.randn(1, 3, 12, d) for d in (16, 151, 151))
+    before = module(tokens, guess, residual)
     other = guess.clone()
     other[0, 1, :, 20] += 1 + torch.arange(12)
-    changed = (module(tokens, other, rest) != before).any(dim=2)[0]
+    changed = (module(tokens, other, residual) != before).any(dim=2)[0]
     assert changed.nonzero().tolist() == [[1, 20]]
 
 
@@ -67,10 +67,10 @@ def test_parts_are_contacts_root_and_joints():
     assert parts[7:].reshape(24, 6).unique(dim=1).tolist() == [[k] for k in range(2, 26)]
 
 
-def test_what_is_left_over_fades_with_the_signal():
+def test_the_residual_fades_with_the_signal():
     x_t, guess = torch.randn(2, 1, 5, 25), torch.zeros(2, 1, 5, 25)
-    rest = left_over(x_t, guess, torch.tensor([1.0, 0.0]))
-    assert torch.equal(rest[0], x_t[0]) and not rest[1].any()
+    residual = residual_of(x_t, guess, torch.tensor([1.0, 0.0]))
+    assert torch.equal(residual[0], x_t[0]) and not residual[1].any()
 
 
 def test_adds_nothing_before_training_and_learns():

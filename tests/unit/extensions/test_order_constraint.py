@@ -24,9 +24,9 @@ def ending_at(*places) -> torch.Tensor:
 
 def ordered(x, abar, S, *before):
     norm = Normalizer(-torch.ones(151), torch.ones(151))
-    spread = 4.0 / (1 + torch.arange(F, dtype=torch.float32)[:, None]) ** 1.5
+    std = 4.0 / (1 + torch.arange(F, dtype=torch.float32)[:, None]) ** 1.5
     sources = [*before, OrderConstraint(norm, torch.tensor(S))]
-    return ConstraintHook(spread.expand(F, 151), sources).apply(x, abar)
+    return ConstraintHook(std.expand(F, 151), sources).apply(x, abar)
 
 
 def test_places_are_the_nearest_in_order():

@@ -26,10 +26,10 @@ def test_fit_finds_mean_and_spread():
     x = smooth(w=4000)
     p = Preconditioning(60, 3)
     p.fit([x[:1000], x[1000:]])
-    pieces = p.spread[:5, 0]
+    pieces = p.std[:5, 0]
     assert torch.allclose(p.mean, torch.full((3,), 0.3), atol=0.03)
     assert torch.allclose(pieces, torch.tensor([3.0, 2, 1, 0.5, 0.2]), rtol=0.06)
-    assert p.spread[5:].max() < 1e-3
+    assert p.std[5:].max() < 1e-3
 
 
 def test_unfitted_it_is_the_scalar_form_of_edm():
@@ -43,7 +43,7 @@ def test_unfitted_it_is_the_scalar_form_of_edm():
 
 
 def test_the_linear_guess_is_as_good_as_it_says():
-    """Its error is c_out squared at every noise level, and far below that of one spread."""
+    """Its error is c_out squared at every noise level, and far below that of one std."""
     x = smooth()
     fitted, plain = Preconditioning(60, 3), Preconditioning(60, 3)
     fitted.fit([x])
@@ -54,7 +54,7 @@ def test_the_linear_guess_is_as_good_as_it_says():
         mse, worse = (
             (p.linear_guess(x_t, abar)[:, 0] - x).square().mean().item() for p in (fitted, plain)
         )
-        _, rest = linear_coefficients(abar[0], fitted.spread)
+        _, rest = linear_coefficients(abar[0], fitted.std)
         assert abs(mse / rest.square().mean().item() - 1) < 0.1
         assert mse < worse / 3
 
@@ -82,17 +82,17 @@ def test_weights_count_like_repeats():
     weighted, repeated = Preconditioning(20, 4), Preconditioning(20, 4)
     weighted.fit([a, b], weights=[1.0, 3.0])
     repeated.fit([a, b, b, b])
-    torch.testing.assert_close(weighted.spread, repeated.spread)
+    torch.testing.assert_close(weighted.std, repeated.std)
     torch.testing.assert_close(weighted.mean, repeated.mean)
 
 
 def test_error_is_what_the_linear_guess_misses():
-    """Over motion with the spread that was fitted, at every noise level."""
+    """Over motion with the std that was fitted, at every noise level."""
     torch.manual_seed(0)
-    spread = 2.0 / (1 + torch.arange(30.0))[:, None].expand(30, 4)
+    std = 2.0 / (1 + torch.arange(30.0))[:, None].expand(30, 4)
     precondition = Preconditioning(num_frames=30, dim=4)
-    precondition.spread.copy_(spread)
-    x_0 = dct_matrix(30).T @ (spread * torch.randn(400, 1, 30, 4))
+    precondition.std.copy_(std)
+    x_0 = dct_matrix(30).T @ (std * torch.randn(400, 1, 30, 4))
     abar = cosine_abar().float()
     for t in (10, 300, 900):
         x_t = q_sample(x_0, t, abar, torch.randn(x_0.shape))

@@ -93,7 +93,7 @@ def test_hooks_act_in_the_order_of_the_registry():
     song, trio = hub.packaged_song(), tiny_tcdiffpp()
     lodge = pipeline_of(tiny_lodge(frames=256))
     request = trio.resolve(song, dancers=2, start=[(-1, 0), (1, 0)])
-    assert modules_of(hooks_of(trio.model, request, request.known())) == hooks_in_registry(
+    assert modules_of(hooks_of(trio.model, request, request.constraint())) == hooks_in_registry(
         "tcdiffpp"
     )
     y = torch.zeros(1, 256, 139)

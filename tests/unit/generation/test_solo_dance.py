@@ -18,8 +18,8 @@ n = 64
 @pytest.fixture(scope="module")
 def model():
     model = tiny_lodge()
-    spread = model.local_stage.spread
-    spread.copy_(0.5 / (1 + torch.arange(n))[:, None] ** 2)  # slow parts are large
+    std = model.local_stage.std
+    std.copy_(0.5 / (1 + torch.arange(n))[:, None] ** 2)  # slow parts are large
     return model
 
 
@@ -85,8 +85,8 @@ def test_a_preconditioned_guess_is_not_cut(model):
 def test_a_long_dance_stays_where_it_is(model):
     """Otherwise every segment goes on from where the last one got to."""
     fine = tiny_lodge().local_stage
-    spread = fine.spread
-    spread.copy_(1 / (1 + torch.arange(n))[:, None] ** 2)  # slow parts are large
+    std = fine.std
+    std.copy_(1 / (1 + torch.arange(n))[:, None] ** 2)  # slow parts are large
     walk = torch.linspace(0, 1, n)[None, :, None]
     fine.denoise = lambda x_t, t, conditions: walk.expand(*x_t.shape)
     ends = {}

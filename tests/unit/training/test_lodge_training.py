@@ -201,7 +201,7 @@ def test_statistics_fit_what_the_stage_sees(solos):
         x = model.normalizer.normalize(data.batch(number)[0])
         assert x.abs().max() < 1.3
     assert model.normalizer.low[4] < 0 < model.normalizer.high[4] < 1, "root from the origin"
-    assert preconditioning_of(model).spread.std() > 0.01
+    assert preconditioning_of(model).std.std() > 0.01
     far = windows([replace(solos[0], dance=9 * solos[0].x)])
     fit_stage(model, far, TrainingExtensions(metre_unit=True))
     on_floor = [LODGE.root.start, LODGE.root.start + 2]
@@ -211,7 +211,7 @@ def test_statistics_fit_what_the_stage_sees(solos):
     assert model.music_normalizer.normalize(solos[0].songs[0])[:, CHROMA].abs().max() < 1e-4
     coarse = tiny().global_stage
     fit_stage(coarse, windows(solos, num_frames=256, layout=SMALL))
-    assert preconditioning_of(coarse).spread.shape == (8, 139)
+    assert preconditioning_of(coarse).std.shape == (8, 139)
 
 
 def test_fine_tuning_sees_clean_borders(solos):

@@ -139,7 +139,7 @@ def test_cancel_stops_it():
     assert panel.finished == [0]
 
 
-def test_the_newest_wish_wins():
+def test_the_newest_request_wins():
     """Whoever moves a slider while it dances gets the dance of the slider's last place only."""
     panel, box = slow_box()
     panel.go.release(4)

@@ -125,7 +125,7 @@ def pelvis_path(part: Part, genre: Genre, beat: np.ndarray, spb: float) -> Pelvi
     bounce = me.bounce * genre.energy * (groove.bounce * wave + groove.offbeat * (1 - wave))
     wanted = groove.height + me.height - bounce - down
     room = _room(floor, rotation, part.feet)
-    # soften only what lies below the wish, so that a straightening leg does not snap
+    # soften only what lies below the target, so that a straightening leg does not snap
     excess = np.maximum(wanted - room, 0)
     width = max(3, round(0.6 * fpb))
     lower = gaussian_filter1d(maximum_filter1d(excess, width), width / 4, mode="nearest")

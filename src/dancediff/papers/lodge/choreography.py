@@ -27,7 +27,7 @@ FIXED = (1 / 8, 2 / 8, 5 / 8, 6 / 8)  # of a local: frames 32, 64, 160, 192 of 2
 
 @dataclass(frozen=True, eq=False)
 class Cues:
-    """What local diffusion is told about each local: frames that must be met, or are suggested.
+    """The condition of local diffusion for each local: frames that must be met, or are suggested.
 
     Shapes: value (L, f, d), zero where there is no cue; hard, soft (L, f) bool.
     """

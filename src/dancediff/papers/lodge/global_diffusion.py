@@ -84,10 +84,10 @@ class GlobalConfig:
 
 
 def token_frames(config: GlobalConfig) -> Tensor:
-    """The frame of the segment that each token stands for, as far as the network is told.
+    """The frame of the segment that each token stands for, an input of the network.
 
     Hard primitives sit on the borders, where they will be used. A soft one is danced on some beat
-    of its half of a local segment: it is told the middle of that half.
+    of its half of a local segment: its frame is the middle of that half.
 
     Shapes: -> (f,) float.
 
@@ -133,7 +133,7 @@ class GlobalDenoiser(DanceNetwork):
         super().__init__(c.motion_dim, c.music_dim, c.num_steps)
         self.config = c
         self.decoder = DanceDecoder.of(c, c.music_frames, c.pool)
-        self.style: StyleToken | None = None  # this stage is told no genre
+        self.style: StyleToken | None = None  # this stage has no genre
         self.register_buffer("frames", token_frames(c), persistent=False)
 
     def clips(self, x: Tensor) -> Tensor:

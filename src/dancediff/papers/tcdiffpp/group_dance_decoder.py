@@ -187,7 +187,7 @@ class GroupDanceDecoder(MusicConditioning):
         return self.fusion_projection(self.dancer_positioning(h)).float()
 
     def decode(self, h: Tensor, t: Tensor, conditions: Conditions) -> Tensor:
-        """Sequence Decoder (SD): what is known of the clean motion (b, n, f, d_model)."""
+        """Sequence Decoder (SD): features of the clean motion (b, n, f, d_model)."""
         memory, cond = self.memory(t, conditions)
         return self.sequence_decoder(h, memory, cond)
 

@@ -65,13 +65,13 @@ def test_without_extensions_it_is_the_papers():
 def test_every_primitive_has_a_spectrum_of_its_own_length():
     model = make()
     spectrum = preconditioning_of(model)
-    assert spectrum.spread.shape == (8, 139)
+    assert spectrum.std.shape == (8, 139)
     x = torch.randn(50, 104, 139)
     x = x + 5 * torch.randn(50, 13, 1, 139).expand(50, 13, 8, 139).flatten(1, 2)  # apart by 5
     spectrum.fit([model.clips(x).flatten(0, 1)])
-    assert spectrum.spread[0].mean() > 5 * 8**0.5 * 0.9
-    torch.testing.assert_close(spectrum.spread[1:].mean(), torch.tensor(1.0), atol=0.1, rtol=0)
-    assert preconditioning_of(make(variant="discrete")).spread.shape == (64, 139)
+    assert spectrum.std[0].mean() > 5 * 8**0.5 * 0.9
+    torch.testing.assert_close(spectrum.std[1:].mean(), torch.tensor(1.0), atol=0.1, rtol=0)
+    assert preconditioning_of(make(variant="discrete")).std.shape == (64, 139)
     assert preconditioning_of(make(())) is None
 
 

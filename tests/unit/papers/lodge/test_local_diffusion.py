@@ -84,9 +84,9 @@ def test_feet_are_computed_in_metres():
 
 def test_correction_keeps_to_the_spectrum_of_dance():
     model = make(("preconditioning",))
-    spread = model.parts.preconditioning.preconditioning.spread
-    spread.fill_(2e-4)  # data that hardly move
-    spread[0] = 0.5
+    std = model.parts.preconditioning.preconditioning.std
+    std.fill_(2e-4)  # data that hardly move
+    std[0] = 0.5
     for weights in model.foot_refine.out.parameters():
         weights.data.mul_(100)
     x_raw, x_hat = model(*inputs(model))

@@ -186,14 +186,14 @@ def test_s_speaks_of_ranks_at_the_segments_own_first_frame():
     assert network.S == [[0, 1, 2, 3], [1, 0, 2, 3], [1, 0, 2, 3], [0, 1, 3, 2], [0, 1, 3, 2]]
 
 
-def test_without_a_wish_everybody_stays_where_she_is():
+def test_without_a_target_all_dancers_keep_their_order():
     network = Obedient(75)
     x = run(network, 4)
     assert network.S == [[0, 1, 2, 3]] * 4
     assert float(x[..., 0].diff(dim=1).abs().max()) < 1e-6
 
 
-def test_without_a_wish_a_crossing_that_is_under_way_is_finished():
+def test_without_a_target_a_crossing_that_is_under_way_is_finished():
     # The network crosses two dancers though nobody asked; the next segment must not undo it.
     dance = torch.stack([PLACES[:, None].repeat(1, 225), FACES[:, None].expand(4, 225)], -1)
     w = torch.linspace(0, 1, 60)

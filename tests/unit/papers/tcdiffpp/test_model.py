@@ -49,7 +49,7 @@ def test_footwork_corrects_no_more_than_noise_can_hide():
     """The correction has the size of what the linear guess misses, at every level of noise."""
     model, (x_t, _, M, S) = make(["preconditioning", "footwork_residual"]), inputs(f=40)
     known = preconditioning_of(model)
-    known.spread[5:] = 2e-4  # data move slowly
+    known.std[5:] = 2e-4  # data move slowly
     torch.nn.init.normal_(model.footwork_adaptor.adaptor.layers[2].linear.weight)
     missed, corrected = [], []
     for step in (2, 20, 200):
