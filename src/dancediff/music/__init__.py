@@ -1,1 +1,1 @@
-"""Music: loading songs, the 35 features a frame that the networks hear, and synthetic songs."""
+"""Music: loading songs, the 35 features a frame that networks read, and synthetic songs."""
