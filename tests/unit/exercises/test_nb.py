@@ -284,6 +284,16 @@ def test_lesson_is_clean(path):
 
 
 @pytest.mark.parametrize("path", LESSONS, ids=lambda p: p.stem)
+def test_code_comes_in_portions(path):
+    """At most 35 lines of code, in one cell or in several, before a text follows."""
+    portion = 0
+    for cell in json.loads(path.read_text(encoding="utf-8"))["cells"]:
+        code = cell["cell_type"] == "code"
+        portion = portion + len(source(cell).splitlines()) if code else 0
+        assert portion <= 35, source(cell)
+
+
+@pytest.mark.parametrize("path", LESSONS, ids=lambda p: p.stem)
 def test_lesson_has_its_parts(path):
     book = json.loads(path.read_text(encoding="utf-8"))
     prose = "\n".join(source(c) for c in book["cells"] if c["cell_type"] == "markdown")
