@@ -8,7 +8,7 @@ Symbols (axes: b batch · n dancers, ranked from left to right · f frames · k 
     place      where each rank stands, for every size of group                            (N, N, c)
     progress   share of the way to the new place that is done                             (f,)
     basis      principal formations, one a column, for every size and frequency     (N, f, c, N, N)
-    std     how far each of them varies                                             (N, f, c, N)
+    std        how far each of them varies                                             (N, f, c, N)
 """
 
 from collections.abc import Iterable
