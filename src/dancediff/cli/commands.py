@@ -69,7 +69,7 @@ class Train:
     out: Path = Path("runs/tcdiffpp")
     """Folder for checkpoint, losses and the model."""
     start: str | None = None
-    """A model's name or folder whose weights training starts from; what it lacks begins untrained."""
+    """A model (name or folder) to start from; what it lacks begins untrained."""
     resume: bool = False
     """Go on from the checkpoint in the folder, if there is one."""
     overwrite: bool = False

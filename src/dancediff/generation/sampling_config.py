@@ -65,7 +65,8 @@ class SamplingConfig:
         high=10,
     )
     foot_contact: bool = option(
-        None, "Limit speeds, keep bodies on the floor and standing feet in place; False does none of it."
+        None,
+        "Limit speeds, keep bodies on the floor and standing feet in place; False: none of it.",
     )
     dtype: "torch.dtype | str | None" = option(  # noqa: RUF009 - it is a field
         None, "Compute with all digits, with half of them (bfloat16), or with what is 'fastest'."

@@ -22,6 +22,7 @@ from dancediff.training.run import MODELS, check_tables
 from dancediff.training.tables import check_table, read_toml
 
 SEED_STRIDE = 100_000  # more than there are held-out songs: no song meets the same noise twice
+FIRST_SEED = 1_000_000  # of the held-out songs; those of the training set begin at 0
 TRUTH = "choreographer"  # the row of the dances that were made, not learned
 FAMILIES = {"TCDiffPP": "tcdiffpp", "EDGE": "edge", "Lodge": "lodge"}
 _FIXED = ("data", "held_out")  # all variants are measured on the same songs
@@ -35,7 +36,6 @@ class HeldOut:
     """
 
     songs: int = 10
-    first_seed: int = 1_000_000
     seconds: float = 24.0  # 720 frames, the paper's evaluation length
     dancers: int = default_of("tcdiffpp", "dancers")
     reference: int = 40  # training songs whose dances are the reference set of FID and the like
@@ -52,7 +52,7 @@ class HeldOut:
     @property
     def seeds(self) -> range:
         """Of the songs."""
-        return range(self.first_seed, self.first_seed + self.songs)
+        return range(FIRST_SEED, FIRST_SEED + self.songs)
 
 
 @dataclass(frozen=True)
@@ -172,12 +172,8 @@ def _checked(merged: dict, held_out: HeldOut, source: str) -> dict:
         for stage in STAGES:
             stage_config(tables, stage)
     data = (SoloData if lodge else GroupData)(**tables["data"])
-    after = data.first_seed + data.songs
-    if data.first_seed - held_out.songs < held_out.first_seed < after:
-        raise ValueError(
-            f"{source}: held_out first_seed={held_out.first_seed} leads to songs of the training "
-            f"set; choose {after} or more"
-        )
+    if data.songs > FIRST_SEED:
+        raise ValueError(f"{source}: songs={data.songs} of [data] must be at most {FIRST_SEED}")
     if held_out.seconds > data.seconds:
         raise ValueError(
             f"{source}: held_out seconds={held_out.seconds:g} is longer than the training songs, "

@@ -19,7 +19,7 @@ from dancediff.training.muon import MuonAdamW
 
 NAME = "checkpoint.safetensors"
 _ERRORS = (SafetensorError, OSError, AttributeError, RuntimeError, KeyError, ValueError, TypeError)
-_MAY_CHANGE = {"steps", "save_every", "evaluate_every", "evaluate_batches", "preview_every"}
+_MAY_CHANGE = {"steps", "save_every", "evaluate_every", "preview_every"}
 
 
 @dataclass

@@ -56,7 +56,6 @@ class Data:
 
     folder: str | None = None  # of prepared takes
     songs: int = 100  # without a folder: how many
-    first_seed: int = 0
     seconds: float = 30.0
     workers: int = 2
     held_out: int = 5  # without a folder: how many more songs to evaluate on
@@ -123,7 +122,6 @@ class TrainConfig:
     seed: int = 0
     save_every: int = 500  # steps
     evaluate_every: int = 0  # steps; 0: never
-    evaluate_batches: int = 8  # of the validation split
     preview_every: int = 0  # steps; 0: never
     weights: LossWeights | LodgeWeights = field(default_factory=LossWeights)
     extensions: TrainingExtensions = field(default_factory=TrainingExtensions)
@@ -136,7 +134,7 @@ class TrainConfig:
         for name in ("lr", "fusion_lr"):
             if not 0 < getattr(self, name) < float("inf"):
                 raise ValueError(f"{name}={getattr(self, name)} must be above 0")
-        for name in ("steps", "save_every", "accumulate", "evaluate_batches"):
+        for name in ("steps", "save_every", "accumulate"):
             _check_least(name, getattr(self, name), 1)
         for name in ("warmup", "weight_decay", "clip", "evaluate_every", "preview_every"):
             _check_least(name, getattr(self, name), 0)

@@ -12,13 +12,14 @@ from dancediff.training.config import TrainConfig
 from dancediff.training.objective import Objective
 
 BEST = "best.safetensors"
+BATCHES = 8  # that the validation loss is a mean of
 
 
 class Evaluator:
     """The loss on fixed windows of the validation split, and previews.
 
     Every ``config.evaluate_every`` steps the averaged model is evaluated on the same
-    ``config.evaluate_batches`` batches of ``data`` with the same noise; the best one so far is kept
+    `BATCHES` batches of ``data`` with the same noise; the best one so far is kept
     in the folder as ``best.safetensors``. Every ``config.preview_every`` steps
     ``preview(model, step)`` is called.
     """
@@ -34,8 +35,7 @@ class Evaluator:
     @torch.no_grad()
     def validation_loss(self, model: DanceNetwork, objective: Objective) -> float:
         """The mean of "total" over the fixed batches."""
-        numbers = range(self.config.evaluate_batches)
-        losses = [objective.losses(model, self.data.batch(k), k)["total"] for k in numbers]
+        losses = [objective.losses(model, self.data.batch(k), k)["total"] for k in range(BATCHES)]
         return torch.stack(losses).mean().item()
 
     def keep_best(self, model: nn.Module, loss: float, step: int, folder: Path) -> None:

@@ -300,9 +300,8 @@ def solos_for(
     """Solos to learn from: those of a prepared folder, else the choreographer's."""
     if folder := folder or corpus.folder:
         return prepared_solos(folder, genres)
-    after = corpus.first_seed + corpus.songs
     options = {"workers": corpus.workers, "cache": cache}
-    return choreographed_solos(range(corpus.first_seed, after), corpus.seconds, genres, **options)
+    return choreographed_solos(range(corpus.songs), corpus.seconds, genres, **options)
 
 
 def _held_out(corpus: SoloData, folder, genres: tuple[str, ...]) -> list[DanceTake]:
@@ -313,5 +312,5 @@ def _held_out(corpus: SoloData, folder, genres: tuple[str, ...]) -> list[DanceTa
         except ValueError as err:
             warnings.warn(f"there is no validation: {err}", stacklevel=3)
             return []
-    after = corpus.first_seed + corpus.songs
-    return choreographed_solos(range(after, after + corpus.held_out), corpus.seconds, genres)
+    seeds = range(corpus.songs, corpus.songs + corpus.held_out)
+    return choreographed_solos(seeds, corpus.seconds, genres)

@@ -170,12 +170,11 @@ def takes_for(
     if folder := folder or corpus.folder:
         held_out = prepared_takes(folder, sizes, "val") if evaluates else []
         return prepared_takes(folder, sizes), held_out
-    after = corpus.first_seed + corpus.songs
-    end = after + (corpus.held_out if evaluates else 0)
+    end = corpus.songs + (corpus.held_out if evaluates else 0)
     make = partial(
         choreographed_corpus, seconds=corpus.seconds, workers=corpus.workers, cache=cache
     )
-    return make(range(corpus.first_seed, after)), make(range(after, end))
+    return make(range(corpus.songs)), make(range(corpus.songs, end))
 
 
 def _windows(takes: list[DanceTake], corpus: GroupData, sizes, settings: TrainConfig):

@@ -14,6 +14,7 @@ from dancediff.papers.edge.model import EDGEConfig
 from dancediff.papers.lodge.genre_discriminator import DiscriminatorConfig
 from dancediff.papers.lodge.global_diffusion import GlobalConfig
 from dancediff.papers.lodge.local_diffusion import LocalConfig
+from dancediff.papers.lodge.losses import LodgeWeights
 from dancediff.papers.tcdiffpp.model import TCDiffPPConfig
 from dancediff.training.config import TrainingExtensions
 from dancediff.training.lodge import check_lodge_tables, stage_config
@@ -23,7 +24,7 @@ from dancediff.training.tables import read_toml
 from places import CONFIGS
 
 SMALL = {"d_model": 16, "num_heads": 2, "num_layers": 1, "ff_dim": 32}
-QUICK = {"steps": 20, "save_every": 20, "evaluate_every": 10, "evaluate_batches": 1}
+QUICK = {"steps": 20, "save_every": 20, "evaluate_every": 10}
 PAPER = {"sampler": "ddim", "steps": 50, "eta": 1.0, "guidance": 2.0, "foot_contact": False}
 GENRES = ["hiphop", "salsa", "jazz"]
 
@@ -90,9 +91,11 @@ def test_lodge(tmp_path):
         settings = stage_config(tables, stage)
         assert settings.extensions == TrainingExtensions()
         assert (settings.optimizer, settings.lr, settings.clip) == ("adan", 1e-4, 0)
+    assert stage_config(tables, "local").weights == LodgeWeights.local()
+    assert stage_config(tables, "fine_tune").weights == LodgeWeights.fine_tune()
     assert "mirror" not in tables["data"]
 
-    steps = {key: QUICK[key] for key in ("save_every", "evaluate_every", "evaluate_batches")}
+    steps = {key: QUICK[key] for key in ("save_every", "evaluate_every")}
     changes = {
         "global_stage": SMALL | {"music_frames": 128, "local_frames": 64},
         "local_stage": SMALL | {"num_frames": 64, "genres": GENRES},

@@ -14,7 +14,7 @@ from dancediff.papers.tcdiffpp.group_dance_decoder import FusionProjection
 from dancediff.training import objective
 from dancediff.training.checkpoint import load_average, read_facts
 from dancediff.training.config import TrainConfig, TrainingExtensions
-from dancediff.training.evaluator import Evaluator
+from dancediff.training.evaluator import BATCHES, Evaluator
 from dancediff.training.logger import Logger
 from dancediff.training.objective import GroupObjective
 from dancediff.training.optimizer import make_optimizer
@@ -194,7 +194,6 @@ def test_broken_numbers_stop_the_run_before_they_spread(tmp_path):
         {"warmup": -1},
         {"preview_every": -1},
         {"evaluate_every": -1},
-        {"evaluate_batches": 0},
         {"weight_decay": -0.1},
         {"seed": -1},
         {"seed": 10**30},
@@ -327,11 +326,11 @@ def test_signals_are_answered_between_steps(tmp_path):
 
 def test_validation_on_fixed_windows_keeps_the_best(tmp_path):
     """The loss of the averaged model; a worse one later does not replace the best."""
-    config = TrainConfig(steps=6, warmup=0, lr=0.05, evaluate_every=2, evaluate_batches=3)
+    config = TrainConfig(steps=6, warmup=0, lr=0.05, evaluate_every=2)
     held_out = Data()
     evaluator = Evaluator(held_out, config)
     averaged = train(Toy(), Data(), config, tmp_path, evaluator=evaluator)
-    assert held_out.asked == [0, 1, 2] * 3
+    assert held_out.asked == [*range(BATCHES)] * 3
     losses = [row["validation"] for row in rows(tmp_path)]
     assert losses[0] == losses[2] == "" and float(losses[5]) > 0
     again = evaluator.validation_loss(averaged, GroupObjective(averaged, config))
