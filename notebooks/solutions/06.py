@@ -12,9 +12,9 @@ def guide(denoiser, x_t, w):
 # %% 06.2
 # At +-1 a tremble passes as long as it stays inside, and a place far out is cut though it is
 # right. Frequency by frequency the slow parts, which are large, may be large, and fast ones not.
-def within(x, mean, spread, C):
+def clip_waves(x, mean, std, C):
     waves = C @ (x - mean)
-    return mean + C.T @ waves.clamp(-4 * spread, 4 * spread)
+    return mean + C.T @ waves.clamp(-4 * std, 4 * std)
 
 
 # %% 06.3

@@ -21,7 +21,7 @@ def _hears(x_t, music):
     return 0.5 * x_t + 1 if music else 0.3 * x_t - 2
 
 
-def _within(x, mean, std, C):
+def _clip_waves(x, mean, std, C):
     return FrequencyClip(mean, std)(x)
 
 
@@ -60,6 +60,6 @@ def _is_bent(got, path, y) -> str:
 
 SPECS = {
     "06.1": {"spec": _guide, "cases": _guide_cases},
-    "06.2": {"spec": _within, "cases": _wild_guesses},
+    "06.2": {"spec": _clip_waves, "cases": _wild_guesses},
     "06.3": {"spec": _bent, "cases": _paths, "accepts": _is_bent},
 }

@@ -10,12 +10,12 @@ NEAR_MISSES = {
         lambda net, x_t, w: (1 - w) * net(x_t, music=True) + w * net(x_t, music=False),
     ],
     "06.2": [
-        lambda x, mean, spread, C: x.clamp(-1, 1),  # the released code
-        lambda x, mean, spread, C: mean + (x - mean).clamp(-4 * spread, 4 * spread),  # frames
-        lambda x, mean, spread, C: C.T @ (C @ x).clamp(-4 * spread, 4 * spread),  # around zero
-        lambda x, mean, spread, C: mean + C.T @ (C @ (x - mean)).clamp(-spread, spread),
-        lambda x, mean, spread, C: C.T @ (C @ (x - mean)).clamp(-4 * spread, 4 * spread),
-        lambda x, mean, spread, C: mean + C @ (C.T @ (x - mean)).clamp(-4 * spread, 4 * spread),
+        lambda x, mean, std, C: x.clamp(-1, 1),  # the released code
+        lambda x, mean, std, C: mean + (x - mean).clamp(-4 * std, 4 * std),  # frames
+        lambda x, mean, std, C: C.T @ (C @ x).clamp(-4 * std, 4 * std),  # around zero
+        lambda x, mean, std, C: mean + C.T @ (C @ (x - mean)).clamp(-std, std),
+        lambda x, mean, std, C: C.T @ (C @ (x - mean)).clamp(-4 * std, 4 * std),
+        lambda x, mean, std, C: mean + C @ (C.T @ (x - mean)).clamp(-4 * std, 4 * std),
     ],
     "06.3": [
         lambda path, y: torch.cat([path[:-1], path.new_tensor([y])]),  # pasted
