@@ -246,12 +246,12 @@ class Beats:
         columns = ["songs"] + [c for name in trackers for c in (name, f"{name}, any level")]
         table = {
             "about": "F-score of beats (70 ms), means over songs.",
-            "data": "synthetic where it says so, else recorded or rendered from MIDI",
+            "data": "synthetic where it says so, else recorded, or rendered from MIDI",
             "command": "python benchmarks/beats.py --data … --midi … --soundfont … --frets …",
             "columns": columns,
             "rows": rows,
         }
-        self.out.write_text(json.dumps(table, indent=1) + "\n", encoding="utf-8")
+        self.out.write_text(json.dumps(table, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
         for row in [columns, *rows]:
             print(*row, sep=" | ")
 
