@@ -251,7 +251,8 @@ class Beats:
             "columns": columns,
             "rows": rows,
         }
-        self.out.write_text(json.dumps(table, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+        text = json.dumps(table, indent=1, ensure_ascii=False)
+        self.out.write_text(f"{text}\n", encoding="utf-8")
         for row in [columns, *rows]:
             print(*row, sep=" | ")
 
