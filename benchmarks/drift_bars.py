@@ -134,7 +134,7 @@ def bars(dances: list[Drift], truth: list[Drift]) -> dict[str, tuple[str, bool]]
     low, high = np.quantile(held["knee bend"], [0.05, 0.95])
     begin = np.mean([d["distinct poses"][0] for d in dances])
     wide, knees, close = last["arms wide"], last["knee bend"], last["ankles close"]
-    ratio, his = knees / first["knee bend"], held["turning"].mean()
+    ratio, usual = knees / first["knee bend"], held["turning"].mean()
     poses = last["distinct poses"] / begin
     most = 1.5 * first["arms wide"] + 0.1
     allowed = 1.5 * held["ankles close"].mean()
@@ -144,9 +144,9 @@ def bars(dances: list[Drift], truth: list[Drift]) -> dict[str, tuple[str, bool]]
         "knee bend, last third: at least 0.75 x first": (f"{ratio:.2f}", ratio >= 0.75),
         f"and within {low:.0f} ... {high:.0f} degrees": (f"{knees:.0f}", low <= knees <= high),
         f"ankles close, last third: at most {allowed:.3f}": (f"{close:.3f}", close <= allowed),
-        f"turning, last third: at least {his / 2:.1f} degrees/s": (
+        f"turning, last third: at least {usual / 2:.1f} degrees/s": (
             f"{last['turning']:.1f}",
-            last["turning"] >= his / 2,
+            last["turning"] >= usual / 2,
         ),
         "distinct poses, last third: at least 0.8 x first window": (f"{poses:.2f}", poses >= 0.8),
     }

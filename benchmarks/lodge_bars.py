@@ -287,7 +287,7 @@ def in_windows(x: torch.Tensor) -> list[torch.Tensor]:
 def shaken(x: torch.Tensor, draw: torch.Generator) -> torch.Tensor:
     """A take whose joints sway by up to a few degrees, as no choreographer's but a network's do.
 
-    A judge that never met such unrest takes it for a sign of capture: it called every dance of a
+    A judge that never met such jitter takes it for a sign of capture: it called every dance of a
     network salsa or Indian, whatever was asked for, and every shaken take as well.
     """
     fade = torch.hann_window(9, periodic=False)

@@ -91,8 +91,8 @@ def two_passes(denoise, conditions, guidance):
     alone = [guided(denoise, conditions, w) for w in (1.0, 0.0)]
 
     def denoise(x_t, t):
-        heard, deaf = (one(x_t, t) for one in alone)
-        return deaf + guidance * (heard - deaf)
+        conditional, unconditional = (one(x_t, t) for one in alone)
+        return unconditional + guidance * (conditional - unconditional)
 
     return denoise
 

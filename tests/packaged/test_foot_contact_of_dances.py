@@ -27,7 +27,7 @@ def test_dances_slide_less_with_planted_feet(dance_with):
 
 
 def test_it_is_no_work_on_the_finished_dance(dance_with):
-    """The network answers to planted feet: planting the free dance is not the same."""
+    """Projecting the finished dance is not the same: the network answers to the projection."""
     free, planted = (dance_with(foot_contact=on) for on in (False, True))
     afterwards = project_foot_contact(free.features())
     assert (afterwards[..., TCDIFFPP.root] - planted.root).abs().max() > 0.005

@@ -123,15 +123,16 @@ def test_t06_swap_mode_is_heard_as_token_and_through_film(way):
         memory_2 = memory
     h = model.decoder.place(model.decoder.embed(x_t))
     y, y_2 = (
-        model.decoder.sequence_decoder(h, *told) for told in ((memory, cond), (memory_2, cond_2))
+        model.decoder.sequence_decoder(h, *inputs)
+        for inputs in ((memory, cond), (memory_2, cond_2))
     )
     assert (y - y_2).abs().max() > 1e-4
 
 
 def test_t07_nobody_swaps_unless_asked():
-    """Released: inference never passes an order. Here: what the caller says is told."""
-    model, heard = make(), []
-    model.register_forward_pre_hook(lambda _, args: heard.append(args[2].swap[0].tolist()))
+    """Released: inference never passes an order. Here: the caller's order is an input."""
+    model, orders = make(), []
+    model.register_forward_pre_hook(lambda _, args: orders.append(args[2].swap[0].tolist()))
     for order in ((), [[2, 0, 1]]):
         LongGroupSampler(
             shape=(3, 150, 151),
@@ -144,7 +145,7 @@ def test_t07_nobody_swaps_unless_asked():
             pinning="init",
             seam="copy",
         ).dance()
-    assert heard == [[0, 1, 2], [2, 0, 1]]
+    assert orders == [[0, 1, 2], [2, 0, 1]]
 
 
 def test_t08_ranks_are_marked_before_the_fusion():
@@ -212,10 +213,10 @@ def test_t10_four_blocks_or_edges_three():
 def test_t11_the_state_space_model_is_on_and_music_comes_in_beside_it():
     """Released: off; and switched on it takes the place of attention to the music."""
     assert not TCDiffPPConfig().without and not TCDiffPPConfig.paper().without
-    for kind, told in ((GroupDanceLayer, True), (Released, False)):
+    for kind, answers in ((GroupDanceLayer, True), (Released, False)):
         part = layer(kind)
         y, _, memory = run(part)
-        assert ((run(part, memory=-memory)[0] - y).abs().max() > 1e-4) == told, kind
+        assert ((run(part, memory=-memory)[0] - y).abs().max() > 1e-4) == answers, kind
 
 
 def test_t12_each_dancer_has_a_state_of_its_own():

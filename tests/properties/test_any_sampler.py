@@ -173,8 +173,10 @@ def test_what_is_bent_meets_its_constraint(shape, seed, abar, width):
     x, value = (torch.randn(shape, generator=generator(seed + k)) for k in (0, 1))
     mask = torch.rand(n, f, d, generator=generator(seed + 2)) < 0.3
     std = width / (1 + torch.arange(f)[:, None].repeat(1, d))
-    bent = Constraint(mask, value[0]).condition(x, abar, std)
-    told = mask.expand(shape)
-    torch.testing.assert_close(bent[told], value[0].expand(shape)[told], atol=1e-3, rtol=0)
+    conditioned = Constraint(mask, value[0]).condition(x, abar, std)
+    fixed = mask.expand(shape)
+    torch.testing.assert_close(conditioned[fixed], value[0].expand(shape)[fixed], atol=1e-3, rtol=0)
     free = ~mask.any(1, keepdim=True).expand(n, f, d).expand(shape)
-    assert torch.equal(bent[free], x[free])  # who knows nothing of a feature is left alone
+    assert torch.equal(
+        conditioned[free], x[free]
+    )  # dancers without a constraint on a feature keep it

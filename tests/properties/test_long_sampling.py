@@ -100,7 +100,7 @@ def test_pieces_are_the_dance(cut, seed):
     for piece in pieces:
         assert piece.shape[1] == (stride if len(kept) < segments else how["overlap"])
         kept.append(piece.clone())
-        piece.fill_(7.0)  # whoever takes a piece may do with it what she likes
+        piece.fill_(7.0)  # pieces that were handed out may be changed
     assert len(kept) == segments + 1
     assert torch.equal(torch.cat(kept, 1), whole)
 
@@ -179,9 +179,9 @@ def test_a_plan_has_every_frame_once(layout, frames):
     assert all(k >= 1 for k in new)
     assert len(segments.locals) <= sum(new) <= max(N // n, len(segments.locals))
     M = torch.arange(frames).float()[:, None]
-    heard = segments.local_music(M)
-    assert torch.equal(heard.flatten()[:frames], M.flatten())
-    assert torch.equal(heard.flatten(), torch.arange(heard.numel()) % frames + 0.0)
+    local = segments.local_music(M)
+    assert torch.equal(local.flatten()[:frames], M.flatten())
+    assert torch.equal(local.flatten(), torch.arange(local.numel()) % frames + 0.0)
     for start, part in zip(segments.globals, segments.global_music(M), strict=True):
         assert torch.equal(part.flatten(), (start + torch.arange(N)) % frames + 0.0)
 

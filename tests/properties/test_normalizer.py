@@ -114,10 +114,10 @@ def test_any_music_stays_in_range(seed, count, dtype):
 @given(seeds, st.sets(st.sampled_from(sorted(BLOCKS))))
 def test_unheard_blocks_say_nothing(seed, blocks):
     norm = MusicNormalizer.fit([data(seed, 20, 35, 0.0)])
-    deaf, M = norm.without(blocks), data(seed + 1, 9, 35, 0.0)
-    unheard = torch.zeros(35, dtype=torch.bool)
+    masked, M = norm.without(blocks), data(seed + 1, 9, 35, 0.0)
+    hidden = torch.zeros(35, dtype=torch.bool)
     for name in blocks:
-        unheard[BLOCKS[name]] = True
-    y = deaf.normalize(M)
-    assert (y[:, unheard].abs() < 1e-4).all()
-    assert torch.equal(y[:, ~unheard], norm.normalize(M)[:, ~unheard])
+        hidden[BLOCKS[name]] = True
+    y = masked.normalize(M)
+    assert (y[:, hidden].abs() < 1e-4).all()
+    assert torch.equal(y[:, ~hidden], norm.normalize(M)[:, ~hidden])

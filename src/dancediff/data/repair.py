@@ -153,7 +153,7 @@ def _neighbours(bad: Tensor) -> tuple[Tensor, Tensor, Tensor]:
     before, after = (
         torch.where(before < 0, after, before),
         torch.where(after >= len(bad), before, after),
-    )  # at the ends of the take the nearest good frame is held
+    )  # at the ends of the take the nearest good frame is repeated
     return before, after, (index - before).double() / (after - before).clamp_min(1)
 
 

@@ -94,7 +94,7 @@ class LongSampler(ABC):
 
     - ``shape``: (n, f, d) of a segment.
     - ``options``, ``generator``: of `sample`, the same for every segment.
-    - ``pinning``: how the context is held, see `Pinning`. With "init" the shared frames also get
+    - ``pinning``: how the context is kept, see `Pinning`. With "init" the shared frames also get
       the noise that they were made from.
     - ``seam``: how the context is joined to what follows, a key of `SEAMS`.
     - ``resampled``: so many shared frames are sampled again instead of kept, so that a constraint

@@ -123,8 +123,8 @@ def project_foot_contact(
     for k, side in enumerate("lr"):
         leg = [SMPL24.index(side + part) for part in ("hip", "knee", "ankle", "toe")]
         hip, knee, ankle, _ = (joints[..., leg, :] + v[..., None, :]).unbind(-2)
-        bent = _leg(hip, knee, ankle, ankle + u[k] - v, Q, leg)
-        for joint, R in zip(leg, bent, strict=False):  # the toe stays as it is on the foot
+        rotations = _leg(hip, knee, ankle, ankle + u[k] - v, Q, leg)
+        for joint, R in zip(leg, rotations, strict=False):  # the toe stays as it is on the foot
             planted[..., spec.joint_channels([joint])] = matrix_to_rot6d(R)
     if fixed is not None:
         planted = torch.where(fixed[..., None], x, planted)

@@ -62,7 +62,7 @@ class GroupDanceRequest(SegmentedRequest):
     swap_at: float | None = option(None, "When the swap is done, in seconds; default: at the end.")
     pinning: str | None = option(
         None,
-        "How a segment is held at the end of the one before; 'auto' is what fits the sampler.",
+        "How shared frames are kept while a segment is sampled; 'auto': what fits the sampler.",
         choices=("auto", "same_noise", "renoise", "clean", "init"),
     )
     seam: str | None = option(None, "How two segments become one.", choices=("copy", "fade"))

@@ -44,12 +44,14 @@ def test_one_batched_pass():
     assert torch.equal(conditions.music, torch.cat([M, M]))
 
 
-@pytest.mark.parametrize(("w", "heard"), [(1, True), (1.0, True), (0, False)])
-def test_weights_one_and_zero_need_no_second_pass(w, heard):
+@pytest.mark.parametrize(("w", "with_music"), [(1, True), (1.0, True), (0, False)])
+def test_weights_one_and_zero_need_no_second_pass(w, with_music):
     fake = Fake()
     out = guided(fake, Conditions(M, S), w)(X, 7)
-    assert torch.equal(out, one(heard))  # acceptance check 16: bit for bit the plain prediction
-    assert [c[0] for c in fake.calls] == [2] and fake.calls[0][2] == [heard] * 2
+    assert torch.equal(
+        out, one(with_music)
+    )  # acceptance check 16: bit for bit the plain prediction
+    assert [c[0] for c in fake.calls] == [2] and fake.calls[0][2] == [with_music] * 2
 
 
 def test_weight_may_depend_on_the_step():

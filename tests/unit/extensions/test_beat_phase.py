@@ -63,9 +63,9 @@ def added(part, h, M, mask=None):
 def test_tokens_are_told_the_beat_only_where_there_is_music(part):
     h = torch.zeros(2, 3, 40, 16)
     M = music([4, 20, 36]).repeat(2, 1, 1)
-    told = added(part, h, M, torch.tensor([True, False]))
-    assert told[0].abs().amax(-1).min() > 0 and not told[1].any()
-    assert torch.equal(told[0, 0], told[0, 1])
+    changed = added(part, h, M, torch.tensor([True, False]))
+    assert changed[0].abs().amax(-1).min() > 0 and not changed[1].any()
+    assert torch.equal(changed[0, 0], changed[0, 1])
 
 
 def test_loud_music_between_the_beats_is_not_in_it(part):

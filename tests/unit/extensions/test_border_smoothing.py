@@ -22,21 +22,21 @@ def largest_change(x, where):
 
 
 def test_a_jump_beside_a_cue_is_spread_out():
-    x, held = wave(), torch.zeros(1, 64, dtype=torch.bool)
-    held[:, :4] = held[:, -4:] = True
-    x[held] += 0.2
-    joined = smooth_borders(x, held)
-    assert torch.equal(joined[held], x[held])
+    x, fixed = wave(), torch.zeros(1, 64, dtype=torch.bool)
+    fixed[:, :4] = fixed[:, -4:] = True
+    x[fixed] += 0.2
+    joined = smooth_borders(x, fixed)
+    assert torch.equal(joined[fixed], x[fixed])
     borders = [1, 2, 3, 4, 57, 58, 59, 60]
     assert largest_change(joined, borders) < 0.4 * largest_change(x, borders)
     assert torch.equal(joined[..., : LODGE.rot6d.start], x[..., : LODGE.rot6d.start])
 
 
 def test_it_is_the_minimum_that_the_docstring_says():
-    """Against the dense system, with u = 0 where frames are held."""
+    """Against the dense system, with u = 0 where frames are fixed."""
     torch.manual_seed(0)
-    x, held = torch.randn(1, 20, 139).double(), torch.arange(20)[None] < 4
-    u = (smooth_borders(x, held) - x)[0, 4:, LODGE.rot6d]
+    x, fixed = torch.randn(1, 20, 139).double(), torch.arange(20)[None] < 4
+    u = (smooth_borders(x, fixed) - x)[0, 4:, LODGE.rot6d]
     bend = torch.eye(20, dtype=torch.float64).diff(n=2, dim=0)
     away = [max(3 - i, i - 4, 0) for i in range(1, 19)]  # the border is between 3 and 4
     w = 300 * torch.exp(-torch.tensor(away, dtype=torch.float64) / 2)
@@ -51,8 +51,8 @@ def test_without_a_border_nothing_is_moved(mask):
 
 
 def test_rows_do_not_know_of_each_other():
-    x, held = torch.cat([wave(), 2 * wave()]), torch.arange(64).expand(2, 64) < 4
-    assert torch.equal(smooth_borders(x, held)[:1], smooth_borders(x[:1], held[:1]))
+    x, fixed = torch.cat([wave(), 2 * wave()]), torch.arange(64).expand(2, 64) < 4
+    assert torch.equal(smooth_borders(x, fixed)[:1], smooth_borders(x[:1], fixed[:1]))
 
 
 def test_a_parabola_stays_and_jitter_goes():

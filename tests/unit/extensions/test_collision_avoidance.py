@@ -92,9 +92,9 @@ def test_what_is_told_is_kept():
     x = standing((-0.8, 0), (0.8, 0))
     mask = torch.zeros_like(x, dtype=torch.bool)
     mask[0, :, [X, Z]] = True  # the left one may not move
-    bent = spaced(x[None], 0.3, Constraint(mask, x.clone()))[0]
-    assert torch.allclose(bent[0], x[0], atol=1e-4)
-    assert bent[1, :, X].mean() > x[1, :, X].mean() + 0.02
+    conditioned = spaced(x[None], 0.3, Constraint(mask, x.clone()))[0]
+    assert torch.allclose(conditioned[0], x[0], atol=1e-4)
+    assert conditioned[1, :, X].mean() > x[1, :, X].mean() + 0.02
 
 
 def test_arguments():

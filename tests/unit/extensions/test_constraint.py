@@ -68,13 +68,13 @@ def test_the_bent_guess_is_the_conditional_mean():
     a = abar_at(ABAR, t)
     x_t = a**0.5 * x_0 + (1 - a) ** 0.5 * eps
     y = x_0[0, 0, frames, 0]
-    bent = known_at(frames, y[:, None]).condition(exact()(x_t[:1], t), a, STD)[0, 0, :, 0]
+    conditioned = known_at(frames, y[:, None]).condition(exact()(x_t[:1], t), a, STD)[0, 0, :, 0]
     # the slow way: all that is known, noisy frames and clean entries, in one equation
     A = torch.cat([a**0.5 * torch.eye(F).double(), torch.eye(F).double()[frames]])
     noise = torch.cat([torch.full((F,), 1 - a), torch.full((4,), 1e-12)]).double()
-    told = torch.cat([x_t[0, 0, :, 0], y])
-    mean = PRIOR @ A.T @ torch.linalg.solve(A @ PRIOR @ A.T + noise.diag(), told)
-    torch.testing.assert_close(bent, mean, atol=1e-5, rtol=0)
+    measured = torch.cat([x_t[0, 0, :, 0], y])
+    mean = PRIOR @ A.T @ torch.linalg.solve(A @ PRIOR @ A.T + noise.diag(), measured)
+    torch.testing.assert_close(conditioned, mean, atol=1e-5, rtol=0)
 
 
 def test_covariance_is_that_of_the_linear_guess():
@@ -133,8 +133,8 @@ def test_many_dancers_and_features_at_once_equal_one_at_a_time():
         for d in range(4):
             one = (slice(n, n + 1), slice(None), slice(d, d + 1))
             alone = Constraint(mask[one], value[one], slack[one])
-            bent = alone.condition(x[:, n : n + 1, :, d : d + 1], 0.4, std[:, d : d + 1])
-            torch.testing.assert_close(together[:, n, :, d], bent[:, 0, :, 0])
+            conditioned = alone.condition(x[:, n : n + 1, :, d : d + 1], 0.4, std[:, d : d + 1])
+            torch.testing.assert_close(together[:, n, :, d], conditioned[:, 0, :, 0])
 
 
 def test_nothing_known_changes_nothing():

@@ -99,9 +99,9 @@ def test_known_heights_are_kept(level):
     """Held frames stay, and the frames beside them pass over smoothly."""
     high = level.clone()
     high[..., HEIGHT] += 0.1
-    held = torch.zeros(high.shape[:-1], dtype=torch.bool)
-    held[:, :100] = True
-    down = project_floor_contact(high, held)
+    fixed = torch.zeros(high.shape[:-1], dtype=torch.bool)
+    fixed[:, :100] = True
+    down = project_floor_contact(high, fixed)
     assert torch.allclose(down[:, :100], high[:, :100], atol=1e-5)
     shift = (down - high)[..., HEIGHT]
     assert shift.diff(dim=1).abs().max() < 0.025

@@ -199,9 +199,9 @@ def test_a_leap_is_not_supported(sliding):
 
 def test_fixed_frames_stay_and_the_next_goes_on_from_there(sliding):
     """Legs that are known are the same bits; the foot does not jump beside them."""
-    held = torch.zeros(2, 150, dtype=torch.bool)
-    held[:, :60] = True
-    planted = project_foot_contact(sliding, held)
+    fixed = torch.zeros(2, 150, dtype=torch.bool)
+    fixed[:, :60] = True
+    planted = project_foot_contact(sliding, fixed)
     assert torch.equal(planted[:, :60], sliding[:, :60])
     feet = joints_of(planted)[:, :, FOOT_JOINTS]
     own = joints_of(sliding)[:, :, FOOT_JOINTS]

@@ -49,13 +49,13 @@ def test_who_is_in_order_is_left_alone():
 
 def test_a_noisy_guess_ends_in_order_and_its_path_turns_slowly():
     x = ending_at(-1.0, 1.0)
-    bent = ordered(x, 0.3, [1, 0])
-    ends = bent[0, :, -1, X]
+    conditioned = ordered(x, 0.3, [1, 0])
+    ends = conditioned[0, :, -1, X]
     assert ends[0] - ends[1] > GAP - 2 * SLACK
-    steps = bent[0, :, :, X].diff(dim=1)
+    steps = conditioned[0, :, :, X].diff(dim=1)
     assert steps.abs().max() < 0.12, "nobody is pasted to the other side in a frame"
     others = [c for c in range(151) if c != X]
-    assert torch.equal(bent[..., others], x[..., others])
+    assert torch.equal(conditioned[..., others], x[..., others])
 
 
 def test_pure_noise_and_a_sure_guess_are_not_moved():
@@ -68,9 +68,9 @@ def test_what_is_told_is_kept():
     x = ending_at(-1.0, 1.0)
     mask = torch.zeros_like(x[0], dtype=torch.bool)
     mask[0, :, X] = True  # the left one may not move
-    bent = ordered(x, 0.3, [1, 0], Constraint(mask, x[0].clone()))
-    assert torch.allclose(bent[0, 0], x[0, 0], atol=1e-3)
-    assert bent[0, 1, -1, X] < x[0, 1, -1, X] - 0.5
+    conditioned = ordered(x, 0.3, [1, 0], Constraint(mask, x[0].clone()))
+    assert torch.allclose(conditioned[0, 0], x[0, 0], atol=1e-3)
+    assert conditioned[0, 1, -1, X] < x[0, 1, -1, X] - 0.5
 
 
 def test_arguments():

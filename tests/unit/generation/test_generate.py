@@ -128,8 +128,8 @@ def test_ddpm_takes_all_steps():
 
 def test_bfloat16_dance_is_close(model):
     # rules decide yes or no, and autoguidance makes more of any difference: it shall be rounding
-    wish = {"seconds": 2, "foot_contact": False, "collision_avoidance": False, "autoguidance": 1}
-    plain, fast = dance(model, **wish), dance(model, **wish, dtype=torch.bfloat16)
+    options = {"seconds": 2, "foot_contact": False, "collision_avoidance": False, "autoguidance": 1}
+    plain, fast = dance(model, **options), dance(model, **options, dtype=torch.bfloat16)
     assert (plain.root - fast.root).abs().max() < 0.1
     assert not torch.equal(plain.root, fast.root)
 
@@ -262,8 +262,8 @@ def test_music_of_segments_repeats_the_song():
 
 def test_stream_hands_out_the_same_dance_in_pieces(model):
     song = Tune()
-    wish = {"dancers": 2, "seconds": 8, "steps": 2, "seed": 3}
-    whole, pieces = model.generate(song, **wish), list(model.stream(song, **wish))
+    options = {"dancers": 2, "seconds": 8, "steps": 2, "seed": 3}
+    whole, pieces = model.generate(song, **options), list(model.stream(song, **options))
     assert [piece.num_frames for piece in pieces] == [75, 75, 75, 15]
     assert torch.equal(torch.cat([piece.root for piece in pieces], 1), whole.root)
     assert torch.equal(torch.cat([piece.pose for piece in pieces], 1), whole.pose)
@@ -284,11 +284,11 @@ def test_stream_checks_at_once_and_leaves_the_model_as_it_was():
 
 def test_a_long_dance_says_where_its_seams_are(model):
     song = Tune()
-    wish = {"dancers": 2, "steps": 1}
-    assert model.generate(song, seconds=5, **wish).meta["seams"] == []
-    assert model.generate(song, seconds=9, **wish).meta["seams"] == [150, 225]
-    held = model.generate(song, seconds=9, start=[(-1, 0), (1, 0)], **wish)
-    assert held.meta["seams"] == [120, 195]
+    options = {"dancers": 2, "steps": 1}
+    assert model.generate(song, seconds=5, **options).meta["seams"] == []
+    assert model.generate(song, seconds=9, **options).meta["seams"] == [150, 225]
+    started = model.generate(song, seconds=9, start=[(-1, 0), (1, 0)], **options)
+    assert started.meta["seams"] == [120, 195]
 
 
 # ---- autoguidance ----

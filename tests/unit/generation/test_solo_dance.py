@@ -59,8 +59,8 @@ def test_autoguidance_changes_the_dance(model):
 def test_primitives_are_smooth_if_asked_for(model):
     segments = segments_of(4 * n, model.config.global_stage.layout)
     raw, smooth = (
-        sampler(model, smooth_primitives=wish).primitives(music(4 * n), segments)
-        for wish in (False, True)
+        sampler(model, smooth_primitives=on).primitives(music(4 * n), segments)
+        for on in (False, True)
     )
     assert torch.equal(smooth, smooth_primitives(raw)) and not torch.allclose(raw, smooth)
 
@@ -70,9 +70,9 @@ def test_sections_are_repeated_if_asked_for(model, monkeypatch):
     monkeypatch.setattr(solo_dance, "find_sections", lambda M: verse)
     M, segments = music(4 * n, beat=32), segments_of(4 * n, model.config.global_stage.layout)
     primitives = torch.randn(1, 13, 8, 139)
-    for wish in (False, True):
-        made = sampler(model, repeat_sections=wish).arrange(primitives, M, segments)
-        assert torch.equal(made.soft[:2], made.soft[2:]) == wish
+    for on in (False, True):
+        made = sampler(model, repeat_sections=on).arrange(primitives, M, segments)
+        assert torch.equal(made.soft[:2], made.soft[2:]) == on
 
 
 def test_a_preconditioned_guess_is_not_cut(model):
@@ -90,10 +90,10 @@ def test_a_long_dance_stays_where_it_is(model):
     walk = torch.linspace(0, 1, n)[None, :, None]
     fine.denoise = lambda x_t, t, conditions: walk.expand(*x_t.shape)
     ends = {}
-    for wish in (True, False):
-        asked = ask(root_stitching=True, return_to_origin=wish)
+    for on in (True, False):
+        asked = ask(root_stitching=True, return_to_origin=on)
         x = LodgeSampler(model.global_stage, fine, asked).dance(music(9 * n), 9 * n)
-        ends[wish] = x[n - 1 :: n, LODGE.floor].abs()
+        ends[on] = x[n - 1 :: n, LODGE.floor].abs()
     assert ends[True].max() < 0.3
     assert ends[False].max() > 8
 

@@ -98,8 +98,8 @@ def test_normalizer_keeps_unseen_songs_in_range(song, real_data):
 def test_a_normalizer_without_chroma_hears_the_rest_as_before(song):
     M = song[0].features()
     whole = MusicNormalizer.fit([M])
-    deaf = whole.without(["chroma"])
-    x, y = whole.normalize(M), deaf.normalize(M)
+    masked = whole.without(["chroma"])
+    x, y = whole.normalize(M), masked.normalize(M)
     assert x[:, CHROMA].abs().max() > 1 and y[:, CHROMA].abs().max() < 1e-4
     rest = [k for k in range(M.shape[1]) if not CHROMA.start <= k < CHROMA.stop]
     assert torch.equal(x[:, rest], y[:, rest])

@@ -15,8 +15,8 @@ def test_order_is_attention_cross_attention_feed_forward():
     layer, (h, memory, cond, frames, theirs) = DecoderLayer(16, num_heads=2, ff_dim=32), inputs()
     x = layer.norms[0](h)
     y = h + layer.films[0](layer.self_attention(x, x, frames, frames), cond)
-    told = layer.cross_attention(layer.norms[1](y), memory, frames, theirs)
-    y = y + layer.films[1](told, cond)
+    attended = layer.cross_attention(layer.norms[1](y), memory, frames, theirs)
+    y = y + layer.films[1](attended, cond)
     y = y + layer.films[2](layer.feed_forward(layer.norms[2](y)), cond)
     torch.testing.assert_close(layer(h, memory, cond, frames, theirs), y)
 

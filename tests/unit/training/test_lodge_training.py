@@ -111,7 +111,9 @@ def test_real_dances_to_any_song(solos):
     danced, heard = owners()
     assert np.array_equal(danced, heard), "each to its own song"
     danced, heard = owners(any_song=0.5)
-    assert np.array_equal(danced[danced != 2], heard[danced != 2]), "the choreographer keeps his"
+    assert np.array_equal(danced[danced != 2], heard[danced != 2]), (
+        "the choreographer's solos keep their songs"
+    )
     assert 0.3 < np.mean(heard[danced == 2] != 2) < 0.7
     assert set(heard[danced == 2]) == {0, 1, 2}
 

@@ -99,8 +99,8 @@ def test_without_chroma_another_harmony_changes_nothing(takes):
     fit_statistics(started, takes, start=model)
     assert torch.equal(started.music_normalizer.std, model.music_normalizer.std)
     fit_statistics(model, takes)
-    deaf = TrainingExtensions(masked_music=("chroma",))
-    fit_statistics(started, takes, deaf, start=model)  # a start that does not mask it
+    extensions = TrainingExtensions(masked_music=("chroma",))
+    fit_statistics(started, takes, extensions, start=model)  # a start that does not mask it
     assert (started.music_normalizer.normalize(M) - heard(M)).abs().max() < 1e-4
 
 

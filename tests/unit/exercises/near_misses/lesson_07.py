@@ -5,7 +5,7 @@ import torch
 NEAR_MISSES = {
     "07.1": [
         lambda h: h,  # nobody hears anybody
-        lambda h: h + h.roll(1, dims=1),  # hears her neighbour in the list only
+        lambda h: h + h.roll(1, dims=1),  # depends on the neighbour in the list only
         lambda h: h + h.cumsum(1),  # the first hears herself only
         lambda h: h + h.mean(2, keepdim=True),  # over the frames
         lambda h: h + torch.arange(h.shape[1])[:, None, None] * h.mean(1, keepdim=True),  # names

@@ -6,7 +6,7 @@ from dancediff.exercises import EXERCISES
 
 
 def one_way(first, speed):
-    """Everybody goes to the right, from where she stands."""
+    """All dancers go to the right, from where they stand."""
     steps = torch.arange(30)[:, None] * torch.tensor([speed / 30, 0.0, 0.0])
     return first[:, -1:] + steps
 
@@ -23,7 +23,7 @@ def by_rank(start, places):
 
 
 def one_by_one(start, places):
-    """The first takes what is nearest to her, the last what is left."""
+    """The first dancer takes the nearest place, the last one what is left."""
     way, goes = torch.cdist(start, places), []
     for dancer in way:
         dancer[goes] = torch.inf

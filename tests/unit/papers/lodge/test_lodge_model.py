@@ -202,9 +202,9 @@ def test_a_group_is_the_same_made_piece_by_piece(relation, monkeypatch):
     [{"dancers": 1}, {"dancers": 3, "relation": "canon"}, {"dancers": 2, "relation": "mirror"}],
 )
 def test_stream_hands_out_the_same_dance_in_pieces(model, options):
-    song, wish = Song(150.0), {"seconds": 130.0, "steps": 1, "seed": 3, "soft": 0.5} | options
+    song, request = Song(150.0), {"seconds": 130.0, "steps": 1, "seed": 3, "soft": 0.5} | options
     model = pipeline_of(model)
-    whole, pieces = model.generate(song, **wish), list(model.stream(song, **wish))
+    whole, pieces = model.generate(song, **request), list(model.stream(song, **request))
     assert [piece.num_frames for piece in pieces] == [1800, 1800, 300]
     for name, dim in {"root": 1, "pose": 1, "contact": 1}.items():
         streamed = torch.cat([getattr(piece, name) for piece in pieces], dim)

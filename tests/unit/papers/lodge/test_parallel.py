@@ -43,7 +43,7 @@ def test_chunks_give_the_same_dance(model, at_once):
 
 
 def test_other_seeds_and_genres_are_other_dances(model):
-    a, b, c = (dance(model, n, **wish) for wish in ({}, {"seed": 1}, {"genre": "salsa"}))
+    a, b, c = (dance(model, n, **one) for one in ({}, {"seed": 1}, {"genre": "salsa"}))
     assert (a - b).abs().max() > 0.1 and (a - c).abs().max() > 1e-3
 
 

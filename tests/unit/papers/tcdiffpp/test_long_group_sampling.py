@@ -182,7 +182,7 @@ def test_swap_in_the_middle_and_nobody_snaps_back(overlap, swap_in):
 def test_s_speaks_of_ranks_at_the_segments_own_first_frame():
     network = Obedient(75)
     run(network, 5, targets=[[0, 1, 2, 3], [1, 0, 2, 3], None, [1, 0, 3, 2], None])
-    # Segment 2 starts before the swap of segment 1, so it is told to end swapped; then it is done.
+    # Segment 2 starts before the swap of segment 1, so it has the swapped order as target.
     assert network.S == [[0, 1, 2, 3], [1, 0, 2, 3], [1, 0, 2, 3], [0, 1, 3, 2], [0, 1, 3, 2]]
 
 

@@ -44,8 +44,8 @@ def test_order_is_attention_ssm_cross_attention_feed_forward():
     streams = from_tokens(layer.norms[1](tokens), 3)
     mixed = torch.stack([layer.ssm(streams[:, i]) for i in range(3)], dim=2).flatten(1, 2)
     tokens = tokens + layer.films[1](mixed, cond)
-    told = layer.cross_attention(layer.norms[2](tokens), memory, own, frames)
-    tokens = tokens + layer.films[2](told, cond)
+    attended = layer.cross_attention(layer.norms[2](tokens), memory, own, frames)
+    tokens = tokens + layer.films[2](attended, cond)
     tokens = tokens + layer.films[3](layer.feed_forward(layer.norms[3](tokens)), cond)
     torch.testing.assert_close(layer(h, memory, cond, frames), from_tokens(tokens, 3))
 

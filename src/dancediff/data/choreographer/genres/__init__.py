@@ -19,10 +19,14 @@ def read_genre(name: str) -> Genre:
     >>> read_genre("salsa").moves[0].name
     'basic'
     """
-    told = tomllib.loads((Path(__file__).parent / f"{name}.toml").read_text(encoding="utf-8"))
-    moves, travel = (tuple(Move(**move) for move in told[key]) for key in ("moves", "travel"))
-    groove, style, rest = Groove(**told["groove"]), Style(**told["style"]), Move(**told["rest"])
-    return Genre(name, TEMPOS[name], told["energy"], groove, style, moves, travel, rest)
+    tables = tomllib.loads((Path(__file__).parent / f"{name}.toml").read_text(encoding="utf-8"))
+    moves, travel = (tuple(Move(**move) for move in tables[key]) for key in ("moves", "travel"))
+    groove, style, rest = (
+        Groove(**tables["groove"]),
+        Style(**tables["style"]),
+        Move(**tables["rest"]),
+    )
+    return Genre(name, TEMPOS[name], tables["energy"], groove, style, moves, travel, rest)
 
 
 GENRES = {name: read_genre(name) for name in TEMPOS}
