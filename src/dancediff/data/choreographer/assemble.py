@@ -12,7 +12,7 @@ from dancediff.axes import FPS
 from dancediff.data.choreographer.arms import arm_matrices, arm_track, elbow_room
 from dancediff.data.choreographer.body import (
     LEGS,
-    Part,
+    DancerPart,
     Pelvis,
     Personal,
     floor_path,
@@ -34,7 +34,9 @@ _FACE = CHANNEL["face"]
 _SPINE = tuple(SMPL24.index(name) for name in ("belly", "spine", "chest", "neck", "head"))
 
 
-def plan_parts(score: Score, genre: Genre, beat, spb: float, reach: float, seeds) -> list[Part]:
+def plan_parts(
+    score: Score, genre: Genre, beat, spb: float, reach: float, seeds
+) -> list[DancerPart]:
     """Feet and floor paths of all dancers; cheap, so that it can be tried with smaller steps."""
     parts = []
     for i, seed in enumerate(seeds):
@@ -52,7 +54,7 @@ def plan_parts(score: Score, genre: Genre, beat, spb: float, reach: float, seeds
         feet = left, right
         floor, lean = floor_path(beat, feet, genre.groove, spb * FPS)
         me = Personal.draw(np.random.default_rng(seed))
-        parts.append(Part(score.counts[i], walk, me, track, feet, floor, lean))
+        parts.append(DancerPart(score.counts[i], walk, me, track, feet, floor, lean))
     return parts
 
 
@@ -63,7 +65,7 @@ def _facing(face: np.ndarray, beat: np.ndarray, spb: float) -> np.ndarray:
     return PchipInterpolator(np.arange(len(face)), face)(beat)
 
 
-def assemble(dance: list[Part], genre: Genre, beat, spb: float):
+def assemble(dance: list[DancerPart], genre: Genre, beat, spb: float):
     """Whole bodies: pose (n, f, 24, 3, 3), root (n, f, 3) and contacts (n, f, 4), as tensors."""
     n, f = len(dance), len(beat)
     pose = np.zeros((n, f, 24, 3, 3))
@@ -86,14 +88,14 @@ def assemble(dance: list[Part], genre: Genre, beat, spb: float):
     return tuple(torch.from_numpy(x.astype(np.float32)) for x in (pose, root, contacts))
 
 
-def _trunk(part: Part, pose: np.ndarray, genre: Genre, beat, spb: float) -> Pelvis:
+def _trunk(part: DancerPart, pose: np.ndarray, genre: Genre, beat, spb: float) -> Pelvis:
     """Pelvis, spine and head of one dancer; writes the spine into ``pose``."""
     pelvis = pelvis_path(part, genre, beat, spb)
     pose[:, _SPINE] = spine(part, genre, pelvis, beat)
     return pelvis
 
 
-def _legs(pose: np.ndarray, root: np.ndarray, dance: list[Part]) -> None:
+def _legs(pose: np.ndarray, root: np.ndarray, dance: list[DancerPart]) -> None:
     """Hips, knees, ankles and toes of all dancers, by two-bone IK."""
     facing = pose[:, :, 0]
     for s, (hip, knee, ankle) in enumerate(LEGS):

@@ -54,7 +54,7 @@ class Personal:
 
 
 @dataclass(frozen=True)
-class Part:
+class DancerPart:
     """One dancer's plan and paths; ``track`` are the torso channels frame by frame (f, c)."""
 
     counts: list[Count]
@@ -102,7 +102,7 @@ def rise_of(beat: np.ndarray, jumps: list[Jump], spb: float) -> np.ndarray:
     return rise
 
 
-def pelvis_path(part: Part, genre: Genre, beat: np.ndarray, spb: float) -> Pelvis:
+def pelvis_path(part: DancerPart, genre: Genre, beat: np.ndarray, spb: float) -> Pelvis:
     """Height and rotation of the pelvis."""
     track, lean, me, groove, fpb = part.track, part.lean, part.me, genre.groove, spb * FPS
     facing = np.radians(track[:, CHANNEL["face"]])
@@ -172,7 +172,7 @@ def _with_jumps(beat, height, room, jumps: list[Jump], top: float, spb: float) -
     return height
 
 
-def spine(part: Part, genre: Genre, pelvis: Pelvis, beat: np.ndarray) -> np.ndarray:
+def spine(part: DancerPart, genre: Genre, pelvis: Pelvis, beat: np.ndarray) -> np.ndarray:
     """Belly, spine, chest, neck and head rotations, (f, 5, 3, 3)."""
     track, groove, energy, lag = part.track, genre.groove, genre.energy, genre.style.lag
     early, late = (  # a movement runs up the back

@@ -15,7 +15,7 @@ import numpy as np
 import torch
 
 from dancediff.axes import FPS
-from dancediff.data.choreographer.assemble import Part, assemble, plan_parts
+from dancediff.data.choreographer.assemble import DancerPart, assemble, plan_parts
 from dancediff.data.choreographer.formations import min_distance
 from dancediff.data.choreographer.genres import draw_genre
 from dancediff.data.choreographer.moves import CHANNEL
@@ -131,7 +131,7 @@ def beat_position(beats: np.ndarray, num_frames: int) -> np.ndarray:
     return at + max(0, int(np.ceil(1 - at[0])))
 
 
-def _spaced(score: Score, kind, beat, spb: float, rng) -> list[Part] | None:
+def _spaced(score: Score, kind, beat, spb: float, rng) -> list[DancerPart] | None:
     """The dancers' paths, with steps small enough that nobody meets anybody."""
     seeds = rng.integers(0, 2**31, len(score.counts))
     for reach in _REACHES:
@@ -170,7 +170,7 @@ def _truth(motion, name, score: Score, sections: list[Section], dance, beat, bea
     )
 
 
-def _turns(i: int, part: Part, frame, f: int):
+def _turns(i: int, part: DancerPart, frame, f: int):
     """Where the planned facing goes round by a full turn within one move."""
     face = part.walk.on[:, CHANNEL["face"]]
     base = np.round(face / 360)
@@ -185,7 +185,7 @@ def _turns(i: int, part: Part, frame, f: int):
             yield i, frame(start), frame(stop), float(360 * (base[k + 1] - base[k]))
 
 
-def _jumps(i: int, part: Part, beat: np.ndarray, f: int):
+def _jumps(i: int, part: DancerPart, beat: np.ndarray, f: int):
     for jump in part.walk.jumps:
         inside = np.flatnonzero((beat > jump.start) & (beat < jump.stop))
         if len(inside) > 2 and inside[0] > 0 and inside[-1] < f - 1:
