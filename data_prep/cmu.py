@@ -19,7 +19,7 @@ from dancediff.data.cmu import LEAD, cmu_jobs
 from dancediff.data.joint_maps import find_joints
 from dancediff.data.repair import repair
 from dancediff.data.retarget import FPS, floor_height, leg_scale, resample, retarget
-from dancediff.motion.skeleton import BONES
+from dancediff.motion.skeleton import SMPL24
 
 FIGURES = ("salsa_01", "salsa_06", "salsa_09", "indian_07", "indian_14")
 MOMENTS = (0.1, 0.26, 0.42, 0.58, 0.74, 0.9)  # of a take
@@ -81,7 +81,7 @@ def draw_take(src: Path, name: str, path: Path) -> Path:
     axes[0, 0].set(xlim=(-reach, reach), ylim=(-0.15, 1.95))
     for column, (f, middle) in enumerate(zip(moments, middles, strict=True)):
         _draw(axes[0, column], source[:, f] - middle, bones)
-        _draw(axes[1, column], result[:, f] - middle, BONES)
+        _draw(axes[1, column], result[:, f] - middle, SMPL24.bones)
         axes[0, column].set_title(f"{f / FPS:.1f} s", fontsize=9)
     axes[0, 0].set_ylabel("source, metres")
     axes[1, 0].set_ylabel("SMPL-24, metres")

@@ -11,12 +11,15 @@ import json
 import sys
 import traceback
 from collections import Counter
+from importlib.util import find_spec
+from pathlib import Path
 
 import torch
 from torch.utils import backend_registration as backend
 from torch.utils._python_dispatch import TorchDispatchMode
 from torch.utils._pytree import tree_leaves, tree_map
 
+PACKAGE = f"{Path(find_spec('dancediff').origin).parent}/"  # a clone may be called the same
 ASK = {"_local_scalar_dense", "nonzero", "masked_select", "equal", "_unique2", "unique_dim"}
 FEW, MORE = 4, 6  # steps of sampling; what is said is the difference
 COUNTS = {name: Counter() for name in ("asked", "brought", "sent")}  # by the lines that did it
@@ -68,10 +71,8 @@ def is_far(device) -> bool:
 
 def where() -> str:
     """The innermost lines of the library, innermost first."""
-    lines = [s for s in traceback.extract_stack() if "/dancediff/" in s.filename]
-    return " < ".join(
-        f"{s.filename.rpartition('dancediff/')[2]} {s.name}" for s in reversed(lines[-3:])
-    )
+    lines = [s for s in traceback.extract_stack() if s.filename.startswith(PACKAGE)]
+    return " < ".join(f"{s.filename.removeprefix(PACKAGE)} {s.name}" for s in reversed(lines[-3:]))
 
 
 def crossing(to_far: bool) -> None:
