@@ -66,7 +66,6 @@ def seconds(work, repeat: int = 1) -> float:
     return best
 
 
-# ------------------------------------------------------------------------------- the naive way
 def indexed_scan(u, delta, A, B, C, D_skip):
     """The recurrence as one would write it down first."""
     state = u.new_zeros(u.shape[0], *A.shape)
@@ -113,7 +112,6 @@ NAIVE = {"sampler": "ddim", "steps": 50, "guidance": 2.0, "autoguidance": 1.0}
 BARE = dict.fromkeys(("foot_contact", "collision_avoidance", "order_constraint"), False)
 
 
-# ------------------------------------------------------------------------------- what is measured
 def start_up(args: Args) -> list[dict]:
     """Processes of their own, the second of two: the first reads files from disk."""
     rows = []

@@ -61,9 +61,6 @@ def all_takes(src: Path, out: Path, workers: int) -> None:
     print(prepare_source("cmu", src, out, workers=workers))
 
 
-# ------------------------------------------------------------------------------------- figures
-
-
 def draw_take(src: Path, name: str, path: Path) -> Path:
     """Source above result at six moments of a take, from the same place, at the same scale."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg

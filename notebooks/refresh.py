@@ -20,6 +20,7 @@ from PIL import Image
 HERE = Path(__file__).parent
 TIMES = HERE.parent / "docs" / "results" / "lessons.json"
 COLOURS = 256
+VIEW = "application/vnd.jupyter.widget-view+json"
 
 
 def refresh(path: Path) -> float:
@@ -60,6 +61,8 @@ def tidy(cell) -> None:
         return
     if "widget" in cell.metadata.get("tags", []):
         cell.outputs = []
+    # a progress bar or a panel is dead without its kernel
+    cell.outputs = [out for out in cell.outputs if VIEW not in out.get("data", {})]
     for output in cell.outputs:
         data = output.get("data", {})
         if "image/png" in data:

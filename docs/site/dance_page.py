@@ -100,8 +100,6 @@ def written(text: str) -> str:
     return MADE.sub(lambda m: f"{m[1]}\n{table_of(m[2])}\n{m[3]}", text)
 
 
-# ---- the picture ----
-
 WIDTH, LEFT, BOX, TEXT, LINE = 900, 90, 300, 420, 18
 STAGES = (  # title, what the papers do there, kinds of extensions
     ("Music", "35 features a frame, 30 frames a second", ()),

@@ -142,3 +142,16 @@ def test_a_dance_is_seen_on_the_stage(lesson):
     slider.click(position={"x": share * at["width"], "y": at["height"] / 2})
     until(lesson, f"Math.abs({STATE}.frame - {share * frames}) < 5", 15 * SLOW)
     wait_for_change(lesson, canvas, played)
+
+
+def test_every_control_goes_to_both_ends(lesson):
+    panel = panel_of(lesson)
+    panel.locator("button:has-text('Dance')").first.click()
+    seen = wait_for_picture(lesson, panel, "")
+    assert seen
+    controls = ends(panel)
+    assert len(controls) >= 3
+    for name, moves in controls:
+        for move in moves:
+            if move():
+                seen = wait_for_picture(lesson, panel, seen, must_change=name not in UNMOVED)

@@ -156,9 +156,6 @@ def test_a_streamed_dance_is_the_generated_one(seconds, overlap, dancers, seed, 
         assert torch.equal(joined, getattr(whole, name))
 
 
-# ---- Lodge ----
-
-
 @st.composite
 def layouts(draw):
     length = 2 * draw(st.integers(1, 4))

@@ -120,9 +120,6 @@ def _motion(parts: list[Tensor]) -> Motion:
     return motion
 
 
-# ---------------------------------------------------------------------------------------- jobs
-
-
 def composed_jobs(folder, *, songs: int = 2) -> list[Job]:
     """Jobs for all composed takes of a prepared folder's real solos and duets.
 

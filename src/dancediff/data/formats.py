@@ -165,9 +165,6 @@ def pad_hands(pose: Tensor) -> Tensor:
     return torch.cat([pose, rest], dim=-3)
 
 
-# ------------------------------------------------------------------------------- lists and labels
-
-
 def read_names(path: Path) -> list[str]:
     """The names in a list, one a line; what follows a comma is left out.
 

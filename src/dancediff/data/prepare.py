@@ -91,9 +91,6 @@ def _check(jobs: list[Job], workers: int, backend: str) -> int:
     return workers
 
 
-# ------------------------------------------------------------------------------------ running
-
-
 def _outcomes(jobs: list[Job], out: Path, workers: int, backend: str) -> Iterator[tuple[str, str]]:
     """(name, "made" or "kept" or the reason why not) for every job, in any order."""
     if workers == 1 and backend == "loky":
@@ -222,9 +219,6 @@ def _words(x) -> str:
 def _find(out: Path, name: str) -> Path | None:
     paths = (out / folder / f"{name}.npz" for folder in FOLDERS)
     return next((path for path in paths if path.exists()), None)
-
-
-# -------------------------------------------------------------------------------------- index
 
 
 def _write_index(out: Path, names: list[str], summary: Summary) -> None:

@@ -35,7 +35,7 @@ BY_SEGMENTS = ("tcdiffpp", "edge")
 LINEAR = ("preconditioning",)
 
 _ALL = (
-    # ---- network ----
+    # network
     Extension("formation_prior", "network", "The linear guess knows formations and swap modes.",
               "formation_prior", GROUP, needs=LINEAR, lesson=7),
     Extension("preconditioning", "network", "The network adds to the best linear guess.",
@@ -58,7 +58,7 @@ _ALL = (
               "lodge_stages", SOLO),
     Extension("global_style", "network", "Lodge's first stage gets the genre, too.",
               "lodge_stages", SOLO),
-    # ---- training ----
+    # training
     Extension("metre_unit", "training", "A metre is the unit of the floor.", "metre_unit", ALL),
     Extension("level_weights", "training", "Noise levels count by how hard they are.",
               "level_weights", ALL, needs=LINEAR),
@@ -73,12 +73,12 @@ _ALL = (
     Extension("masked_music", "training", "Timbre and harmony are hidden.", "training.config", ALL),
     Extension("any_song", "training", "Real dances are also learned to other dances' songs.",
               "training.config", SOLO),
-    # ---- guidance ----
+    # guidance
     Extension("autoguidance", "guidance", "Guesses are pushed away from the linear one.",
               "autoguidance", ALL, needs=LINEAR, lesson=6),
     Extension("frequency_clip", "guidance", "Guesses are cut frequency by frequency, not at +-1.",
               "frequency_clip", BY_SEGMENTS, needs=LINEAR),
-    # ---- hooks on guesses ----
+    # hooks on guesses
     Extension("initial_frames", "hook", "A segment starts where the last one ended.",
               "initial_frames", GROUP, needs=(*LINEAR, "same_noise"), lesson=10),
     Extension("control", "hook", "Places, paths and parts of other dances are met.", "control",
@@ -99,7 +99,7 @@ _ALL = (
               lesson=9),
     Extension("foot_contact_projection", "hook", "Feet that stand do not slide.",
               "foot_contact_projection", ALL, lesson=9),
-    # ---- sampling ----
+    # sampling
     Extension("dpm_solver", "sampling", "DPM-Solver++ instead of DDIM: fewer steps.",
               "diffusion.samplers", ALL, lesson=6),
     Extension("same_noise", "sampling", "The context keeps its noise while it is pinned.",

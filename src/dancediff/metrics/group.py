@@ -46,7 +46,7 @@ def frame_energies(joints: Tensor, *, window: int, dt: float) -> Tensor:
     v = (joints[:, last] - joints[:, first - 1]) / (length * dt)
     last = (i + window).clamp_max(f - 2)
     length = (last - first + 1)[:, None, None].to(joints)
-    step = joints.diff(dim=1)  # step[t] leads from frame t to t + 1
+    step = joints.diff(dim=1)  # step[i] leads from frame i to i + 1
     a = (step[:, last] - step[:, first - 1]) / (length * dt**2)
     flat = v[..., 0] ** 2 + v[..., 2] ** 2
     return torch.stack([flat, v[..., 1] ** 2, a.norm(dim=-1)], dim=-1)
@@ -146,27 +146,27 @@ def dtw(cost: Tensor) -> Tensor:
     if cost.ndim != 2 or cost.numel() == 0 or not cost.isfinite().all():
         raise ValueError(f"cost has shape {tuple(cost.shape)}; expected a finite table (a, b)")
     D = _accumulate(cost.detach().double().numpy())
-    s, t = cost.shape[0] - 1, cost.shape[1] - 1
-    path = [(s, t)]
-    while s or t:
-        # row s of D lies at s + 1 and diagonal s + t at s + t + 1; the border is infinite
-        both, up, left = D[s + t - 1, s], D[s + t, s], D[s + t, s + 1]
+    i, j = cost.shape[0] - 1, cost.shape[1] - 1
+    path = [(i, j)]
+    while i or j:
+        # row i of D lies at i + 1 and diagonal i + j at i + j + 1; the border is infinite
+        both, up, left = D[i + j - 1, i], D[i + j, i], D[i + j, i + 1]
         if both <= min(up, left):
-            s, t = s - 1, t - 1
+            i, j = i - 1, j - 1
         elif up <= left:
-            s -= 1
+            i -= 1
         else:
-            t -= 1
-        path.append((s, t))
+            j -= 1
+        path.append((i, j))
     return torch.tensor(path[::-1])
 
 
 def _accumulate(cost: np.ndarray) -> np.ndarray:
-    """D with a border of infinity: D[s + t + 1, s + 1] belongs to cell (s, t)."""
+    """D with a border of infinity: D[i + j + 1, i + 1] belongs to cell (i, j)."""
     a, b = cost.shape
     padded = np.full((a, a + b), np.inf)
     padded[:, :b] = cost
-    # one column less in each row moves row s by s cells: skew[s, s + t] = cost[s, t]
+    # one column less in each row moves row i by i cells: skew[i, i + j] = cost[i, j]
     skew = padded.ravel()[: a * (a + b - 1)].reshape(a, a + b - 1).T.copy()
     D = np.full((a + b, a + 1), np.inf)
     D[1, 1] = cost[0, 0]

@@ -241,9 +241,6 @@ NUMBERS: dict[str, Callable] = {
 RHYTHM = {"MMC": "motion", "BAS": "music"}  # and the direction in which beats are compared
 
 
-# ----------------------------------------------------------------------------------- many dances
-
-
 def measure_all(
     sources: list[Source],
     beats: Iterable,

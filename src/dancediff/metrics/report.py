@@ -73,9 +73,6 @@ class Report:
         return path
 
 
-# ---------------------------------------------------------------------------------------- words
-
-
 ARROWS = {"down": "↓", "up": "↑", "reference": "as the reference"}
 NAMED = 3  # dances of a kind that are named in the text; the JSON names all
 KIND_WORDS = {
@@ -142,9 +139,6 @@ def _span(values: list) -> str:
 
 def _plural(count: int, word: str) -> str:
     return f"{count} {word}" if count == 1 else f"{count} {word}s"
-
-
-# ----------------------------------------------------------------------------------- evaluating
 
 
 def evaluate(dance, song=None) -> Report:

@@ -105,9 +105,6 @@ def _write(rows: list[dict], out: Path) -> None:
     write_text(out / "results.md", table(mean_of_seeds(rows)))
 
 
-# ---- train and dance ----
-
-
 def _jobs(variants: list[Variant], out: Path) -> list[list[Variant]]:
     """What has not danced yet, one list a training."""
     jobs: dict[str, list[Variant]] = {}
@@ -185,9 +182,6 @@ def _toml(tables: dict) -> str:
     for name, values in tables.items():
         lines += [f"[{name}]", *(f"{key} = {json.dumps(value)}" for key, value in values.items())]
     return "\n".join(lines) + "\n"
-
-
-# ---- what is done already ----
 
 
 def _dance_files(variant: Variant, out: Path) -> list[Path]:

@@ -39,7 +39,6 @@ def source(cell):
     return "".join(cell["source"])
 
 
-# ----------------------------------------------------------------------------- the checkers bite
 @pytest.mark.parametrize("exercise", nb.EXERCISES)
 def test_solution_is_right(exercise):
     assert nb.judge(exercise, run_solution(exercise)[1]).mark == nb.RIGHT
@@ -194,7 +193,6 @@ def test_show_waits_for_an_answer(exercise, capsys):
     assert "nothing to draw" in capsys.readouterr().out
 
 
-# -------------------------------------------------------------------------------- small helpers
 def test_setup_seeds_and_report_lists_the_lesson(capsys):
     nb.setup(4)
     first = torch.rand(3)
@@ -238,7 +236,6 @@ def test_solution_explains(capsys):
     assert "no solution" in capsys.readouterr().out
 
 
-# ---------------------------------------------------------------------------------- the lessons
 @pytest.mark.parametrize("path", LESSONS, ids=lambda p: p.stem)
 def test_every_exercise_has_stub_checker_and_solution(path):
     stubs, checks = cells(path, "exercise"), cells(path, "check")
@@ -281,6 +278,7 @@ def test_lesson_is_clean(path):
     assert not [o for o in outputs if o["output_type"] == "error"]
     assert any("image/png" in o.get("data", {}) for o in outputs)
     assert not [o for o in outputs if o.get("name") == "stderr"]
+    assert '"application/vnd.jupyter.widget-view+json"' not in text  # dead without a kernel
 
 
 @pytest.mark.parametrize("path", LESSONS, ids=lambda p: p.stem)

@@ -291,9 +291,6 @@ def test_a_long_dance_says_where_its_seams_are(model):
     assert started.meta["seams"] == [120, 195]
 
 
-# ---- autoguidance ----
-
-
 def test_autoguidance_is_on_where_there_is_a_linear_guess(model):
     song = Tune()
     plain = pipeline_of(TCDiffPP(TCDiffPPConfig(d_model=16, num_layers=1, ff_dim=32)))

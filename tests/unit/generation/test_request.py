@@ -49,9 +49,6 @@ def model(*, precondition=True, **sizes):
     return SimpleNamespace(config=config, modules=lambda: parts)
 
 
-# ---- what stands where ----
-
-
 @pytest.mark.parametrize("family", REQUESTS)
 def test_every_default_stands_once(family):
     """In both presets, or in the dataclass."""
@@ -107,9 +104,6 @@ def test_the_command_line_has_every_option_and_no_default_of_its_own():
     names = {name for request in REQUESTS.values() for name in request.names()}
     assert command.keys() == own | names - {"start", "end", "constraints"}
     assert all(one.default is None for name, one in command.items() if name not in own)
-
-
-# ---- resolve ----
 
 
 def test_resolve_fills_in_everything_once():
@@ -195,9 +189,6 @@ def test_lodge_dances_the_genre_of_the_tempo():
         LodgeRequest(genre="waltz").resolve(model(), Tune())
     with pytest.raises(ValueError, match="formation='circle'"):
         LodgeRequest(dancers=2, formation="circle").resolve(model(), Tune())
-
-
-# ---- what is refused ----
 
 
 @pytest.mark.parametrize(

@@ -178,9 +178,6 @@ def test_swap_obedience_is_that_of_the_swap_asked_for(dances):
     assert math.isnan(bad.value) and "swap=[0, 0, 1]" in bad.reason
 
 
-# ------------------------------------------------------------------------------- what is lacking
-
-
 def spoilt(dance: Motion, frame: int = 5) -> Motion:
     root = dance.root.clone()
     root[0, frame] = math.nan
@@ -326,9 +323,6 @@ def test_other_formats_are_read_too(dances, tmp_path):
     assert evaluate_dances(tmp_path).dances["count"] == 2  # dance.glb and other.npz
 
 
-# ------------------------------------------------------------------------------------ many, words
-
-
 def test_what_is_kept_of_a_dance_does_not_grow_with_it():
     def size(seconds):
         found = measure(trio(0, seconds=seconds), beats=BEATS)
@@ -389,9 +383,6 @@ def test_evaluate_needs_no_reference(dances):
     assert not {m.name for m in METRICS if m.compare} & set(names)
     assert report["BAS"].value == pytest.approx(beat_alignment(dances[0].joints(), BEATS))
     assert evaluate is dancediff.evaluate
-
-
-# ------------------------------------------------------------------------------------ the command
 
 
 def test_the_command_prints_and_writes(files, capsys):

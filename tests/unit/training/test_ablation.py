@@ -79,9 +79,6 @@ def dances(out, name):
     return torch.cat([Motion.load(path).features() for path in files])
 
 
-# ---- the config ----
-
-
 @pytest.fixture(scope="module")
 def tiny():
     return {variant.name: variant for variant in read_ablation(TINY)}
@@ -182,8 +179,6 @@ def test_held_out_songs_are_held_out(config, old, new, words):
     with pytest.raises(ValueError, match=words):
         read_ablation(config("[variants.a]\n", BASE.replace(old, new)))
 
-
-# ---- running it ----
 
 FOUR = """
 [variants.full]
@@ -338,9 +333,6 @@ def test_command_line(config, tmp_path, capsys, monkeypatch):
     assert "device='toaster'" in capsys.readouterr().err
     assert cli.main(["ablate", "missing.toml"]) == 2
     assert "'missing.toml' does not exist" in capsys.readouterr().err
-
-
-# ---- seeds ----
 
 
 def test_every_variant_is_trained_and_sampled_with_every_seed(config):

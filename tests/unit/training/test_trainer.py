@@ -268,9 +268,6 @@ def test_level_weights_go_from_all_alike_to_all_missed_alike():
         TrainingExtensions(level_weights=1.5)
 
 
-# ---- folders, signals, validation ----
-
-
 def test_a_training_is_not_overwritten_by_accident(tmp_path):
     train(Toy(), Data(), TrainConfig(steps=3), tmp_path)
     with pytest.raises(ValueError, match=r"holds a training; go on with it \(resume\)"):

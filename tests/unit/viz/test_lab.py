@@ -129,9 +129,6 @@ def test_the_cue_panel_can_be_stopped(lodge, song):
         lab.cue_panel(lodge, song, seconds=3.0, steps=2, report=stop)
 
 
-# ---- controls ----
-
-
 @pytest.mark.parametrize("name", ["dance", "sampling", "swap", "long", "cue"])
 def test_panels_have_no_defaults_of_their_own(name):
     """Those of `generate` count; what a panel shortens so that nobody waits is in its body."""

@@ -44,7 +44,6 @@ def click_song(seconds=6):
     return Music(audio, 44100, "clicks")
 
 
-# ------------------------------------------------------------------------------------ palette
 def test_dancers_stay_apart_in_greyscale():
     grey = [np.dot(rgb(c), (0.2126, 0.7152, 0.0722)) for c in DANCER_COLORS]
     neighbours = np.abs(np.diff(grey[:5]))
@@ -52,7 +51,6 @@ def test_dancers_stay_apart_in_greyscale():
     assert len(set(DANCER_COLORS)) == len(DANCER_COLORS) >= 5
 
 
-# --------------------------------------------------------------------------------- projection
 def test_camera_sees_its_target_in_the_middle_and_right_to_the_right():
     camera = Camera(eye=(1, 3, 8), target=(1, 1, 0), size=(400, 300), focal=300)
     xy, scale = camera.project([[1, 1, 0], [2, 1, 0], [1, 2, 0], [1, 1, 2]])
@@ -79,7 +77,6 @@ def test_follow_glides():
     assert np.linalg.norm(np.diff(eyes, axis=0), axis=1).max() < 0.06  # metres a frame
 
 
-# --------------------------------------------------------------------------------------- body
 def test_body_points_start_with_the_joints(dance):
     points = body.body_points(dance)
     np.testing.assert_allclose(points[:, :, :24], dance.joints().numpy(), atol=1e-6)
@@ -116,7 +113,6 @@ def test_lifted_foot_has_a_fainter_shadow():
     assert darkest(lifted) < darkest(points)
 
 
-# ----------------------------------------------------------------------------------- filmstrip
 def texts(ax) -> list[str]:
     return [text.get_text() for text in ax.texts]
 
@@ -189,7 +185,6 @@ def test_a_failed_filmstrip_leaves_the_old_file(dance, tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == [path]
 
 
-# ------------------------------------------------------------------------------- single plots
 def test_floor_paths_have_the_dancers_colours(dance):
     ax = plots.plot_floor_paths(dance)
     lines = [line for line in ax.lines if len(line.get_xdata()) == dance.num_frames]

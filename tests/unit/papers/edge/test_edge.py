@@ -57,9 +57,6 @@ def inputs(b=2, n=3, f=20):
     return torch.randn(b, n, f, 151), torch.randint(1000, (b,)), torch.randn(b, f, 35), S
 
 
-# ---- the network ----
-
-
 def test_the_papers_sizes_have_the_published_number_of_weights():
     with torch.device("meta"):
         model = EDGE(EDGEConfig.paper())
@@ -121,9 +118,6 @@ def test_four_losses_and_no_distance(model, takes):
     torch.testing.assert_close(terms["total"], expected)
 
 
-# ---- training data ----
-
-
 def test_solos_keep_all_but_the_place():
     x = torch.randn(3, 40, 151)
     take = DanceTake("trio", x, M=torch.zeros(40, 35), group="waltz")
@@ -136,9 +130,6 @@ def test_solos_keep_all_but_the_place():
     torch.testing.assert_close(together[..., floor].diff(dim=1), x[..., floor].diff(dim=1))
     rest = [c for c in range(151) if c not in floor]
     assert torch.equal(together[..., rest], x[..., rest])
-
-
-# ---- dances ----
 
 
 def apart(motion):
@@ -230,9 +221,6 @@ def test_meta_says_how_it_was_made(model):
 def test_bad_arguments_are_named(model, argument, value, message):
     with pytest.raises(ValueError, match=message):
         dance(model, **{argument: value})
-
-
-# ---- train, save, load, command line ----
 
 
 @pytest.fixture(scope="module")

@@ -40,9 +40,6 @@ def a_dance(frames, n=2):
     return pack(torch.zeros(n, frames, 4, dtype=torch.float64), root.movedim(0, -1), pose)
 
 
-# ---- consistency ----
-
-
 @pytest.mark.parametrize("overlap", [1, 75, 110, 149])
 def test_after_a_step_every_overlap_agrees(overlap):
     x = torch.randn(4, 2, 150, 3)
@@ -73,9 +70,6 @@ def test_during_sampling_both_sides_have_the_same_noise():
     assert (first[1:, :, :75] - first[:-1, :, 75:]).abs().max() > 1  # independent noise
     for x_t in later:
         assert torch.equal(x_t[1:, :, :75], x_t[:-1, :, 75:])
-
-
-# ---- cross-fade ----
 
 
 def test_slerp_agrees_with_quaternions():
@@ -127,9 +121,6 @@ def test_join_leaves_no_jump_where_segments_disagree():
 def test_overlap_out_of_range_is_named():
     with pytest.raises(ValueError, match=r"overlap=150 must lie in 1 \.\.\. 149"):
         join(torch.zeros(2, 1, 150, 151), 150)
-
-
-# ---- with a network ----
 
 
 @dataclass

@@ -158,9 +158,6 @@ def test_seams_of_an_imperfect_network():
     assert jump(seam="fade") < 0.001
 
 
-# ---- order ----
-
-
 @pytest.mark.parametrize("overlap", [75, 100, 40])
 @pytest.mark.parametrize("swap_in", [0, 4])
 def test_swap_in_the_middle_and_nobody_snaps_back(overlap, swap_in):
@@ -218,9 +215,6 @@ def test_dancers_are_numbered_from_the_left_at_the_first_frame():
     x = run(unsorted, 1)
     assert torch.equal(x[:, 0, 0], PLACES)
     assert torch.equal(x[:, 0, 1], FACES)
-
-
-# ---- what reaches the network ----
 
 
 def test_pinned_frames_reach_the_network_in_rank_order():
