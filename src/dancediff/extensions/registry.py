@@ -93,7 +93,7 @@ _ALL = (
               "cue_constraint", SOLO, needs=(*LINEAR, "root_stitching"), lesson=12),
     Extension("border_smoothing", "hook", "Cues are met without a jerk.", "border_smoothing", SOLO,
               needs=LINEAR),
-    Extension("speed_limit", "hook", "Joints and dancers are no faster than bodies are.",
+    Extension("speed_limit", "hook", "Joints turn and dancers travel within a limit.",
               "speed_limit", ALL),
     Extension("floor_contact", "hook", "Bodies neither float nor sink.", "floor_contact", ALL,
               lesson=9),
