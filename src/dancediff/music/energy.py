@@ -1,0 +1,93 @@
+r"""How loud the music is at each moment, beside the loud parts of its own song.
+
+Read first: notebook 02 · ITU-R BS.1770-4 (the gate of a song's mean loudness).
+
+Symbols (axes: f frames at 30 fps · m = 35 features · k MFCC · b mel bands)
+    M   music features, raw                                        (f, m)
+    L   A-weighted level over about a second, in dB                (f,)
+    E   energy, 0 for silence ... 1 for the loudest                (f,)
+"""
+
+from functools import cache
+
+import torch
+from torch import Tensor
+from torch.nn import functional as F
+
+from dancediff.axes import FPS
+from dancediff.music.features import MFCC, NUM_FEATURES, SAMPLE_RATE
+
+EVEN = 0.65  # energy of a song that is always equally loud
+SLOPE = 25.0  # dB from no energy to all of it
+_GATE = 0.1  # parts 10 dB under the mean do not count to a song's own loudness (BS.1770)
+_SILENT = 1e-5  # power; a song whose features are taken by `Music` is seven powers of ten above it
+_BANDS = 128  # mel bands that the MFCC were made of
+_SMOOTH = FPS // 2  # frames of each of two mean filters; together they reach over a second
+_AT_ONCE = 9000  # frames whose spectra are in memory
+
+
+def energy_curve(M: Tensor) -> Tensor:
+    r"""How loud the music is now, relative to the loud parts of the whole song, within 0..1.
+
+    $$E_f = \operatorname{clip}\big(0.65 + (L_f - L_{\text{song}}) / 25\,\text{dB},\ 0,\ 1\big)$$
+
+    $L_{\text{song}}$ is the mean power of the frames that are less than 10 dB under the mean, so
+    silence around a song changes nothing. The slope is fixed: a song with little dynamics stays
+    near 0.65, it is not stretched to the full range. A constant gain changes nothing either.
+
+    The spectrum is the smooth one that 20 MFCC hold. Where a few bare tones make the loudness, it
+    tells less than the sound itself.
+
+    Source: ours; gate of ITU-R BS.1770-4.
+    Shapes: M (f, 35), raw, of a whole song -> (f,).
+    Raises: ValueError when M has another shape or no frame.
+
+    >>> M = torch.zeros(300, 35)
+    >>> M[:150, MFCC.start] -= 60                              # the first half is 5 dB more quiet
+    >>> [round(E, 2) for E in energy_curve(M)[[0, 299]].tolist()]
+    [0.51, 0.73]
+    """
+    if M.ndim != 2 or M.shape[1] != NUM_FEATURES or not len(M):
+        raise ValueError(
+            f"M has shape {tuple(M.shape)}; expected (f, {NUM_FEATURES}) with f >= 1: "
+            "the features of a song, as Music.features() returns them"
+        )
+    power = _power(M)
+    sounding = power > _SILENT
+    if not sounding.any():
+        return torch.zeros(len(M))
+    song = power[power > _GATE * power[sounding].mean()].mean()
+    now = _smooth(power)
+    energy = EVEN + 10 * torch.log10(now.clamp_min(_SILENT) / song) / SLOPE
+    return torch.where(now > _SILENT, energy, 0).clamp(0, 1).float()
+
+
+def _power(M: Tensor) -> Tensor:
+    """A-weighted power of each frame, (f, 35) -> (f,) float64."""
+    basis, weight = _bands()
+    parts = [part[:, MFCC].double() @ basis for part in M.split(_AT_ONCE)]  # dB, (f, b)
+    return torch.cat([10 ** (part / 10) @ weight for part in parts])
+
+
+@cache
+def _bands() -> tuple[Tensor, Tensor]:
+    """Inverse cosine transform of 20 MFCC (k, b), and what each band adds to loudness (b,)."""
+    import librosa
+
+    k = torch.arange(MFCC.stop - MFCC.start, dtype=torch.float64)
+    b = torch.arange(_BANDS) + 0.5
+    basis = torch.cos(torch.pi * k[:, None] * b / _BANDS) * (2 / _BANDS) ** 0.5
+    basis[0] /= 2**0.5
+    hertz = librosa.mel_frequencies(_BANDS + 2, fmin=0, fmax=SAMPLE_RATE / 2)
+    # mel bands hold power a hertz, so their width counts
+    weight = (hertz[2:] - hertz[:-2]) * 10 ** (librosa.A_weighting(hertz[1:-1]) / 10)
+    return basis, torch.from_numpy(weight)
+
+
+def _smooth(x: Tensor) -> Tensor:
+    """Mean over about a second, (f,) -> (f,); at the ends over what there is."""
+    for _ in range(2):
+        x = F.avg_pool1d(x[None], _SMOOTH, stride=1, padding=_SMOOTH // 2, count_include_pad=False)[
+            0
+        ]
+    return x
