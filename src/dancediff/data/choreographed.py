@@ -102,7 +102,7 @@ def choreographed_corpus(
     ``cache`` is a folder: takes are prepared there and read from disk, and a run that was stopped
     goes on with the take it had reached.
 
-    Raises: ValueError when a song is too short to be danced to.
+    Raises: ValueError naming the take that could not be made.
     """
     seeds, sizes = list(song_seeds), tuple(sizes)
     if cache is None:

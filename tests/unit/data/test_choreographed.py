@@ -154,9 +154,13 @@ def test_a_corpus_on_disk_makes_only_what_is_missing(tmp_path, monkeypatch):
     assert same(plain[2:], choreographed_corpus([2], **options, cache=tmp_path))
 
 
-def test_a_song_without_a_dance_is_named(tmp_path):
-    with pytest.raises(ValueError, match="choreographed_000001_2: "):
-        choreographed_corpus([1], seconds=0.3, sizes=(2,), workers=1, cache=tmp_path)
+def test_a_song_without_a_dance_is_named(tmp_path, monkeypatch):
+    def refuse(*args, **options):
+        raise ValueError("no dance was found")
+
+    monkeypatch.setattr(module, "choreograph", refuse)
+    with pytest.raises(ValueError, match=r"choreographed_000001_2: .*no dance"):
+        choreographed_corpus([1], seconds=6.0, sizes=(2,), workers=1, cache=tmp_path)
 
 
 @pytest.mark.slow

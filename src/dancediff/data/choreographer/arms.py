@@ -68,15 +68,16 @@ def arm_track(
     rest = pose_key(_REST, side)
     keys = np.stack([pose_key(name, side) for name in names])
     between = np.stack([pose_between(a, b, side) for a, b in pairwise(names)])
-    keys = _mixed(keys, rest, size)
-    between = _mixed(between, rest, (size[1:] + size[:-1]) / 2)
+    keys = mixed(keys, rest, size)
+    between = mixed(between, rest, (size[1:] + size[:-1]) / 2)
     q = pose_track(time, keys, between, through, beat, style)
     q = same_hemisphere(q)
-    q = _mixed(q / np.linalg.norm(q, axis=-1, keepdims=True), pose_key(_NARROW, side), room)
+    q = mixed(q / np.linalg.norm(q, axis=-1, keepdims=True), pose_key(_NARROW, side), room)
     return smoothed(same_hemisphere(q), style.smooth, 0)
 
 
-def _mixed(q: np.ndarray, rest: np.ndarray, share: np.ndarray) -> np.ndarray:
+def mixed(q: np.ndarray, rest: np.ndarray, share: np.ndarray) -> np.ndarray:
+    """Rotations between ``rest`` (share 0) and ``q`` (share 1), (..., 4, 4); share (k,)."""
     share = share.reshape(-1, 1, 1)
     near = q * np.where((q * rest).sum(-1, keepdims=True) < 0, -1.0, 1.0)
     out = share * near + (1 - share) * rest

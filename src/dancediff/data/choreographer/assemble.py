@@ -9,7 +9,7 @@ import numpy as np
 import torch
 
 from dancediff.axes import FPS
-from dancediff.data.choreographer.arms import arm_matrices, arm_track, elbow_room
+from dancediff.data.choreographer.arms import arm_matrices, arm_track, elbow_room, mixed
 from dancediff.data.choreographer.body import (
     LEGS,
     DancerPart,
@@ -20,7 +20,9 @@ from dancediff.data.choreographer.body import (
     rise_of,
     spine,
 )
+from dancediff.data.choreographer.breath import CALM
 from dancediff.data.choreographer.footsteps import OFFSETS, foot_path, time_steps
+from dancediff.data.choreographer.grid import Grid
 from dancediff.data.choreographer.moves import CHANNEL, Genre
 from dancediff.data.choreographer.poses import ARM_JOINTS
 from dancediff.data.choreographer.quaternion import euler
@@ -34,17 +36,17 @@ _FACE = CHANNEL["face"]
 _SPINE = tuple(SMPL24.index(name) for name in ("belly", "spine", "chest", "neck", "head"))
 
 
-def plan_parts(
-    score: Score, genre: Genre, beat, spb: float, reach: float, seeds
-) -> list[DancerPart]:
+def plan_parts(score: Score, genre: Genre, grid: Grid, reach: float, seeds) -> list[DancerPart]:
     """Feet and floor paths of all dancers; cheap, so that it can be tried with smaller steps."""
-    parts = []
+    parts, beat = [], grid.beat
     for i, seed in enumerate(seeds):
-        walk = plan_walk(score, i, genre.style, spb, reach)
-        track = count_track(walk.on, walk.off, beat, genre.style)
-        track = smoothed(track, genre.style.smooth, 0)
-        track[:, _FACE] = _facing(walk.on[:, _FACE], beat, spb)
-        rise = rise_of(beat, walk.jumps, spb)
+        walk = plan_walk(score, i, genre.style, grid.pace, reach)
+        track = smoothed(count_track(walk.on, walk.off, beat, genre.style), genre.style.smooth, 0)
+        if grid.gaps:
+            slow = smoothed(count_track(walk.on, walk.off, beat, CALM), CALM.smooth, 0)
+            track += grid.calm[:, None] * (slow - track)
+        track[:, _FACE] = _facing(walk.on[:, _FACE], beat)
+        rise = rise_of(beat, walk.jumps)
         leave = time_steps(walk.steps, walk.jumps)
         facing = np.radians(track[:, _FACE])
         left, right = (
@@ -52,33 +54,32 @@ def plan_parts(
             for s in "LR"
         )
         feet = left, right
-        floor, lean = floor_path(beat, feet, genre.groove, spb * FPS)
+        floor, lean = floor_path(beat, feet, genre.groove, grid.spb * FPS)
         me = Personal.draw(np.random.default_rng(seed))
         parts.append(DancerPart(score.counts[i], walk, me, track, feet, floor, lean))
     return parts
 
 
-def _facing(face: np.ndarray, beat: np.ndarray, spb: float) -> np.ndarray:
+def _facing(face: np.ndarray, beat: np.ndarray) -> np.ndarray:
     """Degrees the body faces: even turns, without a stop on every count; exactly still between."""
     from scipy.interpolate import PchipInterpolator
 
     return PchipInterpolator(np.arange(len(face)), face)(beat)
 
 
-def assemble(dance: list[DancerPart], genre: Genre, beat, spb: float):
+def assemble(dance: list[DancerPart], genre: Genre, grid: Grid):
     """Whole bodies: pose (n, f, 24, 3, 3), root (n, f, 3) and contacts (n, f, 4), as tensors."""
-    n, f = len(dance), len(beat)
+    n, f = len(dance), len(grid.beat)
     pose = np.zeros((n, f, 24, 3, 3))
     pose[...] = np.eye(3)
-    pelvises = [_trunk(part, pose[i], genre, beat, spb) for i, part in enumerate(dance)]
+    pelvises = [_trunk(part, pose[i], genre, grid) for i, part in enumerate(dance)]
     root = np.stack([p.root for p in pelvises])
     pose[:, :, 0] = np.stack([p.rotation for p in pelvises])
     _legs(pose, root, dance)
     room = elbow_room(np.stack([part.floor for part in dance]))
     arms = np.stack(
-        [[arm_track(part.counts, s, beat + part.me.late, genre.style, free) for s in (1, -1)]
-         for part, free in zip(dance, room, strict=True)]
-    )  # fmt: skip
+        [_arms(part, genre, grid, free) for part, free in zip(dance, room, strict=True)]
+    )
     shrug = np.stack([part.track[:, CHANNEL["shrug"]] for part in dance])
     R = arm_matrices(arms, shrug, _seen_from_chest(pose))
     for s, joints in enumerate(ARM_JOINTS):
@@ -88,11 +89,21 @@ def assemble(dance: list[DancerPart], genre: Genre, beat, spb: float):
     return tuple(torch.from_numpy(x.astype(np.float32)) for x in (pose, root, contacts))
 
 
-def _trunk(part: DancerPart, pose: np.ndarray, genre: Genre, beat, spb: float) -> Pelvis:
+def _trunk(part: DancerPart, pose: np.ndarray, genre: Genre, grid: Grid) -> Pelvis:
     """Pelvis, spine and head of one dancer; writes the spine into ``pose``."""
-    pelvis = pelvis_path(part, genre, beat, spb)
-    pose[:, _SPINE] = spine(part, genre, pelvis, beat)
+    pelvis = pelvis_path(part, genre, grid)
+    pose[:, _SPINE] = spine(part, genre, pelvis, grid)
     return pelvis
+
+
+def _arms(part: DancerPart, genre: Genre, grid: Grid, room: np.ndarray) -> list[np.ndarray]:
+    """Both arms of one dancer in the genre's style, and calmly where there is no beat."""
+    beat = grid.beat + part.me.late
+    arms = [arm_track(part.counts, s, beat, genre.style, room) for s in (1, -1)]
+    if grid.gaps:
+        slow = [arm_track(part.counts, s, beat, CALM, room) for s in (1, -1)]
+        arms = [mixed(a, b, 1 - grid.calm) for a, b in zip(arms, slow, strict=True)]
+    return arms
 
 
 def _legs(pose: np.ndarray, root: np.ndarray, dance: list[DancerPart]) -> None:

@@ -18,6 +18,7 @@ from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
 from dancediff.axes import FPS
 from dancediff.data.choreographer.footsteps import OFFSETS, FootPath, Jump
+from dancediff.data.choreographer.grid import Grid
 from dancediff.data.choreographer.moves import CHANNEL, Genre, Groove
 from dancediff.data.choreographer.quaternion import euler
 from dancediff.data.choreographer.score import Count
@@ -93,18 +94,19 @@ def floor_path(beat, feet: tuple[FootPath, FootPath], groove: Groove, frames_per
     return floor, np.interp(calm, beat, lean)
 
 
-def rise_of(beat: np.ndarray, jumps: list[Jump], spb: float) -> np.ndarray:
+def rise_of(beat: np.ndarray, jumps: list[Jump]) -> np.ndarray:
     r"""How high the body flies above its take-off: $\tfrac g2 (\tau-\tau_0)(\tau_1-\tau)$, (f,)."""
     rise = np.zeros(len(beat))
     for jump in jumps:
-        inside = np.maximum((beat - jump.start) * (jump.stop - beat), 0) * spb**2
+        inside = np.maximum((beat - jump.start) * (jump.stop - beat), 0) * jump.spb**2
         rise += 0.5 * GRAVITY * inside
     return rise
 
 
-def pelvis_path(part: DancerPart, genre: Genre, beat: np.ndarray, spb: float) -> Pelvis:
+def pelvis_path(part: DancerPart, genre: Genre, grid: Grid) -> Pelvis:
     """Height and rotation of the pelvis."""
-    track, lean, me, groove, fpb = part.track, part.lean, part.me, genre.groove, spb * FPS
+    track, lean, me, groove, beat = part.track, part.lean, part.me, genre.groove, grid.beat
+    fpb = grid.spb * FPS
     facing = np.radians(track[:, CHANNEL["face"]])
     down = track[:, CHANNEL["level"]] / 100
     fold = 60 * np.clip(down - 0.04, 0, None)  # who sinks low folds at the hips
@@ -123,6 +125,7 @@ def pelvis_path(part: DancerPart, genre: Genre, beat: np.ndarray, spb: float) ->
     floor = part.floor + side[:, None] * np.stack([np.cos(facing), -np.sin(facing)], -1)
     wave = 0.5 * (1 + np.cos(2 * np.pi * (beat - me.late)))
     bounce = me.bounce * genre.energy * (groove.bounce * wave + groove.offbeat * (1 - wave))
+    bounce = bounce * grid.swing
     wanted = groove.height + me.height - bounce - down
     room = _room(floor, rotation, part.feet)
     # soften only what lies below the target, so that a straightening leg does not snap
@@ -130,7 +133,7 @@ def pelvis_path(part: DancerPart, genre: Genre, beat: np.ndarray, spb: float) ->
     width = max(3, round(0.6 * fpb))
     lower = gaussian_filter1d(maximum_filter1d(excess, width), width / 4, mode="nearest")
     height = wanted - np.maximum(lower, excess)
-    height = _with_jumps(beat, height, room, part.walk.jumps, groove.height + 0.025, fpb / 30)
+    height = _with_jumps(beat, height, room, part.walk.jumps, groove.height + 0.025)
     root = np.stack([floor[:, 0], height, floor[:, 1]], -1)
     return Pelvis(root, rotation, turn, lean)
 
@@ -146,13 +149,14 @@ def _room(floor, rotation, feet) -> np.ndarray:
     return room
 
 
-def _with_jumps(beat, height, room, jumps: list[Jump], top: float, spb: float) -> np.ndarray:
+def _with_jumps(beat, height, room, jumps: list[Jump], top: float) -> np.ndarray:
     """Crouch, take off, fly under gravity, land and give way."""
     from scipy.interpolate import CubicHermiteSpline
 
     height = height.copy()
     slope = np.gradient(height, beat) if len(beat) > 1 else np.zeros(1)
     for jump in jumps:
+        spb = jump.spb
         flight = (jump.stop - jump.start) * spb
         speed = 0.5 * GRAVITY * flight * spb  # metres a beat
         top_here = min(top, *np.interp([jump.start, jump.stop], beat, room)) - 0.005
@@ -168,12 +172,13 @@ def _with_jumps(beat, height, room, jumps: list[Jump], top: float, spb: float) -
         stand = CubicHermiteSpline(time, values, speeds)(beat[near])
         height[near] = np.minimum(stand, room[near])
         fly = (beat >= jump.start) & (beat <= jump.stop)
-        height[fly] = top_here + rise_of(beat[fly], [jump], spb)
+        height[fly] = top_here + rise_of(beat[fly], [jump])
     return height
 
 
-def spine(part: DancerPart, genre: Genre, pelvis: Pelvis, beat: np.ndarray) -> np.ndarray:
+def spine(part: DancerPart, genre: Genre, pelvis: Pelvis, grid: Grid) -> np.ndarray:
     """Belly, spine, chest, neck and head rotations, (f, 5, 3, 3)."""
+    beat = grid.beat
     track, groove, energy, lag = part.track, genre.groove, genre.energy, genre.style.lag
     early, late = (  # a movement runs up the back
         np.stack([np.interp(beat + d, beat, x) for x in track.T], -1) for d in (lag, -lag)
@@ -183,7 +188,7 @@ def spine(part: DancerPart, genre: Genre, pelvis: Pelvis, beat: np.ndarray) -> n
     size = part.me.size * energy
     total = []
     for shift, x in ((0.09, early), (0.0, track), (-0.09, late)):
-        rock = groove.rock * np.interp(beat + shift, beat, wave) * energy
+        rock = groove.rock * np.interp(beat + shift, beat, wave) * energy * grid.swing
         pitch = size * x[:, CHANNEL["pitch"]] + rock + 0.35 * pelvis.turn[:, 0]
         bend = size * x[:, CHANNEL["bend"]] + lean_bend
         total.append(np.stack([pitch, bend, size * x[:, CHANNEL["twist"]]], -1) - pelvis.turn)

@@ -18,9 +18,16 @@ from dancediff.axes import FPS
 from dancediff.data.choreographer.assemble import DancerPart, assemble, plan_parts
 from dancediff.data.choreographer.formations import min_distance
 from dancediff.data.choreographer.genres import draw_genre
-from dancediff.data.choreographer.moves import CHANNEL
+from dancediff.data.choreographer.grid import Grid, make_grid
+from dancediff.data.choreographer.moves import CHANNEL, in_three
 from dancediff.data.choreographer.score import Score, write_score
-from dancediff.data.choreographer.structure import Section, drawn_sections, given_sections
+from dancediff.data.choreographer.structure import (
+    IN_THREE,
+    Section,
+    cut_by_gaps,
+    drawn_sections,
+    given_sections,
+)
 from dancediff.motion.motion import Motion
 
 MAX_DANCERS = 5
@@ -39,9 +46,10 @@ class DanceTruth:
     order_end    the same in the last frame                          (n,)
     genre        name of the genre
     sections     (start frame, stop frame, label, danced mirrored)
-    relations    (frame, name): unison, mirror, canon, call, solo
+    relations    (frame, name): unison, mirror, canon, call, solo; breath where there is no beat
     turns        (dancer, start frame, stop frame, degrees to the left)
     jumps        (dancer, first, last frame with both feet off the floor)
+    breaths      (start frame, stop frame) where the music has no beat
     """
 
     beats: np.ndarray
@@ -54,6 +62,7 @@ class DanceTruth:
     relations: tuple = ()
     turns: tuple = ()
     jumps: tuple = ()
+    breaths: tuple = ()
 
 
 def choreograph(
@@ -65,18 +74,24 @@ def choreograph(
     genre: str | None = None,
     sections=None,
     swap: bool | None = None,
+    meter: int | None = None,
 ):
     """Make a group dance on a beat grid.
+
+    Where beats lie more than 2.2 s apart, before the first and after the last one, the music has no
+    beat: people breathe, slowly, or walk to another formation, and start again on the beat that
+    comes back. A song may have no beat at all.
 
     ``genre`` is one of `GENRES`; by default one that suits the tempo is drawn from the seed.
     ``sections`` is the song's structure, [(start second, stop second, label), ...] as in
     `SongTruth.sections`; by default one is drawn. ``swap``: True lets two dancers change places
-    in the first travel and never again, False never, None now and then.
+    in the first travel and never again, False never, None now and then. ``meter`` is how many beats
+    a bar has; the first beat begins a bar. In bars of 3 or 6, phrases last 6 beats rather than 8.
 
     Shapes: beats (k,) seconds, increasing -> Motion (n dancers, round(seconds * 30) frames),
     DanceTruth. ``seconds`` defaults to the time of the last beat.
-    Raises: ValueError naming the argument when the grid has fewer than 4 beats or is not
-    increasing, when dancers is not 1..5, when the genre is unknown or a section is not in order.
+    Raises: ValueError naming the argument when beats are not increasing, when dancers is not 1..5,
+    when the genre is unknown, a section is not in order or the meter is not 1 or more.
 
     >>> dance, truth = choreograph(np.arange(0.2, 8, 0.5), dancers=2, seed=1, genre="salsa")
     >>> dance.num_dancers, dance.num_frames, truth.contacts.shape, truth.genre
@@ -86,69 +101,61 @@ def choreograph(
     dancers = operator.index(dancers)
     if not 1 <= dancers <= MAX_DANCERS:
         raise ValueError(f"dancers={dancers} is not in 1..{MAX_DANCERS}")
-    if beats.ndim != 1 or len(beats) < 4 or not (np.diff(beats) > 0).all():
-        raise ValueError("beats must be at least 4 increasing times in seconds")
+    if beats.ndim != 1 or not np.isfinite(beats).all() or not (np.diff(beats) > 0).all():
+        raise ValueError("beats must be increasing times in seconds")
+    if seconds is None and len(beats) == 0:
+        raise ValueError("seconds=None ends with the last beat, but beats are empty; give seconds")
     seconds = float(beats[-1]) if seconds is None else float(seconds)
     if not seconds > 0:
         raise ValueError(f"seconds={seconds} must be positive")
-    beat = beat_position(beats, max(1, round(seconds * FPS)))
+    if meter is not None and operator.index(meter) < 1:
+        raise ValueError(f"meter={meter} must be 1 or more beats a bar, or None")
+    grid = make_grid(beats, max(1, round(seconds * FPS)), meter)
     rng = np.random.default_rng(seed)
-    spb = float(np.median(np.diff(beats)))
-    kind = draw_genre(genre, 60 / spb, rng)
-    num_beats = int(np.ceil(beat[-1])) + 3
-    first = round(float(np.interp(beats[0] * FPS, np.arange(len(beat)), beat)))
+    kind = draw_genre(genre, 60 / grid.spb, rng)
+    kind = in_three(kind) if grid.phrase == IN_THREE else kind
     for _ in range(50):
-        if sections is None:
-            parts = drawn_sections(num_beats, rng, 8 if swap else None)
-        else:
-            parts = given_sections(sections, beats, first, num_beats)
+        parts = _structure(grid, sections, rng, swap, meter)
         score = write_score(dancers, kind, parts, rng, swap)
-        dance = _spaced(score, kind, beat, spb, rng)
+        dance = _spaced(score, kind, grid, rng)
         if dance is not None:
             break
     else:
         raise ValueError(f"seed={seed} found no dance for {dancers} dancers; take another seed")
-    pose, root, contacts = assemble(dance, kind, beat, spb)
+    pose, root, contacts = assemble(dance, kind, grid)
     meta = {"source": "choreographer", "seed": int(seed), "genre": kind.name, "synthetic": True}
     motion = Motion(pose, root, FPS, contact=contacts, meta=meta)
-    return motion, _truth(motion, kind.name, score, parts, dance, beat, beats)
+    return motion, _truth(motion, kind.name, score, parts, dance, grid, beats)
 
 
-def beat_position(beats: np.ndarray, num_frames: int) -> np.ndarray:
-    """Where each frame lies on the beat grid, carried on evenly beyond its ends, (f,).
-
-    The grid is shifted so that every frame lies after beat 1: steps may begin before the clip.
-
-    >>> beat_position(np.array([0.5, 1.0, 1.5, 2.0]), 31)[[0, 15, 30]].tolist()
-    [1.0, 2.0, 3.0]
-    """
-    time = np.arange(num_frames) / FPS
-    index = np.arange(len(beats), dtype=np.float64)
-    first, last = beats[1] - beats[0], beats[-1] - beats[-2]
-    at = np.interp(time, beats, index)
-    at = np.where(time < beats[0], (time - beats[0]) / first, at)
-    at = np.where(time > beats[-1], index[-1] + (time - beats[-1]) / last, at)
-    return at + max(0, int(np.ceil(1 - at[0])))
+def _structure(grid: Grid, sections, rng, swap: bool | None, meter: int | None) -> list[Section]:
+    """Sections on the counts; those without a beat are marked."""
+    if sections is not None:
+        parts = given_sections(sections, grid.anchors, grid.first, grid.length)
+    else:
+        lead = grid.phrase if swap else None
+        if meter is not None:  # phrases begin where bars do
+            lead = (lead or 0) + (-grid.first) % grid.phrase
+        parts = drawn_sections(grid.length, rng, lead, grid.phrase)
+    return cut_by_gaps(parts, grid.gaps)
 
 
-def _spaced(score: Score, kind, beat, spb: float, rng) -> list[DancerPart] | None:
+def _spaced(score: Score, kind, grid: Grid, rng) -> list[DancerPart] | None:
     """The dancers' paths, with steps small enough that nobody meets anybody."""
     seeds = rng.integers(0, 2**31, len(score.counts))
     for reach in _REACHES:
-        dance = plan_parts(score, kind, beat, spb, reach, seeds)
+        dance = plan_parts(score, kind, grid, reach, seeds)
         if min_distance(np.stack([part.floor for part in dance])) > MIN_ROOT_DISTANCE:
             return dance
     return None
 
 
-def _truth(motion, name, score: Score, sections: list[Section], dance, beat, beats) -> DanceTruth:
+def _truth(motion, name, score: Score, sections: list[Section], dance, grid: Grid, beats):
     f = motion.num_frames
     frames = np.round(beats * FPS).astype(int)
     x = motion.root[..., 0].numpy()
 
-    def frame(at: float) -> int:
-        return int(np.searchsorted(beat, at))
-
+    frame = grid.frame
     formations = [
         (0 if at == 0 else frame(at), name, place) for at, name, place in score.formations
     ]
@@ -166,7 +173,12 @@ def _truth(motion, name, score: Score, sections: list[Section], dance, beat, bea
         ),
         relations=tuple((frame(at), kind) for at, kind in score.relations if frame(at) < f),
         turns=tuple(row for i, part in enumerate(dance) for row in _turns(i, part, frame, f)),
-        jumps=tuple(row for i, part in enumerate(dance) for row in _jumps(i, part, beat, f)),
+        breaths=tuple(
+            (max(frame(start - 1), 0), min(frame(stop), f))
+            for start, stop in grid.gaps
+            if frame(start - 1) < f and frame(stop) > 0
+        ),
+        jumps=tuple(row for i, part in enumerate(dance) for row in _jumps(i, part, grid.beat, f)),
     )
 
 

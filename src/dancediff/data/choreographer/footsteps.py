@@ -60,10 +60,11 @@ class FootPath:
 
 @dataclass(frozen=True)
 class Jump:
-    """A flight from beat ``start`` to beat ``stop``."""
+    """A flight from beat ``start`` to beat ``stop``, where a beat lasts ``spb`` seconds."""
 
     start: float
     stop: float
+    spb: float
 
 
 def smoothstep(u: np.ndarray) -> np.ndarray:

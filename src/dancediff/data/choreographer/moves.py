@@ -16,8 +16,8 @@ Directions are the dancer's own: x to the left, y up, z to the front. How a foot
 """
 
 import re
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass, fields, replace
+from functools import cache, cached_property
 
 import numpy as np
 
@@ -163,10 +163,50 @@ class Move:
         """Pose keys of the left and of the right arm."""
         return parse_arms(self.left), parse_arms(self.right or self.left)
 
+
+class MoveInThree(Move):
+    """A move danced in two bars of three: its counts 1 to 3, and 5 to 7.
+
+    Steps that alternate every count begin the second bar with the other foot: it is mirrored.
+    """
+
     @cached_property
-    def turns(self) -> float:
-        """Degrees the whole move turns, a multiple of 360."""
-        return 360.0 * round(self.channels[0][-1, CHANNEL["face"]] / 360)
+    def falls(self) -> tuple[Footfall, ...]:
+        """Footfalls in time order."""
+        bars = self._bars
+        second = [fall.mirrored() for fall in bars[0]] if self._mirrored else bars[1]
+        return (*bars[0], *(fall.later(3) for fall in second))
+
+    @cached_property
+    def channels(self) -> tuple[np.ndarray, np.ndarray]:
+        """Torso on the counts and between them, (6, c) each."""
+        sign = FLIP_SIGN if self._mirrored else 1.0
+        on, off = (np.concatenate([x[:3], x[4:7] * sign]) for x in parse_body(self.body))
+        return on, off
+
+    @cached_property
+    def arms(self) -> tuple[tuple, tuple]:
+        """Pose keys of the left and of the right arm."""
+        arms = parse_arms(self.left), parse_arms(self.right or self.left)
+        second = arms[::-1] if self._mirrored else arms
+        left, right = (
+            tuple(key for key in one if key[0] < 3)
+            + tuple((at - 1, name, through) for at, name, through in two if 4 <= at < 7)
+            for one, two in zip(arms, second, strict=True)
+        )
+        return left, right
+
+    @cached_property
+    def _bars(self) -> tuple[tuple[Footfall, ...], ...]:
+        """Footfalls of both bars, counted from the beginning of each."""
+        falls = parse_feet(self.feet)
+        return tuple(
+            tuple(fall.later(-at) for fall in falls if at <= fall.count < at + 3) for at in (0, 4)
+        )
+
+    @property
+    def _mirrored(self) -> bool:
+        return bool(self.feet) and self._bars[0] == self._bars[1]
 
 
 @dataclass(frozen=True)
@@ -210,3 +250,30 @@ class Genre:
     moves: tuple[Move, ...]
     travel: tuple[Move, ...]
     rest: Move  # what those do who wait
+
+    @property
+    def phrase(self) -> int:
+        """Counts of its moves: 8, in bars of three 6."""
+        return len(self.rest.channels[0])
+
+
+@cache
+def in_three(genre: Genre) -> Genre:
+    """The same genre for music in bars of three; its moves last six counts.
+
+    Moves that would turn by more than a third of a circle on one count are left out.
+    """
+
+    def danced(moves) -> tuple[Move, ...]:
+        return tuple(
+            MoveInThree(**{field.name: getattr(move, field.name) for field in fields(move)})
+            for move in moves
+        )
+
+    moves = [
+        move
+        for move in danced(genre.moves)
+        if np.abs(np.diff(move.channels[0][:, CHANNEL["face"]])).max() <= 120
+    ]
+    (rest,) = danced([genre.rest])
+    return replace(genre, moves=tuple(moves), travel=danced(genre.travel), rest=rest)

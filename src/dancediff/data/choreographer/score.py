@@ -1,13 +1,15 @@
 r"""The score: which move each dancer does on which beat, and where the group stands.
 
-Eight beats make a phrase. A section dances its phrases in one formation and ends with a phrase that
-travels to the next one; some travels let two dancers change places.
+Eight beats make a phrase, six where a bar has three. A section dances its phrases in one formation
+and ends with a phrase that travels to the next one; some travels let two dancers change places.
+Where the music has no beat people breathe, and walk to another formation if there is time.
 """
 
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from dancediff.data.choreographer.breath import WALKS, breathing
 from dancediff.data.choreographer.formations import (
     curved_paths,
     formation_names,
@@ -42,12 +44,14 @@ class Score:
 
     counts[i][k] what dancer i does on beat k
     centre       where each dancer's place is on every beat, (n, k, 2) metres
+    start        number of the first beat
     formations   (beat, name, slots (n, 2) by dancer)
     relations    (beat, name)
     """
 
     counts: list[list[Count]]
     centre: np.ndarray
+    start: int = 0
     formations: list[tuple[int, str, np.ndarray]] = field(default_factory=list)
     relations: list[tuple[int, str]] = field(default_factory=list)
 
@@ -63,6 +67,17 @@ class Material:
     goes: bool  # a short section, too, ends with a way to another formation
 
 
+@dataclass
+class _Stage:
+    """Where the group stands while the score is written."""
+
+    place: np.ndarray  # (n, 2) metres by dancer
+    name: str
+    scale: float
+    swap: bool | None
+    swaps_left: int
+
+
 def write_score(
     n: int, genre: Genre, sections: list[Section], rng: np.random.Generator, swap: bool | None
 ) -> Score:
@@ -70,44 +85,77 @@ def write_score(
     scale = rng.uniform(1.1, 1.3)
     name = str(rng.choice(formation_names(n)))
     place = scale * slots(n, name)[rng.permutation(n)]
-    score = Score([[] for _ in range(n)], np.zeros((n, 0, 2)), [(0, name, place.copy())])
+    stage = _Stage(place, name, scale, swap, 1 if swap else 0)
+    score = Score(
+        [[] for _ in range(n)], np.zeros((n, 0, 2)), sections[0].start, [(0, name, place.copy())]
+    )
     known: dict[str, Material] = {}
     free = list(genre.moves)
-    swaps_left = 1 if swap else 0
     for section in sections:
+        if section.silent:
+            _breathe(score, stage, section, rng)
+            continue
         if section.label not in known:
             known[section.label] = _choose(genre, free, section.label, n, rng)
-        part = known[section.label]
-        beats = section.stop - section.start
-        long = 3 * PHRASE if not part.goes and not swaps_left else PHRASE + 4
-        travel = PHRASE if beats >= long else 0
-        hold = beats - travel - (beats % PHRASE if travel else 0)
-        if travel and hold <= 0:
-            hold = beats - travel
-        rest = beats - hold - travel
-        score.relations.append((max(section.start, 0), part.relation))
-        _hold(score, genre, part, place, hold, section, rng)
-        if travel:
-            name = str(rng.choice([x for x in formation_names(n) if x != name]))
-            if swap is None:
-                order = "any" if rng.random() < 0.6 else "keep"
-            else:
-                order = "swap" if swaps_left > 0 else "keep"
-            target = scale * slots(n, name)
-            stop, bulge, swapped = plan_transition(place, target, rng, order=order)
-            if np.array_equal(stop, place):
-                name = score.formations[-1][1]  # no safe way: the group stays
-            swaps_left -= swapped
-            way = curved_paths(place, stop, bulge, PHRASE + 1)[:, 1:]
-            _together(score, part.travel, way, section)
-            place = stop
-            score.formations.append((section.start + hold + travel, name, place.copy()))
-        _together(score, genre.rest, np.repeat(place[:, None], rest, axis=1), section)
-    lead = -min(sections[0].start, 0)  # beats that are over before the dance begins
+        _dance(score, stage, genre, known[section.label], section, rng)
+    lead = -min(score.start, 0)  # beats that are over before the dance begins
     score.counts = [row[lead:] for row in score.counts]
     score.centre = score.centre[:, lead:]
     score.formations = [(max(at, 0), name, place) for at, name, place in score.formations]
     return score
+
+
+def _dance(score: Score, stage: _Stage, genre: Genre, part: Material, section: Section, rng):
+    """A section on the beat: phrases in one formation, then the way to the next one."""
+    beats, phrase = section.stop - section.start, genre.phrase
+    way = phrase if phrase == PHRASE else 2 * phrase  # six beats are too few to go far
+    goes = part.goes or stage.swaps_left > 0
+    travel = way if beats >= way + (phrase // 2 if goes else 2 * phrase) else 0
+    hold = beats - travel - (beats % phrase if travel else 0)
+    if travel and hold <= 0:
+        hold = beats - travel
+    rest = beats - hold - travel
+    score.relations.append((max(section.start, 0), part.relation))
+    _hold(score, genre, part, stage.place, hold, section, rng)
+    if travel:
+        _travel(score, stage, part.travel, travel, section.mirrored, rng)
+    _together(score, genre.rest, np.repeat(stage.place[:, None], rest, axis=1), section.mirrored)
+
+
+def _breathe(score: Score, stage: _Stage, section: Section, rng) -> None:
+    """A section without a beat: on the spot, and slowly to another formation by its end."""
+    score.relations.append((max(section.start, 0), "breath"))
+    left = section.stop - section.start
+    while left:
+        walk = PHRASE if left >= PHRASE else 0
+        rest = left - walk if left < 2 * PHRASE + 4 else PHRASE
+        orders = breathing(len(stage.place), rng)
+        for row, order in zip(score.counts, orders, strict=True):
+            row.extend(Count(order[k // PHRASE], k % PHRASE, False) for k in range(rest))
+        still = np.repeat(stage.place[:, None], rest, axis=1)
+        score.centre = np.concatenate([score.centre, still], axis=1)
+        if walk:
+            _travel(score, stage, WALKS[rng.integers(len(WALKS))], walk, False, rng)
+        left -= rest + walk
+
+
+def _travel(score: Score, stage: _Stage, move: Move, beats: int, flip: bool, rng) -> None:
+    """All go to the next formation."""
+    place, n = stage.place, len(stage.place)
+    name = str(rng.choice([x for x in formation_names(n) if x != stage.name]))
+    if stage.swap is None:
+        order = "any" if rng.random() < 0.6 else "keep"
+    else:
+        order = "swap" if stage.swaps_left > 0 else "keep"
+    target = stage.scale * slots(n, name)
+    stop, bulge, swapped = plan_transition(place, target, rng, order=order)
+    if not np.array_equal(stop, place):  # else no way is safe: the group stays
+        stage.name = name
+    stage.swaps_left -= swapped
+    way = curved_paths(place, stop, bulge, beats + 1)[:, 1:]
+    _together(score, move, way, flip)
+    stage.place = stop
+    score.formations.append((score.start + score.centre.shape[1], stage.name, stop.copy()))
 
 
 def _choose(genre: Genre, free: list[Move], label: str, n: int, rng) -> Material:
@@ -130,22 +178,22 @@ def _choose(genre: Genre, free: list[Move], label: str, n: int, rng) -> Material
 
 
 def _hold(score, genre, part: Material, place, beats: int, section: Section, rng) -> None:
-    n = len(place)
+    n, long = len(place), genre.phrase
     rank = np.argsort(np.argsort(place[:, 0]))
     size = LEVELS.get(section.label, 0.95)
-    sizes = size * (1 + rng.uniform(-0.05, 0.03, 1 + beats // PHRASE))
+    sizes = size * (1 + rng.uniform(-0.05, 0.03, 1 + beats // long))
     lent = _lent_arms(part, section, rng)
     for i in range(n):
         delay, waits = _entry(part, i, int(rank[i]))
         flip = section.mirrored ^ (part.relation == "mirror" and place[i, 0] > place[:, 0].mean())
         for k in range(beats):
-            phrase = max(k - delay, 0) // PHRASE
+            phrase = max(k - delay, 0) // long
             move = part.moves[phrase % len(part.moves)]
             if waits or k < delay:
-                count = Count(genre.rest, k % PHRASE, flip, size)
+                count = Count(genre.rest, k % long, flip, size)
             else:
                 arms = None if move.whole else lent.get(move.name)
-                count = Count(move, (k - delay) % PHRASE, flip, float(sizes[phrase]), arms)
+                count = Count(move, (k - delay) % long, flip, float(sizes[phrase]), arms)
             score.counts[i].append(count)
     still = np.repeat(place[:, None], beats, axis=1)
     score.centre = np.concatenate([score.centre, still], axis=1)
@@ -168,8 +216,8 @@ def _lent_arms(part: Material, section: Section, rng) -> dict[str, Move]:
     return {m.name: lenders[rng.integers(len(lenders))] for m in lenders if rng.random() < 0.6}
 
 
-def _together(score: Score, move: Move, way: np.ndarray, section: Section) -> None:
+def _together(score: Score, move: Move, way: np.ndarray, flip: bool) -> None:
     """All do one move on their ways (n, k, 2)."""
     for row in score.counts:
-        row.extend(Count(move, k, section.mirrored) for k in range(way.shape[1]))
+        row.extend(Count(move, k % len(move.channels[0]), flip) for k in range(way.shape[1]))
     score.centre = np.concatenate([score.centre, way], axis=1)

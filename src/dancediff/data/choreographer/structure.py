@@ -4,11 +4,12 @@ A section that comes again repeats its material: the second time mirrored, the t
 but varied, the fourth time mirrored and varied.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
-PHRASE = 8  # beats
+PHRASE, IN_THREE = 8, 6  # beats of a phrase; the same where a bar has three
 _SONG = ("verse", "chorus", "verse", "chorus", "bridge", "chorus")
 # how much of a move's size a section dances, and which moves' energies it prefers
 LEVELS = {"intro": 0.90, "verse": 0.94, "bridge": 0.97, "outro": 0.90, "chorus": 1.0}
@@ -17,12 +18,16 @@ PREFERRED = {"intro": (1,), "outro": (1,), "verse": (1, 2), "bridge": (1, 2, 3),
 
 @dataclass(frozen=True)
 class Section:
-    """Beats ``start`` to ``stop`` of the grid; ``times`` is how often its label came before."""
+    """Beats ``start`` to ``stop`` of the grid; ``times`` is how often its label came before.
+
+    ``silent``: the music has no beat here.
+    """
 
     start: int
     stop: int
     label: str
     times: int
+    silent: bool = False
 
     @property
     def mirrored(self) -> bool:
@@ -42,7 +47,7 @@ def given_sections(sections, beats: np.ndarray, first: int, num_beats: int) -> l
     Raises: ValueError naming the section that is not (start, stop, label) with start < stop.
 
     >>> given_sections([(1.0, 3.0, "verse")], np.arange(8) * 0.5, 1, 12)[1]
-    Section(start=3, stop=12, label='verse', times=0)
+    Section(start=3, stop=12, label='verse', times=0, silent=False)
     """
     starts: list[tuple[int, str]] = []
     for section in sections:
@@ -56,19 +61,41 @@ def given_sections(sections, beats: np.ndarray, first: int, num_beats: int) -> l
     return _number(starts, num_beats)
 
 
-def drawn_sections(num_beats: int, rng: np.random.Generator, lead: int | None) -> list[Section]:
+def drawn_sections(
+    num_beats: int, rng: np.random.Generator, lead: int | None, phrase: int = PHRASE
+) -> list[Section]:
     """A plausible song structure; ``lead`` beats of the first section are already over.
 
     >>> [s.label for s in drawn_sections(40, np.random.default_rng(0), 0)][:2]
     ['verse', 'chorus']
     """
     lead = int(rng.choice([0, 0, 4, 8])) if lead is None else lead
+    unit = PHRASE if phrase == PHRASE else 2 * phrase
     at, starts, k = -lead, [], int(rng.integers(0, len(_SONG))) if lead else 0
     while at < num_beats:
         starts.append((at, _SONG[k % len(_SONG)]))
-        at += int(rng.choice([16, 16, 32 if k else 16]))
+        at += unit * int(rng.choice([2, 2, 4 if k else 2]))
         k += 1
     return _number(starts, num_beats)
+
+
+def cut_by_gaps(sections: list[Section], gaps) -> list[Section]:
+    """The same sections, but stretches without a beat (start, stop) are sections of their own.
+
+    >>> cut_by_gaps([Section(0, 20, "verse", 0)], [(8, 12)])[1]
+    Section(start=8, stop=12, label='verse', times=0, silent=True)
+    """
+    for start, stop in gaps:
+        out = []
+        for section in sections:
+            first, last = section.start, section.stop
+            edges = (first, min(max(start, first), last), max(min(stop, last), first), last)
+            for (a, b), inside in zip(pairwise(edges), (False, True, False), strict=True):
+                if a < b:
+                    silent = inside or section.silent
+                    out.append(replace(section, start=a, stop=b, silent=silent))
+        sections = out
+    return sections
 
 
 def _number(starts: list[tuple[int, str]], num_beats: int) -> list[Section]:

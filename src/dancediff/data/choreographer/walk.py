@@ -67,8 +67,11 @@ def travel_facing(centre: np.ndarray) -> np.ndarray:
     return angle * np.clip((speed - 0.06) / 0.12, 0, 1)
 
 
-def plan_walk(score: Score, dancer: int, style: Style, spb: float, reach: float) -> Walk:
-    """All landings of one dancer; ``spb`` seconds a beat; ``reach`` scales steps from the place."""
+def plan_walk(score: Score, dancer: int, style: Style, pace: np.ndarray, reach: float) -> Walk:
+    """All landings of one dancer.
+
+    ``pace`` are the seconds that each beat lasts (k,); ``reach`` scales steps from the place.
+    """
     on, off = channels(score, dancer)
     counts = score.counts[dancer]
     place = _Places(score.centre[dancer], on[:, CHANNEL["face"]], style, reach)
@@ -82,7 +85,7 @@ def plan_walk(score: Score, dancer: int, style: Style, spb: float, reach: float)
         for fall in falls:
             beat = k + fall.count
             if fall.how in FLIGHT:
-                jump = _flight(fall.how, beat, spb)
+                jump = _flight(fall.how, beat, float(pace[k]))
                 if not jumps or jump.start > jumps[-1].stop + 0.2:
                     jumps.append(jump)
                 beat = jumps[-1].stop
@@ -116,8 +119,8 @@ def _flight(how: str, beat: float, spb: float) -> Jump:
     beats, seconds = FLIGHT[how]
     length = min(beats, seconds / spb)
     if how == "jump":
-        return Jump(beat - SINK - length, beat - SINK)
-    return Jump(beat - 1 - length / 2, beat - 1 + length / 2)
+        return Jump(beat - SINK - length, beat - SINK, spb)
+    return Jump(beat - 1 - length / 2, beat - 1 + length / 2, spb)
 
 
 class _Places:
