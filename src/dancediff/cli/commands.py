@@ -17,20 +17,26 @@ from dancediff.cli.generate import Generate
 class Prepare:
     """Turn a data set into one folder of takes that training reads; a stopped run goes on."""
 
-    source: tyro.conf.Positional[Literal["aioz", "finedance", "aistpp", "cmu", "choreograph"]]
-    """Which data set; choreograph makes synthetic dances to synthetic songs."""
+    source: tyro.conf.Positional[
+        Literal["aioz", "finedance", "aistpp", "cmu", "choreograph", "songs"]
+    ]
+    """Which data set; choreograph makes synthetic dances to synthetic songs, songs to your own."""
     src: tyro.conf.Positional[str]
-    """The folder that holds the data set; for choreograph: how many dances."""
+    """The folder that holds the data set or the songs; for choreograph: how many dances."""
     dst: tyro.conf.Positional[Path]
     """Folder for the prepared data. What it already holds stays."""
     workers: int = 1
     """How many takes are prepared at once."""
     backend: Literal["loky", "dask", "ray"] = "loky"
     """Processes of this machine, or a Dask or Ray cluster."""
-    seconds: float = 10.0
-    """Length of a choreographed dance."""
-    seed: int = 0
-    """The first choreographed song."""
+    seconds: float | None = None
+    """Length of a choreographed dance; default: 10, for songs 30."""
+    seed: int | None = None
+    """The first choreographed song; default: 0."""
+    dances_per_song: int | None = None
+    """For songs: how many parts of each are danced to; default: 5, one for each group size."""
+    licence: str | None = None
+    """For songs: the licence of those that no songs.toml and no copyright file tells about."""
     json: bool = False
     """Print one line of JSON instead of text."""
 
@@ -45,9 +51,11 @@ class Prepare:
             self.dst,
             workers=self.workers,
             backend=self.backend,
+            progress=not self.json,
             seconds=self.seconds,
             seed=self.seed,
-            progress=not self.json,
+            dances_per_song=self.dances_per_song,
+            licence=self.licence,
         )
         tell(self.json, summary.facts(), [str(summary), f"prepared data: {self.dst}"])
         if not summary.prepared:

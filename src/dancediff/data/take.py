@@ -20,7 +20,7 @@ from dancediff.motion.motion import Motion
 from dancediff.motion.representation import TCDIFFPP, joints_of
 
 KINDS = ("real", "composed", "synthetic")  # of the motion
-MUSICS = ("original", "beat-aligned synthetic", "synthetic", "none")
+MUSICS = ("original", "recorded", "beat-aligned synthetic", "synthetic", "none")
 SPLITS = ("train", "val", "test")
 
 

@@ -85,7 +85,7 @@ def test_pads_and_noise_have_no_attacks(songs):
                 seen += 1
                 inside = onset[round(part.start * 30) + 3 : round(part.stop * 30) - 3]
                 assert inside.max() < 0.4 * on_beat
-    assert seen >= 3
+    assert seen >= 2
 
 
 def test_free_notes_repeat_at_no_tempo():

@@ -1,0 +1,118 @@
+r"""Recorded songs, danced by the choreographer: what `dancediff prepare songs` makes.
+
+Each dance takes another part of a song, of a length of one's choice, anywhere in it; the first one
+takes its beginning. Features and beats are those of the whole song. No sound is kept.
+
+Symbols (axes: f frames · m music features)
+    M   music features of a whole song, raw   (f, m)
+"""
+
+import operator
+from functools import partial
+from hashlib import sha256
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from dancediff.axes import FPS
+from dancediff.data.cache import cached, code_digest, content_key
+from dancediff.data.choreographed import SIZES
+from dancediff.data.choreographer import choreograph
+from dancediff.data.song_folder import SongFile, songs_in
+from dancediff.data.take import DanceTake, Job
+from dancediff.music.features import beat_frames
+from dancediff.music.song import Music
+
+SHORTEST = 6.0  # seconds of a song that can be danced to
+SHARE = 0.1  # of the songs, expected in "val"
+
+
+def song_jobs(
+    folder,
+    *,
+    dances_per_song: int = 5,
+    seconds: float = 30.0,
+    licence: str | None = None,
+    share: float = SHARE,
+) -> list[Job]:
+    """Jobs for dances to every song in ``folder``: groups of all sizes, to parts of ``seconds``.
+
+    All dances to recordings of one title are in one split; ``share`` of the titles is expected in
+    "val". Jobs of one song stand far apart, so that several workers do not read it at once.
+
+    Raises: ValueError naming the argument, or what is wrong with the folder.
+    """
+    if operator.index(dances_per_song) < 1:
+        raise ValueError(f"dances_per_song={dances_per_song} must be at least 1")
+    if not SHORTEST <= seconds < 3600:
+        raise ValueError(f"seconds={seconds} is no length; choose {SHORTEST:.0f} to an hour")
+    if not 0 <= share < 1:
+        raise ValueError(f"share={share} is out of range; choose 0 to below 1")
+    folder = Path(folder)
+    songs = songs_in(folder, licence=licence)
+    options = {"seconds": float(seconds), "share": float(share)}
+    return [
+        Job(
+            _name(folder, song, k), partial(danced_song, song, _name(folder, song, k), k, **options)
+        )
+        for k in range(dances_per_song)
+        for song in songs
+    ]
+
+
+def _name(folder: Path, song: SongFile, k: int) -> str:
+    """A name for a dance; the place in the folder keeps songs of one title apart."""
+    place = sha256(song.path.relative_to(folder).as_posix().encode()).hexdigest()[:6]
+    return f"song_{song.key[:60]}_{place}_{k:02d}"
+
+
+def danced_song(song: SongFile, name: str, k: int, *, seconds: float, share: float) -> DanceTake:
+    """Dance number ``k`` to a song; group sizes take turns.
+
+    Raises: ValueError when the song cannot be read, is silent or shorter than 6 seconds.
+    """
+    M = _heard(song.path)
+    if len(M) < SHORTEST * FPS:
+        raise ValueError(
+            f"the song lasts {len(M) / FPS:.1f} s; at least {SHORTEST:.0f} s are needed"
+        )
+    digest = int.from_bytes(sha256(name.encode()).digest()[:8])
+    rng = np.random.default_rng(digest)
+    f = min(round(seconds * FPS), len(M))
+    start = 0 if k == 0 else int(rng.integers(0, len(M) - f + 1))
+    beats = (beat_frames(M) - start) / FPS
+    beats = beats[(beats >= 0) & (beats < f / FPS)]
+    n, seed = SIZES[k % len(SIZES)], int(rng.integers(2**31))
+    dance, truth = choreograph(beats, dancers=n, seed=seed, seconds=f / FPS)
+    side = int.from_bytes(sha256(f"song {song.key}".encode()).digest()[:8])
+    return DanceTake(
+        name=name,
+        dance=dance,
+        music="recorded",
+        source=f"{song.source}; danced by dancediff's choreographer",
+        licence=song.licence,
+        split="val" if side < share * 2**64 else "train",
+        group=f"song-{song.key}",
+        M=M[start : start + f],
+        beats=beats,
+        genre=truth.genre,
+        notes={
+            "seed": seed,
+            "start": round(start / FPS, 3),
+            "song_seconds": round(len(M) / FPS, 2),
+        },
+    )
+
+
+def _heard(path: Path) -> torch.Tensor:
+    """Features of a whole song, from the cache if the same file was there before."""
+    key = content_key("heard", code_digest(("music",)), sha256(path.read_bytes()).hexdigest())
+
+    def features() -> np.ndarray:
+        song = Music.load(path)
+        if song.is_silent:
+            raise ValueError(f"song {path.name!r} is silent")
+        return song.features().numpy()
+
+    return torch.from_numpy(cached(key, features))

@@ -1,0 +1,113 @@
+"""Recorded songs become takes: any format, subfolders, manifests, bad files, splits by title."""
+
+import json
+
+import numpy as np
+import pytest
+import torch
+
+from dancediff.cli import main
+from dancediff.data.prepare import prepare
+from dancediff.data.prepared import PreparedData
+from dancediff.data.recorded import song_jobs
+from dancediff.data.song_folder import songs_in
+from dancediff.music.features import beat_frames
+from dancediff.music.song import Music
+from dancediff.music.synth import synth_song
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Two songs of 9 s as ogg and wav, one that is silent, one too short, one that is no sound."""
+    folder = tmp_path_factory.mktemp("songs")
+    (folder / "deep" / "er").mkdir(parents=True)
+    synth_song(1, seconds=9)[0].save(folder / "one.ogg")
+    synth_song(2, seconds=9)[0].save(folder / "deep" / "er" / "Two!.wav")
+    Music(np.zeros(22050 * 8, dtype=np.float32), 22050).save(folder / "deep" / "silent.wav")
+    synth_song(3, seconds=3)[0].save(folder / "short.wav")
+    (folder / "broken.mp3").write_bytes(b"no sound")
+    (folder / "deep" / "er" / "copyright").write_text("CC0\n")
+    (folder / "songs.toml").write_text(
+        '[[song]]\nfile = "one.ogg"\ntitle = "Song One"\nauthor = "A. B."\nlicence = "CC-BY-4.0"\n'
+    )
+    return folder
+
+
+def test_every_song_is_danced_and_bad_ones_are_named(folder, tmp_path):
+    jobs = song_jobs(folder, dances_per_song=3, seconds=7)
+    summary = prepare(jobs, tmp_path, progress=False)
+    assert (summary.made, len(summary.skipped)) == (6, 9)
+    reasons = " ".join(summary.skipped.values())
+    assert "is silent" in reasons and "lasts 3.0 s" in reasons and "cannot be read" in reasons
+    data = PreparedData(tmp_path)
+    assert [entry.dancers for entry in data if "song-one" in entry.name] == [1, 2, 3]
+    assert {(entry.kind, entry.music, entry.frames) for entry in data} == {
+        ("synthetic", "recorded", 210)
+    }
+    again = prepare(song_jobs(folder, dances_per_song=3, seconds=7), tmp_path, progress=False)
+    assert (again.made, again.kept, len(again.skipped)) == (0, 6, 9)
+
+
+def test_a_part_has_the_features_of_the_whole_song(folder):
+    first, second = (
+        job.make() for job in song_jobs(folder, dances_per_song=2, seconds=7) if "one" in job.name
+    )
+    M = Music.load(folder / "one.ogg").features()
+    assert torch.equal(first.M, M[:210]) and first.notes["start"] == 0
+    start = round(second.notes["start"] * 30)
+    assert start > 0 and torch.equal(second.M, M[start : start + 210])
+    assert np.allclose(second.beats * 30, beat_frames(second.M))
+
+
+def test_a_song_shorter_than_a_part_is_danced_whole(folder):
+    take = next(job for job in song_jobs(folder) if "song-one" in job.name).make()
+    assert take.num_frames == Music.load(folder / "one.ogg").num_frames
+
+
+def test_where_a_song_is_from(folder):
+    songs = {song.path.name: song for song in songs_in(folder, licence="mine")}
+    one, two = songs["one.ogg"], songs["Two!.wav"]
+    assert (one.title, one.author, one.licence) == ("Song One", "A. B.", "CC-BY-4.0")
+    assert (two.title, two.author, two.licence) == ("Two!", "unknown", "mine")
+    assert songs_in(folder)[0].licence == "unknown"
+    assert {s.path.name: s.licence for s in songs_in(folder)}["Two!.wav"] == "see copyright"
+    take = next(job for job in song_jobs(folder, seconds=6) if "song-one" in job.name).make()
+    assert "'Song One' by A. B." in take.source and take.licence == "CC-BY-4.0"
+
+
+def test_recordings_of_one_title_stay_together(tmp_path):
+    song = synth_song(4, seconds=7)[0]
+    for name in ("a", "b"):
+        (tmp_path / name).mkdir()
+        song.save(tmp_path / name / "Tune.wav")
+    takes = [job.make() for job in song_jobs(tmp_path, dances_per_song=1, seconds=6, share=0.5)]
+    assert len({take.name for take in takes}) == 2
+    assert len({(take.group, take.split) for take in takes}) == 1
+
+
+def test_songs_from_the_command_line(folder, tmp_path, capsys):
+    args = ["prepare", "songs", str(folder), str(tmp_path / "out"), "--seconds", "6"]
+    assert main([*args, "--dances-per-song", "1", "--json"]) == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert facts["made"] == 2 and {row["music"] for row in facts["takes"]} == {"recorded"}
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"dances_per_song": 0}, "dances_per_song=0"),
+        ({"seconds": 2}, "seconds=2"),
+        ({"share": 1}, "share=1"),
+    ],
+)
+def test_bad_arguments_are_named(folder, options, words):
+    with pytest.raises(ValueError, match=words):
+        song_jobs(folder, **options)
+
+
+def test_bad_manifests_are_named(tmp_path):
+    synth_song(1, seconds=6)[0].save(tmp_path / "a.wav")
+    for text in ("[[song]]\n", "song = 3\n", "no toml", '[[song]]\nfile = "b.wav"\n'):
+        (tmp_path / "songs.toml").write_text(text)
+        with pytest.raises(ValueError, match=r"songs\.toml"):
+            songs_in(tmp_path)
