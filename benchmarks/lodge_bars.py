@@ -23,23 +23,18 @@ import numpy as np
 import torch
 import tyro
 from bars import Sampling, Window, windows
-from sklearn.linear_model import LogisticRegression
-from sklearn.pipeline import make_pipeline
-from sklearn.preprocessing import StandardScaler
-from torch.nn.functional import conv1d
+from genre_judge import shaken, trained_judge, verdict
 from tqdm.auto import tqdm
 
 from dancediff import hub
 from dancediff.generation.request import LodgeRequest
 from dancediff.generation.solo_dance import LodgeSampler
-from dancediff.metrics.kinetic import kinetic_features
 from dancediff.metrics.physical import fsr
 from dancediff.metrics.report import evaluate_dances
 from dancediff.metrics.rhythm import beat_alignment
 from dancediff.motion.beats import motion_beats
 from dancediff.motion.motion import Motion
-from dancediff.motion.representation import LODGE, with_hands
-from dancediff.motion.rotation import matrix_to_rot6d, rot6d_to_matrix
+from dancediff.motion.representation import LODGE
 from dancediff.papers.lodge.foot_refine import NoFootRefine
 from dancediff.papers.lodge.model import Lodge
 from dancediff.training.lodge_data import prepared_solos
@@ -243,14 +238,10 @@ class Genre(Common):
     def run(self) -> None:
         """Print how often the classifier is right about takes it never saw, and about dances."""
         genres = hub.load(self.model).config.genres
-        draw, rows = torch.Generator().manual_seed(0), []
-        for solo in tqdm(prepared_solos(self.train, genres), desc="training takes"):
-            for x in in_windows(solo.x[0, :, : LODGE.dim]):
-                rows += [(described(x), solo.genre), (described(shaken(x, draw)), solo.genre)]
-        judge = make_pipeline(
-            StandardScaler(), LogisticRegression(C=0.02, max_iter=2000, class_weight="balanced")
-        )
-        judge.fit(np.stack([row for row, _ in rows]), [genre for _, genre in rows])
+        draw = torch.Generator().manual_seed(0)
+        takes = tqdm(prepared_solos(self.train, genres), desc="training takes")
+        solos = ((solo.x[0, :, : LODGE.dim], solo.genre) for solo in takes)
+        judge = trained_judge(solos, draw)
         held = [(w.genre, w.motion.features("lodge")[0]) for w in held_out(self.held, 1024, 200)]
         held += [
             (solo.genre, solo.x[0, :, : LODGE.dim])
@@ -277,46 +268,6 @@ class Genre(Common):
             wrong = sorted({other for other in found if other != genre})
             hits = sum(other == genre for other in found)
             print(f"|  {genre} | {hits} of {len(found)} | taken for {', '.join(wrong) or '-'} |")
-
-
-def in_windows(x: torch.Tensor) -> list[torch.Tensor]:
-    """A take (f, 139) in pieces as long as a local segment."""
-    return [x[start : start + LOCAL] for start in range(0, len(x) - LOCAL + 1, LOCAL)]
-
-
-def shaken(x: torch.Tensor, draw: torch.Generator) -> torch.Tensor:
-    """A take whose joints sway by up to a few degrees, as no choreographer's but a network's do.
-
-    A judge that never met such jitter takes it for a sign of capture: it called every dance of a
-    network salsa or Indian, whatever was asked for, and every shaken take as well.
-    """
-    fade = torch.hann_window(9, periodic=False)
-    noise = torch.randn(132, 1, len(x) + 8, generator=draw)
-    sway = conv1d(noise, (fade / fade.norm())[None, None])[:, 0].T
-    y = x.clone()
-    y[:, LODGE.rot6d] += 0.1 * torch.rand(1, generator=draw) * sway
-    R = rot6d_to_matrix(y[:, LODGE.rot6d].unflatten(-1, (-1, 6)))
-    y[:, LODGE.rot6d] = matrix_to_rot6d(R).flatten(-2)
-    return y
-
-
-def described(x: torch.Tensor) -> np.ndarray:
-    """What the classifier sees of a window (f, 139): where joints turn, how much, how fast."""
-    motion = Motion.from_features(with_hands(x)[None], fps=FPS)
-    pose = x[:, 7:]
-    parts = [
-        pose.mean(0),
-        pose.std(0),
-        pose.diff(dim=0).abs().mean(0),
-        kinetic_features(motion.joints())[0].log1p(),
-    ]
-    return torch.cat([part.float() for part in parts]).numpy()
-
-
-def verdict(judge, x: torch.Tensor) -> str:
-    """The likeliest genre of a take, its windows taken together."""
-    rows = np.stack([described(part) for part in in_windows(x)])
-    return str(judge.classes_[judge.predict_log_proba(rows).sum(0).argmax()])
 
 
 def _asked_for(name: str, window: Window, genre: str, seed: int, how: dict):
