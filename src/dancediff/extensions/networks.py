@@ -14,11 +14,13 @@ from dancediff.extensions.aligned_attention import align_attention
 from dancediff.extensions.beat_phase import BeatPhase
 from dancediff.extensions.foot_cues import NUM_MOVING, FootCues
 from dancediff.extensions.formation_prior import FormationPrior
+from dancediff.extensions.frame_tokens import FrameTokens, pool_music
 from dancediff.extensions.non_local_filter import NonLocalFilter
 from dancediff.extensions.parts import Part, Parts, Pass
 from dancediff.extensions.preconditioning import LinearStart, preconditioning_of
 from dancediff.extensions.residuals import FootworkResidual, FusionResidual
 from dancediff.extensions.ssd import SSDBlock
+from dancediff.nn.conditioning import MusicConditioning
 from dancediff.nn.dance_network import DanceNetwork
 from dancediff.papers.edge.model import EDGE, EDGEConfig
 from dancediff.papers.tcdiffpp.footwork_adaptor import FootworkAdaptor, ground_velocity
@@ -62,6 +64,7 @@ class ExtendedTCDiffPP(Extended, TCDiffPP):
         super().__init__(config)
         c, decoder = config, self.decoder
         self.parts = parts_of(c, extensions)
+        self.frame_tokens = frame_tokens(decoder, c, extensions)
         if "aligned_attention" in extensions:
             align_attention(self)
         if "ssd" in extensions and "ssm" not in c.without:
@@ -82,8 +85,13 @@ class ExtendedTCDiffPP(Extended, TCDiffPP):
         decoder.check(x_t, t, conditions)
         run = self.prepare(x_t, t, conditions)
         h = parts.embed(decoder.embed(x_t), run)
-        h = parts.tokens(decoder.place(h), run)
-        h = decoder.decode(h, t, conditions)
+        if self.frame_tokens is None:
+            h = parts.tokens(decoder.place(h), run)
+            h = decoder.decode(h, t, conditions)
+        else:
+            h = parts.tokens(h, run)
+            low = decoder.place(self.frame_tokens.pool(h))  # (b, n, f / 3, d_model)
+            h = self.frame_tokens.unpool(decoder.decode(low, t, conditions), h)
         x_raw = parts.read(decoder.read(h), h, run)
         v = parts.velocity(ground_velocity(x_raw), x_raw, run)
         return x_raw, parts.adapt(self.footwork_adaptor(x_raw, v), x_raw, run)
@@ -102,6 +110,7 @@ class ExtendedEDGE(Extended, EDGE):
     def __init__(self, config: EDGEConfig, extensions: Sequence[str]):
         super().__init__(config)
         self.parts = parts_of(config, extensions)
+        self.frame_tokens = frame_tokens(self.decoder, config, extensions)
         if "aligned_attention" in extensions:
             align_attention(self)
 
@@ -109,12 +118,27 @@ class ExtendedEDGE(Extended, EDGE):
         """Guess the clean motion of single dancers, (b, f, d)."""
         run = super().prepare(x_t, t, conditions)
         h = self.parts.embed(self.decoder.embed(x_t), run)
-        h = self.decode(self.parts.tokens(h, run), t, conditions)
+        h = self.parts.tokens(h, run)
+        if self.frame_tokens is None:
+            h = self.decode(h, t, conditions)
+        else:
+            low = self.decode(self.frame_tokens.pool(h), t, conditions)  # (b, f / 3, d_model)
+            h = self.frame_tokens.unpool(low, h)
         return self.parts.read(self.decoder.read(h), h, run)
 
     def linear_guess(self, x_t: Tensor, t: Tensor, conditions: Conditions) -> Tensor:
         """What preconditioning guesses without the network, (b, n, f, d)."""
         return super().linear_guess(*self.alone(x_t, t, conditions)).reshape(x_t.shape)
+
+
+def frame_tokens(
+    decoder: MusicConditioning, c: Any, extensions: Sequence[str]
+) -> FrameTokens | None:
+    """Tokens of several frames for a decoder and its music, if the extensions say so."""
+    if "frame_tokens" not in extensions:
+        return None
+    pool_music(decoder, c)
+    return FrameTokens(c.d_model)
 
 
 def parts_of(c: Any, extensions: Sequence[str], num_frames: int | None = None) -> Parts:

@@ -46,6 +46,8 @@ _ALL = (
               "beat_phase", ALL),
     Extension("non_local_filter", "network", "Frames that look alike are averaged.",
               "non_local_filter", ALL, needs=LINEAR),
+    Extension("frame_tokens", "network", "Layers see three frames as one token.", "frame_tokens",
+              BY_SEGMENTS, presets=()),
     Extension("aligned_attention", "network", "Half of the heads start at their own frame.",
               "aligned_attention", ALL),
     Extension("ssd", "network", "State space models with one decay a head: matrix products.",
