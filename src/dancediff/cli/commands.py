@@ -35,6 +35,8 @@ class Prepare:
     """The first choreographed song; default: 0."""
     dances_per_song: int | None = None
     """For songs: how many parts of each are danced to; default: 5, one for each group size."""
+    augment: int | None = None
+    """For songs: how many changed versions of each are danced to as well; default: 0."""
     licence: str | None = None
     """For songs: the licence of those that no songs.toml and no copyright file tells about."""
     json: bool = False
@@ -55,6 +57,7 @@ class Prepare:
             seconds=self.seconds,
             seed=self.seed,
             dances_per_song=self.dances_per_song,
+            augment=self.augment,
             licence=self.licence,
         )
         tell(self.json, summary.facts(), [str(summary), f"prepared data: {self.dst}"])

@@ -13,6 +13,7 @@ import operator
 import shutil
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import is_dataclass
 from functools import partial
 from hashlib import sha256
 from pathlib import Path
@@ -207,6 +208,8 @@ def _words(x) -> str:
         return f"{_words(x.func)}{_words(x.args)}{_words(x.keywords)}"
     if isinstance(x, Path):
         return f"{x.name}:{x.stat().st_size if x.is_file() else ''}"
+    if is_dataclass(x) and not isinstance(x, type):
+        return _words(vars(x))
     if isinstance(x, dict):
         return _words([(key, x[key]) for key in sorted(x)])
     if isinstance(x, list | tuple):

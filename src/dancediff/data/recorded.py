@@ -7,8 +7,10 @@ Symbols (axes: f frames · m music features)
     M   music features of a whole song, raw   (f, m)
 """
 
+import itertools
+import json
 import operator
-from functools import partial
+from functools import lru_cache, partial
 from hashlib import sha256
 from pathlib import Path
 
@@ -21,6 +23,7 @@ from dancediff.data.choreographed import SIZES
 from dancediff.data.choreographer import choreograph
 from dancediff.data.song_folder import SongFile, songs_in
 from dancediff.data.take import DanceTake, Job
+from dancediff.music.augment import augment_song
 from dancediff.music.features import beat_frames
 from dancediff.music.song import Music
 
@@ -32,12 +35,14 @@ def song_jobs(
     folder,
     *,
     dances_per_song: int = 5,
+    augment: int = 0,
     seconds: float = 30.0,
     licence: str | None = None,
     share: float = SHARE,
 ) -> list[Job]:
     """Jobs for dances to every song in ``folder``: groups of all sizes, to parts of ``seconds``.
 
+    With ``augment`` each song has that many further versions (`augment_song`), danced as often.
     All dances to recordings of one title are in one split; ``share`` of the titles is expected in
     "val". Jobs of one song stand far apart, so that several workers do not read it at once.
 
@@ -45,6 +50,8 @@ def song_jobs(
     """
     if operator.index(dances_per_song) < 1:
         raise ValueError(f"dances_per_song={dances_per_song} must be at least 1")
+    if operator.index(augment) < 0:
+        raise ValueError(f"augment={augment} must be at least 0")
     if not SHORTEST <= seconds < 3600:
         raise ValueError(f"seconds={seconds} is no length; choose {SHORTEST:.0f} to an hour")
     if not 0 <= share < 1:
@@ -53,26 +60,26 @@ def song_jobs(
     songs = songs_in(folder, licence=licence)
     options = {"seconds": float(seconds), "share": float(share)}
     return [
-        Job(
-            _name(folder, song, k), partial(danced_song, song, _name(folder, song, k), k, **options)
-        )
-        for k in range(dances_per_song)
+        Job(name, partial(danced_song, song, name, version, k, **options))
+        for version, k in itertools.product(range(augment + 1), range(dances_per_song))
         for song in songs
+        for name in [f"song_{song.key[:60]}_{_place(folder, song)}_{version}_{k:02d}"]
     ]
 
 
-def _name(folder: Path, song: SongFile, k: int) -> str:
-    """A name for a dance; the place in the folder keeps songs of one title apart."""
-    place = sha256(song.path.relative_to(folder).as_posix().encode()).hexdigest()[:6]
-    return f"song_{song.key[:60]}_{place}_{k:02d}"
+def _place(folder: Path, song: SongFile) -> str:
+    """What keeps songs of one title apart: six letters that follow from the place in the folder."""
+    return sha256(song.path.relative_to(folder).as_posix().encode()).hexdigest()[:6]
 
 
-def danced_song(song: SongFile, name: str, k: int, *, seconds: float, share: float) -> DanceTake:
-    """Dance number ``k`` to a song; group sizes take turns.
+def danced_song(
+    song: SongFile, name: str, version: int, k: int, *, seconds: float, share: float
+) -> DanceTake:
+    """Dance number ``k`` to a version of a song, 0 being the song itself; group sizes take turns.
 
     Raises: ValueError when the song cannot be read, is silent or shorter than 6 seconds.
     """
-    M = _heard(song.path)
+    M, steps = _heard(song, version)
     if len(M) < SHORTEST * FPS:
         raise ValueError(
             f"the song lasts {len(M) / FPS:.1f} s; at least {SHORTEST:.0f} s are needed"
@@ -97,22 +104,31 @@ def danced_song(song: SongFile, name: str, k: int, *, seconds: float, share: flo
         M=M[start : start + f],
         beats=beats,
         genre=truth.genre,
-        notes={
-            "seed": seed,
-            "start": round(start / FPS, 3),
-            "song_seconds": round(len(M) / FPS, 2),
-        },
+        notes={"seed": seed, "start": round(start / FPS, 3), "augmented": steps},
     )
 
 
-def _heard(path: Path) -> torch.Tensor:
-    """Features of a whole song, from the cache if the same file was there before."""
-    key = content_key("heard", code_digest(("music",)), sha256(path.read_bytes()).hexdigest())
+def _heard(song: SongFile, version: int) -> tuple[torch.Tensor, list[str]]:
+    """Features of a version of a whole song, and what was changed in it; from the cache if there.
 
-    def features() -> np.ndarray:
-        song = Music.load(path)
-        if song.is_silent:
-            raise ValueError(f"song {path.name!r} is silent")
-        return song.features().numpy()
+    A song found under another name, or in another folder, has the same versions.
+    """
+    sound = sha256(song.path.read_bytes()).digest()
+    key = content_key("heard", code_digest(("music",)), sound, version)
 
-    return torch.from_numpy(cached(key, features))
+    @lru_cache
+    def made() -> tuple[Music, tuple[str, ...]]:
+        music = Music.load(song.path)
+        if music.is_silent:
+            raise ValueError(f"song {song.path.name!r} is silent")
+        if version == 0:
+            return music, ()
+        rng = np.random.default_rng([version, int.from_bytes(sound[:8])])
+        music, change = augment_song(music, rng)
+        return music, (f"speed {change.speed:.3f}", *change.steps)
+
+    def words() -> np.ndarray:
+        return np.frombuffer(json.dumps(made()[1]).encode(), dtype=np.uint8)
+
+    M = torch.from_numpy(cached(key, lambda: made()[0].features().numpy()))
+    return M, json.loads(cached(f"{key}.steps", words).tobytes())

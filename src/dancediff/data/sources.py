@@ -15,7 +15,7 @@ READERS = {
 }
 MADE = {  # sources whose dances the choreographer makes, and the options they take
     "choreograph": ("seconds", "seed"),
-    "songs": ("seconds", "dances_per_song", "licence"),
+    "songs": ("seconds", "dances_per_song", "augment", "licence"),
 }
 SOURCES = (*READERS, *MADE)
 REPEATS = 4  # dances of each group size to a song; a song takes as long to make as four dances
@@ -25,7 +25,7 @@ def source_jobs(name: str, src, **options) -> list[Job]:
     """Jobs of a data set or of songs in the folder ``src``; of "choreograph" ``src`` is how many.
 
     ``options`` are for what the choreographer dances: `choreograph_jobs` has "seconds" and "seed",
-    `song_jobs` "seconds", "dances_per_song" and "licence". None stands for their defaults.
+    `song_jobs` "seconds", "dances_per_song", "augment" and "licence". None stands for defaults.
 
     Raises: ValueError naming the argument, or what is missing in the folder.
 

@@ -7,7 +7,8 @@ import pytest
 import torch
 
 from dancediff.cli import main
-from dancediff.data.prepare import prepare
+from dancediff.data.cache import use_cache
+from dancediff.data.prepare import prepare, recipe
 from dancediff.data.prepared import PreparedData
 from dancediff.data.recorded import song_jobs
 from dancediff.data.song_folder import songs_in
@@ -75,6 +76,17 @@ def test_where_a_song_is_from(folder):
     assert "'Song One' by A. B." in take.source and take.licence == "CC-BY-4.0"
 
 
+def test_a_folder_may_be_moved_but_a_song_not_changed(tmp_path):
+    song = synth_song(4, seconds=7)[0]
+    for place in ("here", "there"):
+        (tmp_path / place).mkdir()
+        song.save(tmp_path / place / "tune.wav")
+    here, there = (song_jobs(tmp_path / place)[0] for place in ("here", "there"))
+    assert here.name == there.name and recipe(here) == recipe(there)
+    song.slice(0, 6.5).save(tmp_path / "there" / "tune.wav")
+    assert recipe(here) != recipe(there)
+
+
 def test_recordings_of_one_title_stay_together(tmp_path):
     song = synth_song(4, seconds=7)[0]
     for name in ("a", "b"):
@@ -83,6 +95,21 @@ def test_recordings_of_one_title_stay_together(tmp_path):
     takes = [job.make() for job in song_jobs(tmp_path, dances_per_song=1, seconds=6, share=0.5)]
     assert len({take.name for take in takes}) == 2
     assert len({(take.group, take.split) for take in takes}) == 1
+
+
+def test_changed_versions_of_a_song_are_danced_to(folder, tmp_path):
+    jobs = [
+        j for j in song_jobs(folder, dances_per_song=2, augment=2, seconds=6) if "one" in j.name
+    ]
+    assert len(jobs) == 6
+    with use_cache(tmp_path):
+        takes = [job.make() for job in jobs]
+        assert all(torch.equal(job.make().M, t.M) for job, t in zip(jobs, takes, strict=True))
+    assert len(list(tmp_path.glob("*.npy"))) == 6  # features and words of three versions
+    assert [bool(take.notes["augmented"]) for take in takes] == 2 * [False] + 4 * [True]
+    assert not torch.equal(takes[0].M, takes[2].M) and len({take.split for take in takes}) == 1
+    plain = next(job for job in song_jobs(folder, seconds=6) if job.name == jobs[0].name)
+    assert torch.equal(plain.make().M, takes[0].M)
 
 
 def test_songs_from_the_command_line(folder, tmp_path, capsys):
@@ -96,6 +123,7 @@ def test_songs_from_the_command_line(folder, tmp_path, capsys):
     ("options", "words"),
     [
         ({"dances_per_song": 0}, "dances_per_song=0"),
+        ({"augment": -1}, "augment=-1"),
         ({"seconds": 2}, "seconds=2"),
         ({"share": 1}, "share=1"),
     ],
