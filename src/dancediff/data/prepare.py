@@ -209,9 +209,9 @@ def _words(x) -> str:
     if isinstance(x, Path):
         return f"{x.name}:{x.stat().st_size if x.is_file() else ''}"
     if is_dataclass(x) and not isinstance(x, type):
-        return _words(vars(x))
+        x = vars(x)
     if isinstance(x, dict):
-        return _words([(key, x[key]) for key in sorted(x)])
+        x = [(key, x[key]) for key in sorted(x)]
     if isinstance(x, list | tuple):
         return f"({','.join(map(_words, x))})"
     if callable(x):
