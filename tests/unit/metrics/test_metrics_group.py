@@ -9,7 +9,15 @@ import torch
 from dancediff.data.choreographer import choreograph
 from dancediff.data.cmu import cmu_jobs
 from dancediff.metrics import corruption
-from dancediff.metrics.group import dtw, frame_energies, gmc, gmr, group_features
+from dancediff.metrics.group import (
+    dtw,
+    dtw_ref,
+    frame_energies,
+    frame_energies_ref,
+    gmc,
+    gmr,
+    group_features,
+)
 from dancediff.motion.rotation import axis_angle_to_matrix
 
 
@@ -19,43 +27,9 @@ def wander(n=3, f=20, j=24, seed=0):
     return steps.cumsum(1) * 0.02 + torch.randn(n, 1, 1, 3, generator=g, dtype=torch.float64)
 
 
-def slow_energies(p, w, dt):
-    """Of one joint's path (f, 3), written from the formula."""
-    f, rows = len(p), []
-    for i in range(1, f):
-        v, a = [], []
-        for k in range(-w, w + 1):
-            if 0 <= i + k - 1 and i + k < f:
-                v.append((p[i + k] - p[i + k - 1]) / dt)
-            if 0 <= i + k - 1 and i + k + 1 < f:
-                a.append((p[i + k + 1] - 2 * p[i + k] + p[i + k - 1]) / dt**2)
-        v, a = sum(v) / len(v), sum(a) / len(a)
-        rows.append([v[0] ** 2 + v[2] ** 2, v[1] ** 2, (a**2).sum() ** 0.5])
-    return torch.tensor(rows, dtype=torch.float64)
-
-
-def slow_dtw(c):
-    a, b = c.shape
-    D = {(s, t): float("inf") for s in range(-1, a) for t in range(-1, b)}
-    D[-1, -1] = 0.0
-    for s in range(a):
-        for t in range(b):
-            D[s, t] = c[s, t].item() + min(D[s - 1, t - 1], D[s - 1, t], D[s, t - 1])
-    s, t = a - 1, b - 1
-    path = [[s, t]]
-    while (s, t) != (0, 0):
-        ways = [(s - 1, t - 1), (s - 1, t), (s, t - 1)]
-        s, t = min(ways, key=lambda way: D[way])
-        path.append([s, t])
-    return path[::-1]
-
-
 def slow_gmc(joints, dt, *, shift=-1, power=1):
-    n, f, j, _ = joints.shape
-    phi = [
-        torch.cat([torch.log(1 + 1.5 * slow_energies(x[:, k], 2, dt)) for k in range(j)], dim=1)
-        for x in joints
-    ]
+    n, f, _, _ = joints.shape
+    phi = torch.log(1 + 1.5 * frame_energies_ref(joints, window=2, dt=dt)).flatten(2)
     total, pairs = 0.0, 0
     for d in range(n):
         for e in range(d + 1, n):
@@ -65,7 +39,7 @@ def slow_gmc(joints, dt, *, shift=-1, power=1):
             ])  # fmt: skip
             values = [
                 (phi[d][s + shift] * phi[e][t + shift]).sum().item()
-                for s, t in slow_dtw(cost)
+                for s, t in dtw_ref(cost).tolist()
                 if 0 <= s + shift < f - 1 and 0 <= t + shift < f - 1
             ]
             total, pairs = total + sum(values) / len(values), pairs + 1
@@ -75,21 +49,17 @@ def slow_gmc(joints, dt, *, shift=-1, power=1):
 @pytest.mark.parametrize("f", [3, 4, 20])
 @pytest.mark.parametrize("w", [1, 2])
 def test_energies_equal_the_slow_loop(f, w):
-    joints = wander(f=f, j=5)
-    fast = frame_energies(joints, window=w, dt=1 / 25)
-    for d in range(3):
-        for k in range(5):
-            slow = slow_energies(joints[d, :, k], w, 1 / 25)
-            assert torch.allclose(fast[d, :, k], slow, rtol=1e-9, atol=1e-9)
+    joints, options = wander(f=f, j=5), {"window": w, "dt": 1 / 25}
+    slow = frame_energies_ref(joints, **options)
+    assert slow.shape == (3, f - 1, 5, 3)
+    torch.testing.assert_close(frame_energies(joints, **options), slow, rtol=1e-9, atol=1e-9)
 
 
 def test_group_features_equal_the_slow_loop_and_keep_the_order():
     joints = wander()
-    slow = []
-    for k in range(24):
-        mean = torch.stack([slow_energies(x[:, k], 1, 1 / 30) for x in joints]).mean((0, 1))
-        slow.append(torch.log(1 + 1.5 * mean))
-    assert torch.allclose(group_features(joints), torch.cat(slow), atol=1e-9)
+    mean = frame_energies_ref(joints, window=1, dt=1 / 30).mean((0, 1))
+    slow = torch.log(1 + 1.5 * mean).flatten()  # joint by joint, three numbers each
+    assert torch.allclose(group_features(joints), slow, atol=1e-9)
     up = torch.zeros(2, 5, 24, 3)
     up[..., 1] = torch.arange(5.0)[:, None]  # every joint rises by a metre a frame
     features = group_features(up, fps=1.0).view(24, 3)
@@ -100,7 +70,7 @@ def test_group_features_equal_the_slow_loop_and_keep_the_order():
 @pytest.mark.parametrize("shape", [(1, 1), (1, 7), (6, 1), (12, 9), (20, 20)])
 def test_dtw_equals_the_slow_loop(shape):
     cost = torch.rand(shape, generator=torch.Generator().manual_seed(sum(shape)))
-    assert dtw(cost).tolist() == slow_dtw(cost.double())
+    assert dtw(cost).tolist() == dtw_ref(cost.double()).tolist()
 
 
 def test_dtw_follows_a_delay_and_takes_both_steps_of_equal_ways():
