@@ -8,7 +8,8 @@ between them is written here, from ``docs/results/NAME.json``:
 
     about      what was measured, one sentence
     data       "synthetic", "real", "composed", or which of them in which column
-    seed, intervals, command, date   what else is known, as text; absent if it is not
+    command    what was typed to make it; or a sentence that says what made it, or why nothing does
+    seed, intervals, date   what else is known, as text; absent if it is not
     columns    headings
     rows       cells: text, a number, null for "does not apply", [value, low, high] for a value with
                its interval, {"bold": cell}
@@ -37,8 +38,9 @@ SOURCE = DOCS.parent / "src" / "dancediff"
 BLOCK = re.compile(r"(<!-- table: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 MAP = re.compile(r"(<!-- map: ([\w\s]+) -->\n).*?(<!-- end -->)", re.DOTALL)
 WHOLE_WORDS = {"break_long_words": False, "break_on_hyphens": False}
-REQUIRED = {"about", "data", "columns", "rows"}
-ALLOWED = REQUIRED | {"seed", "intervals", "command", "date"}
+REQUIRED = {"about", "data", "command", "columns", "rows"}
+ALLOWED = REQUIRED | {"seed", "intervals", "date"}
+PROGRAMS = ("dancediff ", "make ", "python ")
 
 
 def load(name: str) -> dict:
@@ -74,8 +76,9 @@ def markdown(table: dict) -> str:
     facts = [f"Data: {table['data']}", *([f"seed: {table['seed']}"] if "seed" in table else [])]
     facts += [f"brackets: {table['intervals']}"] if "intervals" in table else []
     facts += [table["date"]] if "date" in table else []
-    source = f" Made by `{table['command']}`." if "command" in table else ""
-    below = textwrap.wrap(f"{table['about']} {'; '.join(facts)}.{source}", 100, **WHOLE_WORDS)
+    source = table["command"]
+    source = f"Made by `{source}`." if source.startswith(PROGRAMS) else source
+    below = textwrap.wrap(f"{table['about']} {'; '.join(facts)}. {source}", 100, **WHOLE_WORDS)
     return "\n".join([*lines, "", *below, ""])
 
 

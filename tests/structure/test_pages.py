@@ -82,15 +82,23 @@ def test_every_addition_says_what_it_brings():
 
 
 def test_a_changed_number_is_noticed(tmp_path, monkeypatch):
-    table = {"about": "Made.", "data": "synthetic", "columns": ["a"], "rows": [[[1.5, 1, 2]]]}
+    table = {"about": "Made.", "data": "synthetic", "command": "make x"}
+    table |= {"columns": ["a"], "rows": [[[1.5, 1, 2]]]}
     (tmp_path / "x.json").write_text(json.dumps(table))
     monkeypatch.setattr(tables, "RESULTS", tmp_path)
     page = tables.written("<!-- table: x -->\n<!-- end -->\n")
-    assert "| 1.5 [1, 2] |" in page and "Made. Data: synthetic." in page
+    assert "| 1.5 [1, 2] |" in page and "Made. Data: synthetic. Made by `make x`." in page
     assert tables.written(page) == page
+    table["command"] = "By hand."
+    (tmp_path / "x.json").write_text(json.dumps(table))
+    assert "Made. Data: synthetic. By hand." in tables.written(page)
     table["rows"] = [[1.6, 1]]
     (tmp_path / "x.json").write_text(json.dumps(table))
     with pytest.raises(ValueError, match="1 cells"):
+        tables.written(page)
+    del table["command"]
+    (tmp_path / "x.json").write_text(json.dumps(table))
+    with pytest.raises(ValueError, match=r"required .*'command'"):
         tables.written(page)
 
 
@@ -98,7 +106,10 @@ def test_all_numbers_are_shown_and_say_where_they_are_from():
     names = {path.stem for path in tables.RESULTS.glob("*.json")}
     assert names == tables.asked_for() and len(names) > 30
     for name in names:
-        assert tables.load(name)["data"]
+        table = tables.load(name)
+        assert table["data"]
+        words = table["command"]  # typed, or a sentence
+        assert words.startswith(tables.PROGRAMS) or re.match(r"[A-Z].*\.$", words), name
 
 
 def test_the_map_names_all_parts():
