@@ -2,11 +2,11 @@ r"""How the dancers of a group vary together.
 
 Read first: `dancediff.extensions.preconditioning` · `dancediff.extensions.formation_prior`.
 
-Symbols (axes: b batch · n dancers · m modes, as many · f frames · k frequencies
+Symbols (axes: b batch · n dancers · r modes, as many · f frames · k frequencies
          c the two coordinates on the floor)
     c_n, mean   of each dancer            (b, n, k, c), (b, n, f, c)
-    U, basis    orthonormal               (b, k, c, n, m)
-    std         of each mode              (b, m, k, c)
+    U, basis    orthonormal               (b, k, c, n, r)
+    std         of each mode              (b, r, k, c)
 """
 
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ from torch import Tensor
 class GroupModes:
     r"""How dancers vary together: another basis for some features, one for each frequency.
 
-    $$\tilde c_{m} = \sum_n U_{nm}\, c_n$$
+    $$\tilde c_{r} = \sum_n U_{nr}\, c_n$$
 
     ``features`` are the motion features that have modes.
     """
@@ -31,11 +31,11 @@ class GroupModes:
 
     def turn(self, coefficients: Tensor) -> Tensor:
         """From dancers to modes, (b, n, k, d)."""
-        return self._changed(coefficients, "bkcnm,bnkc->bmkc")
+        return self._changed(coefficients, "bkcnr,bnkc->brkc")
 
     def turn_back(self, coefficients: Tensor) -> Tensor:
         """From modes to dancers, (b, n, k, d)."""
-        return self._changed(coefficients, "bkcnm,bmkc->bnkc")
+        return self._changed(coefficients, "bkcnr,brkc->bnkc")
 
     def _changed(self, coefficients: Tensor, how: str) -> Tensor:
         changed = coefficients.clone()

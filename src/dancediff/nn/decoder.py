@@ -138,3 +138,18 @@ class DanceDecoder(MusicConditioning):
         """From tokens (b, f, d_model) to motion (b, f, d)."""
         with torch.autocast(h.device.type, enabled=False):  # millimetres need float32
             return self.out(h.float())
+
+
+def check_shapes(**values: tuple[Tensor | None, tuple | None]) -> None:
+    """Each value that a decoder is given with the shape it should have; None: it should be absent.
+
+    Raises: ValueError naming the argument.
+
+    >>> check_shapes(t=(torch.zeros(3), (2,)))
+    Traceback (most recent call last):
+    ValueError: t has shape (3,); expected (2,)
+    """
+    for name, (value, expected) in values.items():
+        have = None if value is None else tuple(value.shape)
+        if have != expected:
+            raise ValueError(f"{name} has shape {have}; expected {expected}")

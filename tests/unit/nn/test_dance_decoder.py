@@ -2,8 +2,7 @@ import pytest
 import torch
 
 from dancediff.diffusion.conditions import Conditions
-from dancediff.nn.decoder import DanceDecoder, DecoderLayer
-from dancediff.papers.lodge.shapes import check_shapes
+from dancediff.nn.decoder import DanceDecoder, DecoderLayer, check_shapes
 
 
 def make(**options):

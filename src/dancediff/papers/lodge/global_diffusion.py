@@ -21,9 +21,8 @@ from torch import Tensor
 
 from dancediff.diffusion.conditions import Conditions
 from dancediff.nn.dance_network import DanceNetwork
-from dancediff.nn.decoder import DanceDecoder
+from dancediff.nn.decoder import DanceDecoder, check_shapes
 from dancediff.papers.lodge.primitives import Layout
-from dancediff.papers.lodge.shapes import check_shapes
 from dancediff.papers.lodge.style import StyleToken
 
 VARIANTS = ("continuous", "discrete")

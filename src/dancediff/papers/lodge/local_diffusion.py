@@ -19,9 +19,8 @@ from dancediff.diffusion.conditions import Conditions
 from dancediff.genre import FINEDANCE
 from dancediff.motion.representation import LODGE, joints_of
 from dancediff.nn.dance_network import DanceNetwork
-from dancediff.nn.decoder import DanceDecoder
+from dancediff.nn.decoder import DanceDecoder, check_shapes
 from dancediff.papers.lodge.foot_refine import FootRefine, NoFootRefine, foot_features
-from dancediff.papers.lodge.shapes import check_shapes
 from dancediff.papers.lodge.style import StyleToken
 
 
