@@ -1,15 +1,20 @@
 """Run the lessons in place and store what a reader should see: `python notebooks/refresh.py [NN ...]`.
 
+With --keep-times, for a machine that is busy with something else, times stay as they were.
+
 Outputs are kept (they are the shop window), widget states, timings and cells tagged "widget" are
 not: they would be large, or dead without a kernel. Pictures are stored with a palette. How long a
-lesson took goes into docs/results/lessons.json and, rounded up to five seconds, into its first line.
+lesson took on one core goes into docs/results/lessons.json, and from there, rounded up to five
+seconds, into its first line: nobody writes that by hand.
 """
 
+import argparse
 import base64
 import io
+import json
 import math
+import os
 import re
-import sys
 import time
 from pathlib import Path
 
@@ -23,8 +28,9 @@ COLOURS = 256
 VIEW = "application/vnd.jupyter.widget-view+json"
 
 
-def refresh(path: Path) -> float:
+def refresh(path: Path, *, keep_times: bool = False) -> float:
     """Execute one notebook and write it back; seconds it took. Nothing is written if it fails."""
+    os.environ["OMP_NUM_THREADS"] = "1"  # of the kernel: the badge says one core
     book = nbformat.read(path, 4)
     start = time.perf_counter()
     NotebookClient(
@@ -32,27 +38,44 @@ def refresh(path: Path) -> float:
         timeout=120,
         kernel_name="python3",
         store_widget_state=False,
+        coalesce_streams=True,
         record_timing=False,
         resources={"metadata": {"path": str(HERE)}},
     ).execute()
+    seconds = time.perf_counter() - start
     for cell in book.cells:
         tidy(cell)
     book.metadata.pop("widgets", None)
     book.metadata["language_info"] = {"name": "python"}
-    seconds = time.perf_counter() - start
-    book.cells[0].source = re.sub(r"⏱ \d+ s", f"⏱ {badge(seconds)} s", book.cells[0].source)
+    if not keep_times:
+        store_time(path.name[:2], math.ceil(seconds))
+    head = book.cells[0]
+    head.source = re.sub(r"⏱ [^—]+ —", f"⏱ {badge(stored_time(path.name[:2]))} —", head.source)
     part = path.with_suffix(".part")
     nbformat.write(book, part)
     part.replace(path)
-    times = TIMES.read_text(encoding="utf-8")
-    entry = f'["{path.name[:2]}", {math.ceil(seconds)}]'
-    TIMES.write_text(re.sub(rf'\["{path.name[:2]}", \d+\]', entry, times), encoding="utf-8")
     return seconds
 
 
-def badge(seconds: float) -> int:
-    """Seconds that a lesson's first line promises: rounded up to five."""
-    return 5 * math.ceil(math.ceil(seconds) / 5)
+def badge(seconds: int) -> str:
+    """What a lesson's first line says of its time: seconds rounded up to five, and the cores.
+
+    >>> badge(14)
+    '15 s · 1 core'
+    """
+    return f"{5 * math.ceil(seconds / 5)} s · 1 core"
+
+
+def stored_time(lesson: str) -> int:
+    """Seconds that a lesson, such as "07", took when it was last timed."""
+    return dict(json.loads(TIMES.read_text(encoding="utf-8"))["rows"])[lesson]
+
+
+def store_time(lesson: str, seconds: int) -> None:
+    """Write a lesson's seconds into docs/results/lessons.json."""
+    entry = f'["{lesson}", {seconds}]'
+    times = TIMES.read_text(encoding="utf-8")
+    TIMES.write_text(re.sub(rf'\["{lesson}", \d+\]', entry, times), encoding="utf-8")
 
 
 def tidy(cell) -> None:
@@ -79,7 +102,10 @@ def shrink(png: str) -> str:
 
 
 if __name__ == "__main__":
-    chosen = sys.argv[1:] or [""]
-    for book_path in sorted(p for n in chosen for p in HERE.glob(f"{n}*.ipynb")):
-        seconds = refresh(book_path)
+    parser = argparse.ArgumentParser(description="Run lessons in place.")
+    parser.add_argument("lessons", nargs="*", default=[""], help="such as 05 09; all unless given")
+    parser.add_argument("--keep-times", action="store_true", help="the machine is busy")
+    asked = parser.parse_args()
+    for book_path in sorted(p for n in asked.lessons for p in HERE.glob(f"{n}*.ipynb")):
+        seconds = refresh(book_path, keep_times=asked.keep_times)
         print(f"{book_path.name}: {seconds:.0f} s, {book_path.stat().st_size // 1024} kB")

@@ -13,7 +13,9 @@ from dancediff.viz.palette import BEAT, INK, MUTED, dancer_color
 from dancediff.viz.style import bare, new_axes, set_title
 
 DRIFT_COLUMNS = 4
+LANES = {"x": "x lateral (m)", "z": "z depth (m)"}
 HARD, SOFT = "#D55E00", "#0072B2"
+_SHADE = {HARD: 0.6, SOFT: 0.25}  # opacity: hard ones are darker without colour, too
 
 
 def plot_energy(
@@ -33,13 +35,34 @@ def plot_energy(
     for name, rows, color in (("hard", hard, HARD), ("soft", soft, SOFT)):
         for k, row in enumerate(rows):
             first, last = int(row[0]) / fps, (int(row[-1]) + 1) / fps
-            ax.axvspan(first, last, color=color, alpha=0.3, lw=0, label=None if k else name)
+            ax.axvspan(first, last, color=color, alpha=_SHADE[color], lw=0,
+                       label=None if k else name)  # fmt: skip
     for seam in seams:
         ax.axvline(seam / fps, color=MUTED, lw=1, ls="--")
     ax.vlines([b for b in beats if b <= motion.duration], 0, 0.06 * v.max(), color=BEAT, lw=1)
     if len(hard) or len(soft):
         ax.legend(frameon=False, fontsize=8, ncols=2, loc="lower right", bbox_to_anchor=(1, 1))
     bare(ax).set(xlim=(0, motion.duration), xlabel="time (s)", ylabel="speed (m/s)")
+    return set_title(ax, title)
+
+
+def plot_lanes(motion: Motion, *, ax=None, axis: str = "x", title: str | None = None):
+    """Where every dancer stands over time; a number at the end of a line says whose it is.
+
+    ``axis``: "x" from left to right, or "z" from the back to the audience.
+
+    Shapes: motion.root (n, f, 3) metres -> Axes; metres over seconds.
+    Raises ``ValueError`` for another axis.
+    """
+    if axis not in LANES:
+        raise ValueError(f"axis={axis!r} is not one of {', '.join(LANES)}")
+    ax = new_axes(ax, (7.2, 2.2))
+    time = np.arange(motion.num_frames) / motion.fps
+    for k, path in enumerate(motion.root[..., "xyz".index(axis)].numpy()):
+        ax.plot(time, path, color=dancer_color(k), lw=2)
+        ax.annotate(str(k), (time[-1], path[-1]), (4, 0), textcoords="offset points", va="center",
+                    fontsize=9, color=INK, annotation_clip=False)  # fmt: skip
+    bare(ax).set(xlabel="time (s)", ylabel=LANES[axis])
     return set_title(ax, title)
 
 

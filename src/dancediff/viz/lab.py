@@ -24,7 +24,13 @@ from dancediff.viz.body import body_points
 from dancediff.viz.charts import HARD, SOFT
 from dancediff.viz.palette import INK, MUTED, dancer_color
 from dancediff.viz.panels import new_figure
-from dancediff.viz.plots import filmstrip_page, plot_energy, plot_floor_paths, plot_moment
+from dancediff.viz.plots import (
+    filmstrip_page,
+    plot_energy,
+    plot_floor_paths,
+    plot_lanes,
+    plot_moment,
+)
 from dancediff.viz.projection import follow
 from dancediff.viz.style import bare, set_title
 
@@ -82,13 +88,9 @@ def swap_panel(model, song, *, swap="102", report=None, **options):
     figure = new_figure(8.2, 3.2)
     floor, lanes = figure.subplots(1, 2, width_ratios=[1, 1.3])
     plot_floor_paths(dance, ax=floor, title="Seen from above")
-    time = np.arange(dance.num_frames) / dance.fps
-    for k, x in enumerate(dance.root[..., 0].numpy()):
-        lanes.plot(time, x, color=dancer_color(k), lw=2, label=str(k))
-    bare(lanes).set(xlabel="time (s)", ylabel="x lateral (m)")
     found = final_order(dance.root)
     said = "They obey" if list(found) == order else "They do not obey"
-    set_title(lanes, f"{said}: asked {swap}, got {''.join(map(str, found))}")
+    plot_lanes(dance, ax=lanes, title=f"{said}: asked {swap}, got {''.join(map(str, found))}")
     return figure, dance, song
 
 
@@ -100,13 +102,12 @@ def long_panel(model, song, *, report=None, **options):
     step = 100 * dance.joints().diff(dim=1).norm(dim=-1).amax((0, 2)).numpy()
     figure = new_figure(8.2, 3.6)
     lanes, steps_ax = figure.subplots(2, 1, sharex=True)
-    for k, x in enumerate(dance.root[..., 0].numpy()):
-        lanes.plot(time, x, color=dancer_color(k), lw=1.6)
+    plot_lanes(dance, ax=lanes)
+    lanes.set_xlabel("")
     steps_ax.plot(time[1:], step, color=INK, lw=1)
     for ax in (lanes, steps_ax):
         for at in dance.meta["seams"]:
             ax.axvline(at / dance.fps, color=MUTED, lw=1, ls="--")
-    bare(lanes).set(ylabel="x lateral (m)")
     bare(steps_ax).set(xlabel="time (s), seams dashed", ylabel="largest step (cm)", ylim=(0, None))
     at_seams = [seam - 1 for seam in dance.meta["seams"]]
     if at_seams:

@@ -2,6 +2,7 @@
 
 The colours are those of Okabe and Ito, which stay apart for colour-blind readers and, in this
 order, in greyscale too. No picture says by colour alone who somebody is: numbers stand beside it.
+Curves in one picture differ in their dashes, too (`dash`).
 """
 
 DANCER_COLORS = (
@@ -12,6 +13,7 @@ DANCER_COLORS = (
     "#D55E00",  # vermillion
     "#56B4E9",  # sky blue
 )
+DASHES = ("-", "--", "-.", ":")
 INK = "#22262B"  # text and marks
 MUTED = "#6B7280"  # secondary text
 GRID = "#B9C0C9"  # floor lines
@@ -28,6 +30,15 @@ def dancer_color(k: int) -> str:
     True
     """
     return DANCER_COLORS[k % len(DANCER_COLORS)]
+
+
+def dash(k: int) -> str:
+    """Matplotlib's line style of curve ``k``: four curves stay apart without their colours.
+
+    >>> dash(0), dash(5)
+    ('-', '--')
+    """
+    return DASHES[k % len(DASHES)]
 
 
 def rgb(color: str) -> tuple[float, float, float]:

@@ -20,7 +20,7 @@ from dancediff.viz.body import (
     shadow_shapes,
     to_paths,
 )
-from dancediff.viz.charts import plot_drift, plot_energy
+from dancediff.viz.charts import plot_drift, plot_energy, plot_lanes
 from dancediff.viz.numbers import (
     plot_barcode,
     plot_beats,
@@ -43,6 +43,7 @@ __all__ = [
     "plot_features",
     "plot_filmstrip",
     "plot_floor_paths",
+    "plot_lanes",
     "plot_moment",
     "plot_noise_filmstrip",
     "plot_schedule",

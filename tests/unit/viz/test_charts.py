@@ -28,3 +28,25 @@ def test_energy_is_the_mean_joint_speed_with_its_primitives():
     assert [t.get_text() for t in ax.get_legend().get_texts()] == ["hard", "soft"]
     assert len(ax.patches) == 13
     assert ax.patches[1].get_x() == pytest.approx(int(frames[3, 0]) / 30)
+
+
+def test_hard_and_soft_frames_differ_without_colour():
+    dance = choreograph(BEATS, dancers=1, seed=5, seconds=4)[0]
+    hard, soft = charts.plot_energy(dance, hard=[[0, 8]], soft=[[30, 38]]).patches
+    assert hard.get_alpha() > 2 * soft.get_alpha()
+
+
+@pytest.mark.parametrize(("axis", "channel"), [("x", 0), ("z", 2)])
+def test_lanes_are_numbered_at_their_ends(axis, channel):
+    dance = choreograph(BEATS, dancers=3, seed=5, seconds=4)[0]
+    ax = charts.plot_lanes(dance, axis=axis)
+    for k, (line, number) in enumerate(zip(ax.lines, ax.texts, strict=True)):
+        np.testing.assert_array_equal(line.get_ydata(), dance.root[k, :, channel])
+        assert number.get_text() == str(k)
+        assert number.xy == (line.get_xdata()[-1], line.get_ydata()[-1])
+
+
+def test_lanes_know_two_axes():
+    dance = choreograph(BEATS, dancers=1, seed=5, seconds=1)[0]
+    with pytest.raises(ValueError, match="axis='y' is not one of x, z"):
+        charts.plot_lanes(dance, axis="y")

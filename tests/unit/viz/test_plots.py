@@ -276,6 +276,7 @@ def test_every_plot_draws_on_the_axes_it_is_given(dance):
         "plot_features": [M],
         "plot_filmstrip": [dance],
         "plot_floor_paths": [dance],
+        "plot_lanes": [dance],
         "plot_moment": [points[:, 0], follow(points[:, :1], (160, 90))[0]],
         "plot_noise_filmstrip": [[dance], ["a"]],
         "plot_schedule": [cosine_abar(100)],
