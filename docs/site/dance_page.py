@@ -39,6 +39,8 @@ PAPERS = {  # where the paper's part of it is
     },
 }
 KIND_OF = {  # options of presets that are no extension
+    "genre": "network",
+    "energy": "network",
     "guidance": "guidance",
     "foot_contact": "hook",
     "sampler": "sampling",

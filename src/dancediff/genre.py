@@ -3,7 +3,9 @@
 The file is not called ``genres``, because `dancediff.genres` is the function `genres`.
 """
 
+import json
 import math
+from pathlib import Path
 
 TEMPOS = {  # beats a minute, slowest and fastest; the choreographer's genres
     "hiphop": (82, 112),
@@ -17,7 +19,8 @@ TEMPOS = {  # beats a minute, slowest and fastest; the choreographer's genres
     "bollywood": (88, 128),
     "kpop": (98, 138),
 }
-GENRES = (*TEMPOS, "indian")  # those of the choreographer, and of the recorded solos
+CAPTURED = ("indian", "captured_salsa")  # danced by people, so that none is fallen into by chance
+GENRES = (*TEMPOS, *CAPTURED)
 FINEDANCE = (  # those of the FineDance data set, in the order of Lodge's genre ids 0 to 15
     "Breaking", "Popping", "Locking", "Hiphop", "Urban", "Jazz", "Dai", "Wei", "Miao", "HanTang",
     "ShenYun", "Kun", "DunHuang", "Korean", "Choreography", "Chinese",
@@ -30,14 +33,16 @@ def genres() -> list[str]:
     >>> genres()[:3]
     ['hiphop', 'popping', 'locking']
     """
-    return list(GENRES)
+    config = Path(__file__).parent / "assets" / "models" / "lodge" / "config.json"
+    stored = json.loads(config.read_text(encoding="utf-8"))
+    return list(stored["config"]["local_stage"]["genres"])
 
 
 def genre_for(tempo: float, genres: tuple[str, ...]) -> str:
     """The genre whose usual tempos have their middle nearest, as a ratio, to the song's.
 
-    Genres without a known tempo are chosen only if there is no other; without a beat (``tempo``
-    nan) it is the first.
+    Genres without a known tempo, such as captured ones, are chosen only if there is no other;
+    without a beat (``tempo`` nan) it is the first.
 
     >>> genre_for(125.0, GENRES), genre_for(80.0, GENRES), genre_for(float("nan"), GENRES)
     ('house', 'contemporary', 'hiphop')

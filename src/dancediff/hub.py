@@ -1,9 +1,9 @@
 r"""Model folders: save, load, and the models and the song that come with the package.
 
-A model folder holds ``config.json`` (class, sizes and names of extensions), ``model.safetensors``
-(weights and normalisers) and ``card.md``; a Lodge has ``global.safetensors`` and
-``local.safetensors`` instead. No pickle is ever read. Files are written under a temporary name and
-renamed, so a stop in between leaves the old file or the new one.
+A model folder holds ``config.json`` (class, sizes, names of extensions and genres),
+``model.safetensors`` (weights and normalisers) and ``card.md``; a Lodge has ``global.safetensors``
+and ``local.safetensors`` instead. No pickle is ever read. Files are written under a temporary name
+and renamed, so a stop in between leaves the old file or the new one.
 """
 
 import json
@@ -19,6 +19,7 @@ from safetensors.torch import load_file
 from dancediff import __version__
 from dancediff.atomic import atomic_write, save_tensors, tensor_name
 from dancediff.extensions.build import build, extensions_of
+from dancediff.extensions.genre_condition import genres_of
 from dancediff.generation.pipeline import Pipeline, pipeline_of
 from dancediff.music.song import Music
 from dancediff.papers.edge.model import EDGE, EDGEConfig
@@ -47,7 +48,9 @@ def save_model(
         name for name, (model_class, _) in _CLASSES.items() if isinstance(model, model_class)
     )
     config: dict = {"class": kind, "dancediff": __version__, "config": asdict(model.config)}
-    config["extensions"] = list(extensions_of(model))
+    config["extensions"] = names = list(extensions_of(model))
+    if "genre_condition" in names:
+        config["genres"] = list(genres_of(model))
     tensors = {
         k: (v if "normalizer" in k else v.to(dtype)).detach().cpu().contiguous().clone()
         for k, v in model.state_dict().items()
@@ -119,6 +122,8 @@ def _read(folder: Path) -> TCDiffPP | EDGE | Lodge:
         raise ValueError("config.json names no extensions: an older dancediff wrote it")
     names = _checked("extensions", stored["extensions"], tuple)
     make: Callable[..., TCDiffPP | EDGE | Lodge] = partial(build, model_class, extensions=names)
+    if "genre_condition" in names:
+        make = partial(make, genres=_checked("genres", stored.get("genres"), tuple))
     config = _config(stored["config"], config_class())
     tensors = {
         prefix + tensor_name(key): value

@@ -81,7 +81,7 @@ def test_t01_music_is_35_numbers_at_30_fps_and_another_width_is_a_setting():
 def test_t02_training_sees_sorted_dancers_and_their_order():
     """Released: sorts, then trains on the dancers as they came, without S."""
     takes = [DanceTake("crossing", crossing(), M=torch.randn(170, 35))]
-    x_0, _, S = WindowSampler(takes, GroupCut(), dancers_per_batch=3).batch(0)
+    x_0, _, S, *_ = WindowSampler(takes, GroupCut(), dancers_per_batch=3).batch(0)
     unsorted = takes[0].x[None, :, :150]
     assert (x_0[:, :, 0, 4].diff(dim=1) > 0).all()
     assert not (unsorted[:, :, 0, 4].diff(dim=1) > 0).any()

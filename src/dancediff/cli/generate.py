@@ -28,6 +28,7 @@ OTHER_TYPES: dict[str, Any] = {
     "swap": tuple[int, ...],
     "dtype": Literal["float32", "bfloat16", "fastest"],
     "device": str,
+    "energy": str,
 }
 
 
@@ -116,7 +117,7 @@ def _defaults(name: str) -> str:
     for preset in PRESETS:
         values = {family: default_of(family, name, preset) for family in families}
         shown = dict.fromkeys(str(value) for value in values.values())
-        text = ", ".join(f"{family} {value}" for family, value in values.items())
+        text = ", ".join(f"{family} {v}" for family, v in values.items() if v is not None)
         text = next(iter(shown)) if len(shown) == 1 else text
         if text != "None" and not (words and words[-1].endswith(f": {text}")):
             words.append(f"{'default' if preset == 'packaged' else preset}: {text}")

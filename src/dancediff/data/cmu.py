@@ -24,6 +24,7 @@ from dancediff.data.summary import MEASURED
 from dancediff.data.take import SPLITS, DanceTake, Job
 from dancediff.motion.motion import Motion
 
+GENRE = {"salsa": "captured_salsa", "indian": "indian"}  # "salsa" is the choreographer's
 LEAD = 6  # frames dropped: the added T-pose, and five into which the conversion's filter smears it
 
 
@@ -43,8 +44,8 @@ def cmu_jobs(src) -> list[Job]:
             for row in salsa["pairs"]
         ]
         takes += [("indian", indian["fps_true"], r, [r["file"]], []) for r in indian["takes"]]
-        for genre, fps, row, files, spikes in takes:
-            name = f"{genre}_{row['take']:02d}"
+        for kind, fps, row, files, spikes in takes:
+            name, genre = f"{kind}_{row['take']:02d}", GENRE[kind]
             _check(name, fps, files, spikes, row["split"])
             paths = [src / file for file in files]
             make = partial(make_take, name, paths, fps, spikes, genre, row["split"], **texts)

@@ -2,15 +2,17 @@ r"""Training windows: a few seconds of a dance and the music it was made for, a 
 
 Read first: notebook 03. All models learn from `WindowSampler`; a cut says what a window is to them.
 
-Symbols (axes: b batch · w windows · n dancers · f frames · d motion, m music features)
-    x   motion features, not normalised                (n, f, d)
-    M   music features of a window's song, raw         (b, f, m)
-    S   swap mode of a window of a group               (b, n)
+Symbols (axes: b batch · w windows · n dancers · f frames · d motion, m music features · g genres)
+    x       motion features, not normalised                            (n, f, d)
+    M       music features of a window's song, raw                     (b, f, m)
+    S       swap mode of a window of a group                           (b, n)
+    genre   1 at the genre of the take, zeros where that is unknown    (b, g)
+    energy  of the window's song, 0 to 1                               (b, f)
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import torch
@@ -21,6 +23,25 @@ from dancediff.data.augment import Augmentation, check_share
 from dancediff.data.take import DanceTake
 from dancediff.motion.order import left_to_right, swap_mode
 from dancediff.motion.representation import LODGE, TCDIFFPP, MotionSpec, at_origin
+from dancediff.music.energy import energy_curve
+
+
+class Batch(NamedTuple):
+    """Windows as a network learns from them; a single window has no axis b.
+
+    >>> Batch(torch.zeros(4, 2, 150, 151), torch.zeros(4, 150, 35), torch.zeros(4, 2)).genre
+    """
+
+    x: Tensor  # (b, ..., f, d)
+    M: Tensor  # (b, f, m)
+    label: Tensor  # what the cut makes of it: S (b, n), or the number of a genre (b,)
+    genre: Tensor | None = None  # (b, g)
+    energy: Tensor | None = None  # (b, f)
+
+    def to(self, device) -> "Batch":
+        """The same windows on a device."""
+        parts: Any = (None if part is None else part.to(device) for part in self)
+        return Batch(*parts)
 
 
 class Cut(Protocol):
@@ -152,11 +173,12 @@ class WindowSampler:
     ``swaps``: share of windows, drawn from all takes of a group size, in which dancers change their
     left-to-right order, every order as often as any other. In a dance most windows keep their
     order, so by default few show how to change it.
+    ``genres``: names in the order of `Batch.genre`.
 
     Raises: ValueError when a take has no music or is shorter than a window, or there is none.
 
     >>> takes = [DanceTake("duo", torch.zeros(2, 200, 151), M=torch.zeros(200, 35))]
-    >>> x, M, S = WindowSampler(takes, GroupCut(150), dancers_per_batch=8).batch(0)
+    >>> x, M, S, *_ = WindowSampler(takes, GroupCut(150), dancers_per_batch=8).batch(0)
     >>> x.shape, M.shape, S.shape
     (torch.Size([4, 2, 150, 151]), torch.Size([4, 150, 35]), torch.Size([4, 2]))
     """
@@ -166,6 +188,7 @@ class WindowSampler:
         takes: Sequence[DanceTake],
         cut: Cut,
         *,
+        genres: Sequence[str] = (),
         augment: Augmentation | None = None,
         dancers_per_batch: int = 24,
         real: float | None = None,
@@ -188,7 +211,8 @@ class WindowSampler:
         check_share("swaps", swaps)
         self.takes, self.cut, self.augment = takes, cut, augment or Augmentation()
         self.dancers_per_batch, self.seed = dancers_per_batch, seed
-        self.real, self.swaps = real, swaps
+        self.real, self.swaps, self.genres = real, swaps, tuple(genres)
+        self._energy: dict[tuple[int, int], Tensor] = {}  # of songs that were met, whole
         self.synthetic = [take for take in takes if not take.real]
         self.by_size: dict[int, list[DanceTake]] = {}
         for take in takes:
@@ -196,15 +220,14 @@ class WindowSampler:
         sizes = self.by_size if swaps else ()
         self.changes = {n: order_changes(self.by_size[n], cut.num_frames) for n in sizes}
 
-    def batch(self, step: int) -> tuple[Tensor, Tensor, Tensor]:
-        """Motion (b, ..., f, d) and music (b, f, m), not normalised, and labels (b, ...)."""
+    def batch(self, step: int) -> Batch:
+        """The windows of a step, all of one group size."""
         rng = np.random.default_rng([self.seed, step])
         n = int(rng.choice(sorted(self.by_size)))
         windows = [self._draw(n, rng) for _ in range(max(1, self.dancers_per_batch // n))]
-        motions, music, labels = (torch.stack(part) for part in zip(*windows, strict=True))
-        return motions, music, labels
+        return Batch(*(torch.stack(part) for part in zip(*windows, strict=True)))
 
-    def _draw(self, n: int, rng: np.random.Generator) -> tuple[Tensor, Tensor, Tensor]:
+    def _draw(self, n: int, rng: np.random.Generator) -> Batch:
         """A window of n dancers, at random."""
         takes, orders = self.by_size[n], self.changes.get(n)
         if orders and rng.random() < self.swaps:
@@ -220,19 +243,31 @@ class WindowSampler:
             takes = [take for take in takes if take.real == want] or takes
         return takes[rng.integers(len(takes))]
 
-    def window(
-        self, take: DanceTake, rng: np.random.Generator, start: int | None = None
-    ) -> tuple[Tensor, Tensor, Tensor]:
-        """One window of a take, by default at random: motion, music (f, m) and label."""
+    def window(self, take: DanceTake, rng: np.random.Generator, start: int | None = None) -> Batch:
+        """One window of a take, by default at random."""
         f = self.cut.num_frames
         if start is None:
             start = int(rng.integers(take.num_frames - f + 1))
         x = self.augment.motion(self.cut(take, start), rng, self.cut.spec)
-        songs = take.songs
-        song = songs[int(rng.integers(len(songs))) if self.augment.music else 0]
+        heard, number = take, 0
+        if self.augment.music:
+            number = int(rng.integers(len(take.songs)))
         foreign = self.augment.any_song and take.real and self.synthetic
         if foreign and rng.random() < self.augment.any_song:
-            other = self.synthetic[int(rng.integers(len(self.synthetic)))]
-            song, start = other.songs[0], int(rng.integers(other.num_frames - f + 1))
+            heard, number = self.synthetic[int(rng.integers(len(self.synthetic)))], 0
+            start = int(rng.integers(heard.num_frames - f + 1))
         x, label = self.cut.finish(x, take)
-        return x, song[start : start + f], label
+        part = slice(start, start + f)
+        energy = self.energy(heard, number)[part]
+        return Batch(x, heard.songs[number][part], label, self.genre(take), energy)
+
+    def genre(self, take: DanceTake) -> Tensor:
+        """1 at the genre of a take (g,); zeros where it is none of those known."""
+        return torch.tensor([float(name == take.genre) for name in self.genres])
+
+    def energy(self, take: DanceTake, number: int) -> Tensor:
+        """Energy of one of a take's songs, relative to the whole of that song (f,)."""
+        key = id(take), number
+        if key not in self._energy:
+            self._energy[key] = energy_curve(take.songs[number])
+        return self._energy[key]

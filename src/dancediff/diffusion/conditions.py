@@ -1,12 +1,15 @@
 r"""Conditions: the inputs of a denoiser besides the noisy motion and its step.
 
-Symbols (axes: b batch · n dancers · f frames · m music features)
+Symbols (axes: b batch · n dancers · f frames · m music features · g genres)
     music       M, standardised music features           (b, f, m)
     swap        S, swap mode of TCDiff++                 (b, n)
     style       style token of Lodge                     (b, d_model)
     music_mask  False: the null music of classifier-free guidance   (b,)
+    genre       shares of a mix of genres, at least 0; what they lack to 1 is no genre   (b, g)
+    energy      how full the music is, 0 to 1; nan where that is unknown                 (b, f)
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -27,6 +30,8 @@ class Conditions:
     swap: Tensor | None = None
     style: Tensor | None = None
     music_mask: Tensor = None  # type: ignore[assignment] # None becomes all True
+    genre: Tensor | None = None
+    energy: Tensor | None = None
 
     def __post_init__(self):
         """Without a mask all rows have music."""
@@ -40,10 +45,23 @@ class Conditions:
 
     def repeat(self, copies: int) -> "Conditions":
         """The whole batch ``copies`` times, one after the other."""
-        if copies == 1:
-            return self
+        return self if copies == 1 else self._each(lambda value: torch.cat([value] * copies))
+
+    def each_row(self, times: int) -> "Conditions":
+        """Every row ``times`` times before the next one.
+
+        >>> Conditions(torch.arange(2.0)[:, None, None]).each_row(2).music.flatten().tolist()
+        [0.0, 0.0, 1.0, 1.0]
+        """
+        return self._each(lambda value: value.repeat_interleave(times, 0))
+
+    def rows(self, which: slice) -> "Conditions":
+        """Some rows of the batch."""
+        return self._each(lambda value: value[which])
+
+    def _each(self, change: Callable[[Tensor], Tensor]) -> "Conditions":
         given = {name: value for name, value in vars(self).items() if value is not None}
-        return replace(self, **{name: torch.cat([v] * copies) for name, v in given.items()})
+        return replace(self, **{name: change(value) for name, value in given.items()})
 
     def with_mask(self, music_mask: Tensor) -> "Conditions":
         """The same conditions under another mask (b,)."""

@@ -12,6 +12,7 @@ from torch import nn
 from dancediff.extensions.lodge_stages import extended_lodge
 from dancediff.extensions.networks import ExtendedEDGE, ExtendedTCDiffPP
 from dancediff.extensions.registry import REGISTRY
+from dancediff.genre import GENRES
 from dancediff.papers.edge.model import EDGE
 from dancediff.papers.lodge.model import Lodge
 from dancediff.papers.tcdiffpp.model import TCDiffPP
@@ -29,8 +30,13 @@ EXTENSIONS = {  # names by class
 }
 
 
-def build(model_class: type[Model], config, extensions: Sequence[str] = ()) -> Model:
+def build(
+    model_class: type[Model], config, extensions: Sequence[str] = (), genres: Sequence[str] = GENRES
+) -> Model:
     """A model of random weights with the named extensions.
+
+    ``genres``: names for the extension "genre_condition", which stay with the model; Lodge's are
+    in its config.
 
     Raises: ValueError for an extension that the class does not have, or one without what it needs.
 
@@ -40,7 +46,10 @@ def build(model_class: type[Model], config, extensions: Sequence[str] = ()) -> M
     ('ExtendedEDGE', ('beat_phase',))
     """
     check_extensions(model_class, config, extensions)
-    model = EXTENDED[model_class](config, extensions) if extensions else model_class(config)
+    named = {"genres": tuple(genres)} if "genre_condition" in extensions else {}
+    model = (
+        EXTENDED[model_class](config, extensions, **named) if extensions else model_class(config)
+    )
     model.extensions = tuple(extensions)  # type: ignore[assignment] # torch expects modules only
     return model
 

@@ -7,13 +7,15 @@ the networks as the paper has them · `dancediff.extensions.parts`.
     global_style    the genre is an input of the first stage, too, so that primitives depend on it
 
 In the first stage preconditioning takes each primitive for itself, since its neighbours are seconds
-away. Beat phase is not for it: soft primitives are moved to a beat only after they are made.
+away, and energy is that of the frames which the tokens stand for. Beat phase is not for it: soft
+primitives are moved to a beat only after they are made.
 
 Symbols (axes: b batch · p primitives · f frames · d motion features)
     x_t      noisy motion, normalised              (b, f, d), in the first stage (b, p 8, d)
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from torch import Tensor
 
@@ -25,6 +27,8 @@ from dancediff.papers.lodge.global_diffusion import GlobalDenoiser
 from dancediff.papers.lodge.local_diffusion import LocalConfig, LocalDenoiser
 from dancediff.papers.lodge.model import Lodge, LodgeConfig
 from dancediff.papers.lodge.style import StyleToken
+
+OF_GLOBAL = ("preconditioning", "energy_condition")  # parts that the first stage has, too
 
 
 def extended_lodge(config: LodgeConfig, extensions: Sequence[str]) -> Lodge:
@@ -46,14 +50,17 @@ class ExtendedGlobalDenoiser(Extended, GlobalDenoiser):
         c = config.global_stage
         super().__init__(c)
         self.style_film = "style_film" in extensions
-        own = [name for name in extensions if name == "preconditioning"]
+        own = [name for name in extensions if name in OF_GLOBAL]
         self.parts = parts_of(c, own, c.num_frames // c.clips)
         if "global_style" in extensions:
             genres, noise = config.local_stage.genres, config.local_stage.style_noise
             self.style = StyleToken(c.d_model, len(genres), noise)
 
     def prepare(self, x_t: Tensor, t: Tensor, conditions: Conditions) -> Pass:
-        """Begin a pass in which primitives are apart, (b, p, 8, d)."""
+        """Begin a pass in which primitives are apart, (b, p, 8, d); energy is that of tokens."""
+        if conditions.energy is not None:
+            at_tokens = conditions.energy[:, self.frames.long()]
+            conditions = replace(conditions, energy=at_tokens)
         return super().prepare(self.clips(x_t), t, conditions)
 
     def forward(self, x_t: Tensor, t: Tensor, conditions: Conditions) -> Tensor:
@@ -68,7 +75,7 @@ class ExtendedGlobalDenoiser(Extended, GlobalDenoiser):
             memory.append(style[:, None])
             cond = cond + style if self.style_film else cond
         h = self.parts.embed(self.clips(decoder.embed(x_t)), run).flatten(1, 2)
-        h = decoder(h, memory, cond, self.frames)
+        h = decoder(self.parts.tokens(h, run), memory, cond, self.frames)
         return self.parts.read(self.clips(decoder.read(h)), self.clips(h), run).flatten(1, 2)
 
     def linear_guess(self, x_t: Tensor, t: Tensor, conditions: Conditions) -> Tensor:

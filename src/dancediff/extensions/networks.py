@@ -7,19 +7,23 @@ papers have them · `dancediff.extensions.parts`.
 from collections.abc import Callable, Sequence
 from typing import Any
 
+import torch
 from torch import Tensor
 
 from dancediff.diffusion.conditions import Conditions
 from dancediff.extensions.aligned_attention import align_attention
 from dancediff.extensions.beat_phase import BeatPhase
+from dancediff.extensions.energy_condition import EnergyCondition
 from dancediff.extensions.foot_cues import NUM_MOVING, FootCues
 from dancediff.extensions.formation_prior import FormationPrior
 from dancediff.extensions.frame_tokens import FrameTokens, pool_music
+from dancediff.extensions.genre_condition import GenreCondition
 from dancediff.extensions.non_local_filter import NonLocalFilter
 from dancediff.extensions.parts import Part, Parts, Pass
 from dancediff.extensions.preconditioning import LinearStart, preconditioning_of
 from dancediff.extensions.residuals import FootworkResidual, FusionResidual
 from dancediff.extensions.ssd import SSDBlock
+from dancediff.genre import GENRES
 from dancediff.nn.conditioning import MusicConditioning
 from dancediff.nn.dance_network import DanceNetwork
 from dancediff.papers.edge.model import EDGE, EDGEConfig
@@ -60,10 +64,12 @@ class ExtendedTCDiffPP(Extended, TCDiffPP):
     torch.Size([2, 3, 20, 151])
     """
 
-    def __init__(self, config: TCDiffPPConfig, extensions: Sequence[str]):
+    def __init__(
+        self, config: TCDiffPPConfig, extensions: Sequence[str], genres: Sequence[str] = GENRES
+    ):
         super().__init__(config)
         c, decoder = config, self.decoder
-        self.parts = parts_of(c, extensions)
+        self.parts = parts_of(c, extensions, genres=genres)
         self.frame_tokens = frame_tokens(decoder, c, extensions)
         if "aligned_attention" in extensions:
             align_attention(self)
@@ -81,17 +87,18 @@ class ExtendedTCDiffPP(Extended, TCDiffPP):
 
     def forward(self, x_t: Tensor, t: Tensor, conditions: Conditions) -> tuple[Tensor, Tensor]:
         """Guess the clean dance, without and with the Footwork Adaptor."""
-        decoder, parts = self.decoder, self.parts
+        decoder, parts, layers = self.decoder, self.parts, self.decoder.sequence_decoder
         decoder.check(x_t, t, conditions)
         run = self.prepare(x_t, t, conditions)
         h = parts.embed(decoder.embed(x_t), run)
+        memory, cond = decoder.memory(t, conditions)
+        cond = parts.film(cond, run)
         if self.frame_tokens is None:
-            h = parts.tokens(decoder.place(h), run)
-            h = decoder.decode(h, t, conditions)
+            h = layers(parts.tokens(decoder.place(h), run), memory, cond)
         else:
             h = parts.tokens(h, run)
             low = decoder.place(self.frame_tokens.pool(h))  # (b, n, f / 3, d_model)
-            h = self.frame_tokens.unpool(decoder.decode(low, t, conditions), h)
+            h = self.frame_tokens.unpool(layers(low, memory, cond), h)
         x_raw = parts.read(decoder.read(h), h, run)
         v = parts.velocity(ground_velocity(x_raw), x_raw, run)
         return x_raw, parts.adapt(self.footwork_adaptor(x_raw, v), x_raw, run)
@@ -107,24 +114,31 @@ class ExtendedEDGE(Extended, EDGE):
     torch.Size([2, 3, 20, 151])
     """
 
-    def __init__(self, config: EDGEConfig, extensions: Sequence[str]):
+    def __init__(
+        self, config: EDGEConfig, extensions: Sequence[str], genres: Sequence[str] = GENRES
+    ):
         super().__init__(config)
-        self.parts = parts_of(config, extensions)
+        self.parts = parts_of(config, extensions, genres=genres)
         self.frame_tokens = frame_tokens(self.decoder, config, extensions)
         if "aligned_attention" in extensions:
             align_attention(self)
 
     def guess(self, x_t: Tensor, t: Tensor, conditions: Conditions) -> Tensor:
         """Guess the clean motion of single dancers, (b, f, d)."""
-        run = super().prepare(x_t, t, conditions)
-        h = self.parts.embed(self.decoder.embed(x_t), run)
-        h = self.parts.tokens(h, run)
+        decoder, parts, run = self.decoder, self.parts, super().prepare(x_t, t, conditions)
+        h = parts.tokens(parts.embed(decoder.embed(x_t), run), run)
+        music, steps, cond = decoder.condition(t, conditions)
+        cond = parts.film(cond, run)
+
+        def layers(h: Tensor) -> Tensor:
+            return decoder(h, [music, steps], cond, torch.arange(h.shape[1], device=h.device))
+
         if self.frame_tokens is None:
-            h = self.decode(h, t, conditions)
+            h = layers(h)
         else:
-            low = self.decode(self.frame_tokens.pool(h), t, conditions)  # (b, f / 3, d_model)
-            h = self.frame_tokens.unpool(low, h)
-        return self.parts.read(self.decoder.read(h), h, run)
+            low = self.frame_tokens.pool(h)  # (b, f / 3, d_model)
+            h = self.frame_tokens.unpool(layers(low), h)
+        return parts.read(decoder.read(h), h, run)
 
     def linear_guess(self, x_t: Tensor, t: Tensor, conditions: Conditions) -> Tensor:
         """What preconditioning guesses without the network, (b, n, f, d)."""
@@ -141,10 +155,17 @@ def frame_tokens(
     return FrameTokens(c.d_model)
 
 
-def parts_of(c: Any, extensions: Sequence[str], num_frames: int | None = None) -> Parts:
+def parts_of(
+    c: Any,
+    extensions: Sequence[str],
+    num_frames: int | None = None,
+    *,
+    genres: Sequence[str] = GENRES,
+) -> Parts:
     """The parts among the extensions of a config, in the order in which they take their turns.
 
     ``num_frames``: that follow one another in what the network makes; default: the config's.
+    ``genres``: names for the genre condition.
     """
     f = num_frames or c.num_frames
     make: dict[str, Callable[[], Part]] = {
@@ -154,6 +175,8 @@ def parts_of(c: Any, extensions: Sequence[str], num_frames: int | None = None) -
         "preconditioning": lambda: LinearStart(c.d_model, c.motion_dim, f),
         "foot_cues": lambda: FootCues(c.d_model),
         "beat_phase": lambda: BeatPhase(c.d_model),
+        "genre_condition": lambda: GenreCondition(c.d_model, genres),
+        "energy_condition": lambda: EnergyCondition(c.d_model),
         "non_local_filter": lambda: NonLocalFilter(c.d_model, c.motion_dim),
     }
     return Parts({name: make[name]() for name in make if name in extensions})

@@ -2,12 +2,13 @@
 
 An extended model runs its plain decoder step by step and gives every part a turn after each step:
 `Parts.prepare` before all, `embed` after the embedding, `tokens` after the Fusion Projection,
-`read` after the decoder has read out its tokens, `velocity` before and `adapt` after the Footwork
-Adaptor.
+`film` before the layers, `read` after the decoder has read out its tokens, `velocity` before and
+`adapt` after the Footwork Adaptor.
 
 Symbols (axes: b batch · n dancers, where there is a group · f frames · d motion features)
-    h   tokens of the decoder   (b, n, f, d_model) or (b, f, d_model)
-    x   motion, normalised      (b, n, f, d) or (b, f, d)
+    h      tokens of the decoder             (b, n, f, d_model) or (b, f, d_model)
+    cond   the vector that FiLM gets         (b, d_model)
+    x      motion, normalised                (b, n, f, d) or (b, f, d)
 """
 
 from collections.abc import ValuesView
@@ -47,6 +48,10 @@ class Part(nn.Module):
         """Add to the tokens that the layers get."""
         return h
 
+    def film(self, cond: Tensor, run: Pass) -> Tensor:
+        """Add to the vector that FiLM gets."""
+        return cond
+
     def read(self, x: Tensor, h: Tensor, run: Pass) -> Tensor:
         """Change what the decoder put out; h: its last tokens."""
         return x
@@ -84,6 +89,12 @@ class Parts(nn.ModuleDict):
         for part in self.values():
             h = part.tokens(h, run)
         return h
+
+    def film(self, cond: Tensor, run: Pass) -> Tensor:
+        """See `Part.film`."""
+        for part in self.values():
+            cond = part.film(cond, run)
+        return cond
 
     def read(self, x: Tensor, h: Tensor, run: Pass) -> Tensor:
         """See `Part.read`; in float32, since millimetres need it."""

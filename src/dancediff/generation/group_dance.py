@@ -9,7 +9,7 @@ Symbols (axes: n dancers · f frames of a segment · F frames of the dance · k 
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
@@ -17,6 +17,7 @@ from torch import Tensor
 from dancediff.axes import FPS
 from dancediff.diffusion.conditions import Conditions
 from dancediff.diffusion.guidance import guided, off_at_the_end, ramp_up
+from dancediff.diffusion.long_sampling import Segment
 from dancediff.diffusion.pinning import NOISY_CONTEXT
 from dancediff.diffusion.samplers import SamplerOptions, sample, sampling_times
 from dancediff.extensions import control
@@ -25,10 +26,13 @@ from dancediff.extensions.collision_avoidance import CollisionAvoidance
 from dancediff.extensions.constraint import Constraint, ConstraintHook, Source
 from dancediff.extensions.foot_contact_projection import foot_contact_hook
 from dancediff.extensions.frequency_clip import FrequencyClip
+from dancediff.extensions.genre_condition import genres_of
 from dancediff.extensions.initial_frames import InitialFrames
 from dancediff.extensions.order_constraint import OrderConstraint
 from dancediff.extensions.preconditioning import preconditioning_of
 from dancediff.extensions.projection import Projection
+from dancediff.generation.energy_request import energy_for
+from dancediff.generation.genre_mix import mix_weights
 from dancediff.generation.group_request import GroupDanceRequest, SegmentedRequest
 from dancediff.generation.segments import SegmentPlan
 from dancediff.motion.motion import Motion
@@ -60,7 +64,8 @@ def long_group_sampler(model, song, request: GroupDanceRequest, *, dtype=None) -
     """How a resolved request is danced by TCDiff++."""
     segments, constraint = SegmentPlan.of(request, model.config.num_frames), request.constraint()
     assert request.pinning and request.seam  # only naive long sampling has none
-    return LongGroupSampler(
+    return StyledGroupSampler(
+        style=style_of(model, song, request, segments),
         shape=(request.dancers, segments.window, model.config.motion_dim),
         bind=binder(model, _weight(request, model), request.autoguidance, dtype),
         music=segments.music(_music(model, song)),
@@ -76,6 +81,33 @@ def long_group_sampler(model, song, request: GroupDanceRequest, *, dtype=None) -
         options=sampler_options(model, request),
         generator=torch.Generator().manual_seed(request.seed),
     )
+
+
+@dataclass(frozen=True, kw_only=True)
+class StyledGroupSampler(LongGroupSampler):
+    """Long Group Diffusion Sampling with a genre and an energy for each segment.
+
+    ``style``: both by name, of all segments, where the model has parts for them; see `style_of`.
+    """
+
+    style: dict[str, Tensor]
+
+    def conditions(self, segment: Segment) -> Conditions:
+        """Those of the segment's row."""
+        here = slice(segment.number, segment.number + 1)
+        style = {name: value[here] for name, value in self.style.items()}
+        return replace(super().conditions(segment), **style)
+
+
+def style_of(model, song, request: SegmentedRequest, segments: SegmentPlan) -> dict[str, Tensor]:
+    """The genre (k, g) and the energy (k, f) that are asked for; without those the model lacks."""
+    made = {}
+    if request.genre is not None:
+        made["genre"] = mix_weights(request.genre, genres_of(model)).expand(segments.count, -1)
+    if request.energy is not None:
+        energy = energy_for(request.energy, song.features())
+        made["energy"] = segments.music(energy[:, None])[..., 0]
+    return {name: value.to(model.abar.device) for name, value in made.items()}
 
 
 def hooks_of(
@@ -125,8 +157,8 @@ def naive_dance(
         times = sampling_times(request.sampler, request.steps, model.abar.cpu())
         weight = ramp_up(request.guidance, times)
     bind = binder(model, weight, request.autoguidance, dtype)
-    pairs = zip(M.split(AT_ONCE), S.split(AT_ONCE), strict=True)
-    parts = [bind(Conditions(music, swap=order)) for music, order in pairs]
+    conditions = Conditions(M, swap=S, **style_of(model, song, request, segments))
+    parts = [bind(conditions.rows(slice(i, i + AT_ONCE))) for i in range(0, k, AT_ONCE)]
 
     def denoise_in_parts(x_t, t):
         pairs = zip(parts, x_t.split(AT_ONCE), strict=True)

@@ -2,14 +2,26 @@
 
 import math
 import operator
+from collections.abc import Callable
 from dataclasses import Field, field
 from types import UnionType
 from typing import Any, get_args
 
 
-def option(default, help: str, *, choices: tuple = (), low=0, high=math.inf) -> Any:
-    """A field of a request with its help and the values that it may have."""
-    limits = {"help": help, "choices": tuple(choices), "low": low, "high": high}
+def option(
+    default,
+    help: str,
+    *,
+    choices: tuple = (),
+    low=0,
+    high=math.inf,
+    parse: Callable[[Any], Any] | None = None,
+) -> Any:
+    """A field of a request with its help and the values that it may have.
+
+    ``parse``: checks a value, and returns it in its one form.
+    """
+    limits = {"help": help, "choices": tuple(choices), "low": low, "high": high, "parse": parse}
     return field(default=default, metadata=limits)
 
 
@@ -23,6 +35,8 @@ def checked(one: Field, value):
 
     Raises: ValueError naming the option, its value and what is allowed.
     """
+    if parse := one.metadata["parse"]:
+        return parse(value)
     if choices := one.metadata["choices"]:
         if value not in choices:
             allowed = ", ".join(map(repr, choices))

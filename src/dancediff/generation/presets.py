@@ -15,18 +15,21 @@ _PAPERS: Values = {  # TCDiff++, Lodge and EDGE take the same sampler
     "eta": 1.0,
     "guidance": 2.0,
     "autoguidance": 1.0,
+    "energy": "any",
     "foot_contact": False,
 }
 _OURS: Values = {
     "sampler": "dpm",
     "eta": 0.0,
     "guidance": 1.0,
+    "energy": 1.0,  # the song's own
     "foot_contact": True,
 }
 
 PAPER: dict[str, Values] = {
     "tcdiffpp": _PAPERS
     | {
+        "genre": "any",
         "frequency_clip": False,
         "collision_avoidance": False,
         "order_constraint": False,
@@ -42,12 +45,13 @@ PAPER: dict[str, Values] = {
         "repeat_sections": False,
         "smooth_primitives": False,
     },
-    "edge": _PAPERS | {"frequency_clip": False},
+    "edge": _PAPERS | {"genre": "any", "frequency_clip": False},
 }
 PACKAGED: dict[str, Values] = {
     "tcdiffpp": _OURS
     | {
         "steps": 12,
+        "genre": "by tempo",
         "autoguidance": 1.5,  # docs/drift.md
         "frequency_clip": True,
         "collision_avoidance": True,
@@ -66,6 +70,6 @@ PACKAGED: dict[str, Values] = {
         "repeat_sections": True,
         "smooth_primitives": True,
     },
-    "edge": _OURS | {"steps": 20, "autoguidance": 1.5, "frequency_clip": True},
+    "edge": _OURS | {"steps": 20, "genre": "by tempo", "autoguidance": 1.5, "frequency_clip": True},
 }
 PRESETS = {"packaged": PACKAGED, "paper": PAPER}

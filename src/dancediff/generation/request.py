@@ -30,9 +30,9 @@ def request_of(family: str, name: str, options: dict) -> SamplingConfig:
     >>> request_of("lodge", "lodge", {"home": False})
     Traceback (most recent call last):
     ValueError: home=False is now return_to_origin=False
-    >>> request_of("tcdiffpp", "trio", {"genre": "salsa"})
+    >>> request_of("tcdiffpp", "trio", {"soft": 0.5})
     Traceback (most recent call last):
-    ValueError: genre='salsa' is not for the model 'trio'; models of lodge have it
+    ValueError: soft=0.5 is not for the model 'trio'; models of lodge have it
     """
     kind = REQUESTS[family]
     for key, value in options.items():

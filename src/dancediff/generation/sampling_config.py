@@ -13,6 +13,8 @@ from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from dancediff.extensions.registry import REGISTRY
+from dancediff.generation.energy_request import energy_of, is_curve, resolved_energy
+from dancediff.generation.genre_mix import BY_TEMPO, mix_of, resolved_genre
 from dancediff.generation.option import checked, in_range, option
 from dancediff.generation.presets import PAPER, PRESETS
 
@@ -64,6 +66,19 @@ class SamplingConfig:
         low=1,
         high=10,
     )
+    genre: str | dict | None = option(  # noqa: RUF009 - it is a field
+        None,
+        "What to dance: a genre or a mix such as hiphop=0.7,house=0.3; default: by the song's "
+        "tempo; 'any': none in particular. Only models that know genres.",
+        parse=mix_of,
+    )
+    energy: float | str | tuple | None = option(
+        None,
+        "How full the dance is: a number multiplies the song's own energy, points such as "
+        "0:0.3,10:1 (seconds:value) replace it; 'any': none in particular. Only models that "
+        "listen to energy.",
+        parse=energy_of,
+    )
     foot_contact: bool = option(
         None,
         "Limit speeds, keep bodies on the floor and standing feet in place; False: none of it.",
@@ -105,6 +120,11 @@ class SamplingConfig:
                     )
                 usual[name] = off
         filled = replace(self, **usual | asked | {"seconds": seconds})
+        filled = replace(
+            filled,
+            genre=resolved_genre(self.genre, usual.get("genre", BY_TEMPO), model, song),
+            energy=resolved_energy(self.energy, usual["energy"], model, filled.frames),
+        )
         for name, high in self._limits(model.config).items():
             in_range(name, getattr(filled, name), 1, high)
         return filled
@@ -127,6 +147,7 @@ class SamplingConfig:
             for one in fields(self)
             if (value := getattr(self, one.name)) is not None
             and one.name not in ("device", "at_once", "start", "end", "constraints")
+            and not (one.name == "energy" and is_curve(value))
         }
 
 

@@ -6,6 +6,7 @@ Symbols (axes: n dancers · F frames of the dance · f frames of a piece · d mo
 """
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 import torch
@@ -16,12 +17,15 @@ from dancediff.diffusion.samplers import GuessHook
 from dancediff.extensions.autoguidance import autoguided
 from dancediff.extensions.border_smoothing import BorderSmoothing
 from dancediff.extensions.cue_constraint import cue_constraint, return_to_origin
+from dancediff.extensions.energy_condition import listens_to_energy
 from dancediff.extensions.foot_contact_projection import foot_contact_hook
 from dancediff.extensions.group_relations import PIECE, Group, canon_delays, places
 from dancediff.extensions.preconditioning import preconditioning_of
 from dancediff.extensions.repeat_sections import find_sections, repeat_sections
 from dancediff.extensions.root_stitching import root_stitching
 from dancediff.extensions.smooth_primitives import smooth_primitives
+from dancediff.generation.energy_request import energy_for
+from dancediff.generation.genre_mix import mix_weights
 from dancediff.generation.solo_request import LodgeRequest
 from dancediff.motion.representation import LODGE, at_origin, with_hands
 from dancediff.music.features import beat_frames
@@ -29,10 +33,38 @@ from dancediff.papers.lodge.choreography import Arrangement
 from dancediff.papers.lodge.cue_guidance import CueGuidance
 from dancediff.papers.lodge.parallel import ParallelSampler
 from dancediff.papers.lodge.segments import Segments, segments_of
+from dancediff.papers.lodge.style import StyleToken
 
 
 class LodgeSampler(ParallelSampler):
     """The paper's sampler, with those additions that a resolved `LodgeRequest` asks for."""
+
+    energy: Tensor | None = None  # of the song (F',)
+
+    @torch.no_grad()
+    def dance(self, M: Tensor, frames: int) -> Tensor:
+        """The energy that is asked for is that of the whole song."""
+        if self.request.energy is not None:
+            self.energy = energy_for(self.request.energy, M)
+        self.segments = segments_of(frames, self.global_stage.config.layout)
+        return super().dance(M, frames)
+
+    def conditions(self, stage, M: Tensor, first: int) -> Conditions:
+        """With the energy of each row."""
+        made = super().conditions(stage, M, first)
+        if self.energy is None or not listens_to_energy(stage):
+            return made
+        segments, part = self.segments, slice(first, first + len(M))
+        cut = segments.global_music if stage is self.global_stage else segments.local_music
+        return replace(made, energy=cut(self.energy, part).to(M.device))
+
+    def token(self, style: StyleToken, z: Tensor) -> Tensor:
+        """A mix of genres is that of their style tokens."""
+        genre = self.request.genre
+        if isinstance(genre, str):
+            return super().token(style, z)
+        weights = mix_weights(genre, self.local_stage.config.genres).to(z)
+        return torch.einsum("bg,bgd->bd", weights, style.mapping(z))
 
     def primitives(self, M: Tensor, segments: Segments) -> Tensor:
         """Without jitter."""

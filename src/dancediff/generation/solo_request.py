@@ -1,11 +1,10 @@
 """What can be asked of Lodge."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import ClassVar, Self
 
 from dancediff.generation.option import option
 from dancediff.generation.sampling_config import SamplingConfig
-from dancediff.genre import genre_for, genre_number
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -15,7 +14,6 @@ class LodgeRequest(SamplingConfig):
     family: ClassVar[str] = "lodge"
 
     dancers: int = option(1, "How many people dance, all the same solo.", low=1, high=5)
-    genre: str = option(None, "What to dance; default: by the song's tempo.")
     soft: float = option(
         1.0, "For which share of the steps the dance is held at its soft cues.", low=0, high=1
     )
@@ -51,15 +49,12 @@ class LodgeRequest(SamplingConfig):
     )  # fmt: skip
 
     def resolve(self, model, song) -> Self:
-        """As `SamplingConfig.resolve`; the genre, if none is asked for, is that of the tempo."""
+        """As `SamplingConfig.resolve`; the formation must have a place for everybody."""
         from dancediff.extensions.group_relations import places
 
         filled = super().resolve(model, song)
-        genres = model.config.genres
-        if filled.genre is not None:
-            genre_number(filled.genre, genres)
         places(filled.dancers, filled.formation)
-        return replace(filled, genre=filled.genre or genre_for(song.tempo, genres))
+        return filled
 
     def facts(self) -> dict:
         """As `SamplingConfig.facts`; a solo has no formation."""

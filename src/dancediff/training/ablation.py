@@ -26,9 +26,9 @@ from typing import Any
 import torch
 
 from dancediff import __version__
+from dancediff.extensions.genre_condition import genres_of
 from dancediff.generation.pipeline import pipeline_of, usable_device
 from dancediff.motion.motion import Motion
-from dancediff.papers.lodge.model import Lodge
 from dancediff.training.ablation_config import TRUTH, Variant, key_of, read_ablation
 from dancediff.training.ablation_data import (
     corpus,
@@ -171,7 +171,7 @@ def _dance(model, variant: Variant, out: Path) -> None:
     songs, genres = held_out_songs(variant), held_out_genres(variant)
     for i, (path, song, genre) in enumerate(zip(files, songs, genres, strict=True)):
         if not path.exists():
-            if isinstance(model, Lodge):
+            if genre in genres_of(model):
                 options["genre"] = genre
             pipeline.generate(song, **options | {"seed": sample.seed + i}).save(path)
 

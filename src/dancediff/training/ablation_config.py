@@ -18,7 +18,7 @@ from dancediff.generation.request import REQUESTS, default_of, request_of
 from dancediff.generation.sampling_config import SamplingConfig
 from dancediff.training.config import SHORTEST_SONG, GroupData, SoloData
 from dancediff.training.lodge import STAGES, check_lodge_tables, is_lodge, stage_config
-from dancediff.training.run import MODELS, check_tables
+from dancediff.training.run import MODELS, NAMES, check_tables
 from dancediff.training.tables import check_table, read_toml
 
 SEED_STRIDE = 100_000  # more than there are held-out songs: no song meets the same noise twice
@@ -139,7 +139,7 @@ def _variant(name: str, changes: dict, config: dict, source: str) -> Variant:
         options = REQUESTS[FAMILIES[kind]].names()
         base = config | {
             table: {key: value for key, value in config.get(table, {}).items() if key in known}
-            for table, known in (("model", {*sizes, "extensions"}), ("sample", options))
+            for table, known in (("model", {*sizes, *NAMES}), ("sample", options))
         }
         names = base["model"].get("extensions", [])
         base["model"]["extensions"] = [n for n in names if n in EXTENSIONS[MODELS[kind][0]]]

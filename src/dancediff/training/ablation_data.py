@@ -17,7 +17,7 @@ from dancediff.papers.lodge.local_diffusion import LocalConfig
 from dancediff.training.ablation_config import Variant
 from dancediff.training.config import GroupData, SoloData
 from dancediff.training.lodge import is_lodge, solos_for
-from dancediff.training.run import MODELS, takes_for
+from dancediff.training.run import MODELS, NAMES, takes_for
 
 
 def corpus(variant: Variant, out: Path) -> list[DanceTake]:
@@ -27,7 +27,7 @@ def corpus(variant: Variant, out: Path) -> list[DanceTake]:
         genres = LocalConfig(**tables["local_stage"]).genres
         return solos_for(SoloData(**data), None, genres, out / "songs")
     model = tables["model"]
-    sizes = {key: value for key, value in model.items() if key not in ("class", "extensions")}
+    sizes = {key: value for key, value in model.items() if key not in ("class", *NAMES)}
     kind = MODELS[tables["model"].get("class", "TCDiffPP")][1]
     return takes_for(GroupData(**data), None, kind(**sizes), cache=out / "songs")[0]
 

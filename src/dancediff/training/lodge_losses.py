@@ -14,7 +14,6 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
-from dancediff.diffusion.conditions import Conditions
 from dancediff.motion.representation import LODGE
 from dancediff.nn.losses import compare
 from dancediff.papers.lodge.cue_guidance import clean_borders
@@ -64,14 +63,16 @@ class LodgeObjective(Objective):
         return {} if self.critic is None else self.critic.state()
 
     def losses(self, model, batch, number: int) -> dict[str, Tensor]:
-        """All terms of a batch (x, M, genre) by name, and their weighted sum "total"."""
-        x_0, M, genre = self.to_network(batch)
+        """All terms of a `Batch` by name, and their weighted sum "total"."""
+        batch = self.to_network(batch)
+        x_0, M, genre = batch.x, batch.M, batch.label
         noised = self.noised(x_0, number)
         x_t = clean_borders(noised.x_t, x_0) if self.clean else noised.x_t
         drawn = style_of(model, genre, noised.generator)
         style = None if drawn is None else drawn[0]
+        conditions = self.conditions(batch, noised, style=style)
         with self.deterministic_autocast(number):
-            guess = model(x_t, noised.t, Conditions(M, style=style, music_mask=noised.mask))
+            guess = model(x_t, noised.t, conditions)
         x_raw, x_hat = guess if isinstance(guess, tuple) else (guess, guess)
         clips = model.clips if isinstance(model, GlobalDenoiser) else lambda x: x
         x_raw, x_hat = x_raw.float(), x_hat.float()

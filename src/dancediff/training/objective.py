@@ -17,8 +17,11 @@ from functools import cached_property
 import torch
 from torch import Tensor
 
+from dancediff.data.windows import Batch
 from dancediff.diffusion.conditions import Conditions
 from dancediff.diffusion.schedule import q_sample
+from dancediff.extensions.energy_condition import listens_to_energy, with_dropped_energy
+from dancediff.extensions.genre_condition import genre_condition_of, with_dropped_genre
 from dancediff.extensions.level_weights import draw_levels, weights_of
 from dancediff.nn.dance_network import DanceNetwork
 from dancediff.nn.losses import compare
@@ -57,11 +60,35 @@ class Objective(ABC):
         """See `dancediff.extensions.level_weights`."""
         return weights_of(self.model, self.config.extensions.level_weights)
 
-    def to_network(self, batch) -> tuple[Tensor, Tensor, Tensor]:
-        """Motion and music of a batch in the network's units, and its third part, on its device."""
+    def to_network(self, batch) -> Batch:
+        """A batch on the network's device, its motion and music in the network's units."""
         model = self.model
-        x, M, other = (part.to(model.abar.device) for part in batch)
-        return model.normalizer.normalize(x), model.music_normalizer.normalize(M), other
+        there = Batch(*batch).to(model.abar.device)
+        x, M = model.normalizer.normalize(there.x), model.music_normalizer.normalize(there.M)
+        return there._replace(x=x, M=M)
+
+    def conditions(self, batch: Batch, noised: Noised, **own: Tensor | None) -> Conditions:
+        """What the network is given beside the motion; ``own``: swap or style.
+
+        Genre and energy, of networks with parts for them, are left out of some rows each for
+        itself; where the music is dropped, those parts leave them out as well.
+        """
+        genre = energy = None
+        if self.has_genre and batch.genre is not None:
+            genre = with_dropped_genre(batch.genre, noised.generator)
+        if self.has_energy and batch.energy is not None:
+            energy = with_dropped_energy(batch.energy, noised.generator)
+        return Conditions(batch.M, music_mask=noised.mask, genre=genre, energy=energy, **own)
+
+    @cached_property
+    def has_genre(self) -> bool:
+        """Does the network have a part for the genre?"""
+        return genre_condition_of(self.model) is not None
+
+    @cached_property
+    def has_energy(self) -> bool:
+        """Does the network have a part for the energy of music?"""
+        return listens_to_energy(self.model)
 
     def noised(self, x_0: Tensor, number: int) -> Noised:
         """Draw a noise level for every row, the noise, and whose music is dropped."""
@@ -96,11 +123,12 @@ class GroupObjective(Objective):
     """Eq. 18 of TCDiff++, for `TCDiffPP` and `EDGE`."""
 
     def losses(self, model: DanceNetwork, batch, number: int) -> dict[str, Tensor]:
-        """All terms of a batch (x, M, S) by name, and their weighted sum "total"."""
-        x_0, M, S = self.to_network(batch)
-        noised = self.noised(x_0, number)
+        """All terms of a `Batch` by name, and their weighted sum "total"."""
+        batch = self.to_network(batch)
+        x_0, noised = batch.x, self.noised(batch.x, number)
+        conditions = self.conditions(batch, noised, swap=batch.label)
         with self.deterministic_autocast(number):
-            guess = model(noised.x_t, noised.t, Conditions(M, S, music_mask=noised.mask))
+            guess = model(noised.x_t, noised.t, conditions)
         x_raw, x_hat = guess if isinstance(guess, tuple) else (guess, guess)  # EDGE adapts nothing
         return extended_losses(
             compare(x_raw.float(), x_hat.float(), x_0, model.normalizer),

@@ -14,6 +14,8 @@ from dancediff.data.packed import PackedTakes
 from dancediff.data.take import DanceTake
 from dancediff.data.windows import GroupCut, WindowSampler
 from dancediff.extensions.build import build, check_extensions
+from dancediff.extensions.genre_condition import genres_of
+from dancediff.genre import GENRES
 from dancediff.nn.dance_network import DanceNetwork
 from dancediff.papers.edge.model import EDGE, EDGEConfig
 from dancediff.papers.tcdiffpp.losses import LossWeights
@@ -30,6 +32,7 @@ MODELS: dict[str, tuple[type[TCDiffPP] | type[EDGE], type]] = {
     "TCDiffPP": (TCDiffPP, TCDiffPPConfig),
     "EDGE": (EDGE, EDGEConfig),
 }
+NAMES = ("extensions", "genres")  # lists of names in the table [model] beside the sizes
 
 
 def read_config(path) -> dict:
@@ -43,17 +46,19 @@ def read_config(path) -> dict:
 def check_tables(config: dict, source: str) -> dict:
     """All tables of a training config; ``class`` in its table ``model`` is a key of `MODELS`.
 
+    With the extension "genre_condition" that table also lists ``genres``, by default all.
+
     Raises: ValueError naming the source, the table and the key that does not fit.
     """
     model = config.get("model", {})
     kind = model.get("class", "TCDiffPP") if isinstance(model, dict) else "TCDiffPP"
     if not isinstance(kind, str) or kind not in MODELS:
         raise ValueError(f"{source}: class {kind!r} is not one of {', '.join(MODELS)}, Lodge")
-    names = []
+    names, genres = [], None
     if isinstance(model, dict):
         check_sizes(model, f"{source}: 'model'")
-        names = model.get("extensions", [])
-        sizes = {key: value for key, value in model.items() if key != "extensions"}
+        names, genres = model.get("extensions", []), model.get("genres")
+        sizes = {key: value for key, value in model.items() if key not in NAMES}
         config = config | {"model": sizes}
     known = {
         "data": GroupData,
@@ -64,14 +69,19 @@ def check_tables(config: dict, source: str) -> dict:
     }
     tables = check_all(config, known, source)
     model_class, config_class = MODELS[kind]
-    if not isinstance(names, list | tuple):
-        raise ValueError(f"{source}: 'model': extensions={names!r} should be a list of names")
+    for key, value in zip(NAMES, (names, [] if genres is None else genres), strict=True):
+        if not isinstance(value, list | tuple):
+            raise ValueError(f"{source}: 'model': {key}={value!r} should be a list of names")
     sizes = {key: value for key, value in tables["model"].items() if key != "class"}
     try:
         check_extensions(model_class, config_class(**sizes), names)
     except ValueError as err:
         raise ValueError(f"{source}: 'model': {err}") from err
     tables["model"]["extensions"] = list(names)
+    if "genre_condition" in names:
+        tables["model"]["genres"] = list(GENRES if genres is None else genres)
+    elif genres is not None:
+        raise ValueError(f"{source}: 'model': genres need the extension 'genre_condition'; name it")
     return tables
 
 
@@ -118,23 +128,24 @@ def train_from_config(
     check_free(Path(out), options.get("resume"), options.get("overwrite"))
     model_class, config_class = MODELS[tables["model"].pop("class", "TCDiffPP")]
     extensions = tables["model"].pop("extensions")
+    genres = tables["model"].pop("genres", ())
     sizes = config_class(**tables["model"])
     held_out: list[DanceTake] = []
     if takes is None:
         evaluates = settings.evaluate_every > 0
         takes, held_out = takes_for(corpus, data, sizes, evaluates=evaluates)
     torch.manual_seed(settings.seed)
-    model = build(model_class, sizes, extensions)
+    model = build(model_class, sizes, extensions, genres)
     if isinstance(model, EDGE):
         takes, held_out = _solos(takes), _solos(held_out)
     fit_statistics(model, takes, settings.extensions, real=corpus.real, start=start)
     if start is not None:
         take_over(model, start)
-    validation = _windows(held_out, corpus, sizes, settings) if held_out else None
+    validation = _windows(held_out, corpus, model, settings) if held_out else None
     device, world = options.pop("device", "cpu"), options.get("world")
     return Trainer(
         model.to(device if world is None else world.device),
-        _windows(takes, corpus, sizes, settings),
+        _windows(takes, corpus, model, settings),
         settings,
         out,
         evaluator=Evaluator(validation, settings, preview),
@@ -177,13 +188,14 @@ def takes_for(
     return make(range(corpus.songs)), make(range(corpus.songs, end))
 
 
-def _windows(takes: list[DanceTake], corpus: GroupData, sizes, settings: TrainConfig):
+def _windows(takes: list[DanceTake], corpus: GroupData, model, settings: TrainConfig):
     augment = Augmentation(
         mirror=corpus.mirror, rotate=corpus.rotate, shift=corpus.shift, music=corpus.music
     )
     return WindowSampler(
         takes,
-        GroupCut(sizes.num_frames),
+        GroupCut(model.config.num_frames),
+        genres=genres_of(model),
         augment=augment,
         dancers_per_batch=corpus.dancers_per_batch,
         real=corpus.real,

@@ -211,9 +211,12 @@ def test_help_does_not_import_torch():
 
 def test_options_of_one_model_are_refused_for_another(songs, capsys):
     noise, out = str(songs / "noise.wav"), str(songs / "out")
-    assert main(["generate", noise, "--genre", "salsa", "--out", out]) == 2
+    assert main(["generate", noise, "--soft", "0.5", "--out", out]) == 2
     said = capsys.readouterr().err
-    assert "genre='salsa' is not for the model 'tcdiffpp'; models of lodge have it" in said
+    assert "soft=0.5 is not for the model 'tcdiffpp'; models of lodge have it" in said
+    for option, value in (("genre", "salsa"), ("energy", "0.5")):
+        assert main(["generate", noise, f"--{option}", value, "--out", out]) == 2
+        assert f"one with the extension '{option}_condition'" in capsys.readouterr().err
 
 
 def test_what_killed_programs_left_is_removed_after_a_day(tmp_path):

@@ -129,7 +129,7 @@ def test_takes_for_training(folder):
     songs = [packed.music(2)[k] for k in range(3)]
     heard = set()
     for step in range(12):
-        x, M, _ = windows.batch(step)
+        x, M, *_ = windows.batch(step)
         if x.shape[1] == 2:
             for window in M:
                 heard |= {

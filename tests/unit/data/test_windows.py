@@ -22,7 +22,7 @@ def takes():
 def test_windows_are_ranked_at_their_own_first_frame(takes):
     windows = sampler(takes, dancers_per_batch=8)
     for step in range(12):
-        x_0, M, S = windows.batch(step)
+        x_0, M, S, *_ = windows.batch(step)
         assert x_0.shape[2:] == (150, 151) and M.shape[1:] == (150, 35)
         assert x_0.shape[0] == max(1, 8 // x_0.shape[1])
         assert (x_0[:, :, 0, 4].diff(dim=1) > 0).all()
@@ -42,7 +42,7 @@ def test_order_uses_the_first_frame():
 def test_music_and_motion_stay_together():
     f = torch.arange(400.0)
     take = DanceTake("a", f[None, :, None].repeat(2, 1, 151), M=f[:, None].repeat(1, 35))
-    x_0, M, _ = sampler([take]).batch(3)
+    x_0, M, *_ = sampler([take]).batch(3)
     assert torch.equal(x_0[:, 0, :, 0], M[:, :, 0])
 
 
@@ -94,7 +94,7 @@ def test_mirrored_windows_are_ranked_in_the_mirror(takes):
     before = [take.x.clone() for take in takes]
     swapped = 0
     for step in range(8):
-        (x, _, _), (y, _, S) = plain.batch(step), always.batch(step)
+        (x, *_), (y, _, S, *_) = plain.batch(step), always.batch(step)
         assert (y[:, :, 0, 4].diff(dim=1) > 0).all()
         assert (y[:, :, -1, 4].gather(1, S).diff(dim=1) >= 0).all()
         a, b = half.batch(step)[0][0], x[0]  # the first window is the same cut in all three
@@ -153,7 +153,7 @@ def test_real_takes_have_the_share_that_was_asked_for():
 
 def test_a_group_size_without_real_takes_uses_what_there_is():
     takes = [DanceTake("made", torch.ones(1, 20, 151), M=torch.zeros(20, 35))]
-    x, _, _ = sampler(takes, num_frames=10, real=1.0).batch(0)
+    x, *_ = sampler(takes, num_frames=10, real=1.0).batch(0)
     assert torch.equal(x, torch.ones_like(x))
 
 
@@ -183,7 +183,7 @@ def test_every_change_of_order_is_shown_as_often_as_any_other():
 
 def test_a_size_that_never_changes_order_is_drawn_as_it_falls():
     takes = crossing(2, [(0, 1)] * 3)
-    x, _, S = sampler(takes, num_frames=10, swaps=1.0).batch(0)
+    x, _, S, *_ = sampler(takes, num_frames=10, swaps=1.0).batch(0)
     assert (S == torch.arange(2)).all() and len(x) == 12
     with pytest.raises(ValueError, match=r"swaps=1\.5"):
         sampler(takes, num_frames=10, swaps=1.5)

@@ -43,7 +43,6 @@ class Tune:
 
 def model(*, precondition=True, **sizes):
     usual = {"num_frames": 150, "num_steps": 1000, "max_dancers": 5}
-    usual["genres"] = ("hiphop", "house", "salsa")
     parts = [Preconditioning(8, 1)] if precondition else []
     config = SimpleNamespace(**usual | sizes)
     return SimpleNamespace(config=config, modules=lambda: parts)
@@ -111,7 +110,9 @@ def test_resolve_fills_in_everything_once():
     found = asked.resolve(model(), Tune())
     assert asked == GroupDanceRequest(seed=3)  # nothing was written into it
     for name, value in PACKAGED["tcdiffpp"].items():
-        if name != "pinning":
+        if name in ("genre", "energy"):
+            assert getattr(found, name) is None, "the model has no part for it"
+        elif name != "pinning":
             assert getattr(found, name) == value, name
     assert found.pinning == "same_noise" and found.seconds == 12 and found.frames == 360
     assert found.resolve(model(), Tune()) == found
@@ -183,12 +184,17 @@ def test_naive_long_sampling_knows_no_rules_of_groups():
 
 
 def test_lodge_dances_the_genre_of_the_tempo():
-    assert LodgeRequest().resolve(model(), Tune()).genre == "house"
-    assert LodgeRequest(genre="salsa").resolve(model(), Tune()).genre == "salsa"
-    with pytest.raises(ValueError, match="genre='waltz' is unknown; choose one of hiphop"):
-        LodgeRequest(genre="waltz").resolve(model(), Tune())
+    lodge = model(genres=("hiphop", "house", "salsa"))
+    for preset in PRESETS:
+        assert LodgeRequest(preset=preset).resolve(lodge, Tune()).genre == "house"
+    assert LodgeRequest(genre="salsa").resolve(lodge, Tune()).genre == "salsa"
+    for genre in ("waltz", {"house": 1, "waltz": 1}):
+        with pytest.raises(ValueError, match="genre='waltz' is unknown; choose one of hiphop"):
+            LodgeRequest(genre=genre).resolve(lodge, Tune())
+    with pytest.raises(ValueError, match="genre='any' is unknown"):
+        LodgeRequest(genre="any").resolve(lodge, Tune())
     with pytest.raises(ValueError, match="formation='circle'"):
-        LodgeRequest(dancers=2, formation="circle").resolve(model(), Tune())
+        LodgeRequest(dancers=2, formation="circle").resolve(lodge, Tune())
 
 
 @pytest.mark.parametrize(
@@ -227,7 +233,7 @@ def test_bad_values_are_named(request_, options, message):
         ({"feet": "planted"}, "feet='planted' is now foot_contact=True"),
         ({"spacing": "free"}, "spacing='free' is now collision_avoidance=False"),
         ({"order": "kept"}, "order='kept' is now order_constraint=True"),
-        ({"genre": "salsa"}, "genre='salsa' is not for the model 'trio'; models of lodge have it"),
+        ({"soft": 0.5}, "soft=0.5 is not for the model 'trio'; models of lodge have it"),
         ({"colour": "red"}, "colour='red' is no option; choose from preset, seconds"),
     ],
 )

@@ -73,16 +73,16 @@ def windows(solos, **options):
 
 def test_windows_start_at_the_origin_and_repeat(solos):
     data = windows(solos, music=True, mirror=0.5)
-    x, M, genre = data.batch(3)
+    x, M, genre, *_ = data.batch(3)
     assert x.shape == (4, 64, 139) and M.shape == (4, 64, 35) and genre.shape == (4,)
     assert torch.equal(x[:, 0, [4, 6]], torch.zeros(4, 2)) and x[:, 0, 5].abs().max() > 0
-    assert all(torch.equal(a, b) for a, b in zip(data.batch(3), (x, M, genre), strict=True))
+    assert all(torch.equal(a, b) for a, b in zip(data.batch(3), (x, M, genre, *_), strict=True))
     assert not torch.equal(data.batch(4)[0], x)
     assert solos[0].x[0, 0, 4] > 1.5, "the takes themselves are left alone"
 
 
 def test_windows_know_their_genre_music_and_mirror(solos):
-    x, M, genre = windows(solos[1:2], mirror=1.0).batch(0)
+    x, M, genre, *_ = windows(solos[1:2], mirror=1.0).batch(0)
     assert genre.tolist() == [1] * 4
     start = int((solos[1].songs[0] == M[0, 0]).all(-1).nonzero()[0, 0])
     truth = SoloCut(64, GENRES)(solos[1], start)
@@ -100,7 +100,7 @@ def test_real_dances_to_any_song(solos):
 
     def owners(**options):
         data = windows(solos, real=0.5, dancers_per_batch=200, music=True, **options)
-        x, M, _ = data.batch(0)
+        x, M, *_ = data.batch(0)
         songs = [{tuple(row.tolist()) for M in solo.songs for row in M} for solo in solos]
         heard = [[tuple(m[0].tolist()) in song for song in songs].index(True) for m in M]
         danced = [
@@ -129,7 +129,7 @@ def test_primitives_are_those_of_the_clip(solos):
     x[:, 7 + 6 * 16 + 1] = torch.sin(torch.arange(1024.0) / 9)  # an arm swings
     whole = DanceTake("long", with_hands(x)[None], M=torch.rand(1024, 35), genre="salsa")
     data = windows([whole], num_frames=1024, layout=LAYOUT)
-    primitives, M, _ = data.batch(0)
+    primitives, M, *_ = data.batch(0)
     assert primitives.shape == (4, 104, 139) and M.shape == (4, 1024, 35)
     expected, _ = primitives_of(x)
     assert torch.allclose(primitives[0].unflatten(0, (13, 8)), expected)
@@ -140,7 +140,7 @@ def test_primitives_are_those_of_the_clip(solos):
 def test_the_first_stage_meets_short_solos_too(solos):
     """A take of 300 frames is no 1024, but its genre must not stay unknown: it is repeated."""
     data = windows(solos[1:2], num_frames=1024, layout=LAYOUT)
-    primitives, M, genre = data.batch(0)
+    primitives, M, genre, *_ = data.batch(0)
     assert primitives.shape == (4, 104, 139) and M.shape == (4, 1024, 35)
     assert genre.tolist() == [1] * 4
     assert torch.equal(M[:, 300:], M[:, :-300]), "the music goes on from its beginning"
@@ -247,7 +247,7 @@ def test_levels_count_as_often_as_they_are_drawn_too_rarely(solos):
         return x, x
 
     model.forward = forward
-    x, M, genre = data.batch(0)
+    x, M, genre, *_ = data.batch(0)
     batch = x[:1], M[:1], genre[:1]
     one, plain = (
         LodgeObjective(model, replace(even, extensions=extensions)).losses(model, batch, 0)

@@ -117,7 +117,7 @@ def samplers():
 
 
 def test_batches_are_those_of_the_packaged_models():
-    made = {name: [digest(*windows.batch(k)) for k in range(6)] for name, windows in samplers()}
+    made = {name: [digest(*windows.batch(k)[:3]) for k in range(6)] for name, windows in samplers()}
     made["half windows"] = [
         digest(*half_windows(windows))
         for name, windows in samplers()
@@ -132,4 +132,4 @@ def test_and_would_not_be_with_another_recipe(option):
     other = WindowSampler(
         list(groups()), GroupCut(), augment=change, **{"swaps": 0.3} | PACKAGED | option
     )
-    assert [digest(*other.batch(k)) for k in range(6)] != FOUND["tcdiffpp"]
+    assert [digest(*other.batch(k)[:3]) for k in range(6)] != FOUND["tcdiffpp"]

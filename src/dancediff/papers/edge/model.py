@@ -10,7 +10,7 @@ Symbols (axes: b batch · n dancers · f frames · d motion, m music features)
 A group is n dancers who do not know of each other: that makes it the baseline of a group model.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
@@ -106,8 +106,7 @@ class EDGE(DanceNetwork):
                 f"x_t has shape {(b, n, f, d)}; expected (b, n, f, d) with f <= {c.num_frames}, "
                 f"d = {c.motion_dim}"
             )
-        M, mask = (a.repeat_interleave(n, 0) for a in (conditions.music, conditions.music_mask))
-        rows = Conditions(M, music_mask=mask)
+        rows = replace(conditions, swap=None).each_row(n)
         return x_t.flatten(0, 1), t.repeat_interleave(n, 0), rows
 
 

@@ -31,6 +31,7 @@ from dancediff.papers.lodge.global_diffusion import GlobalDenoiser
 from dancediff.papers.lodge.local_diffusion import LocalDenoiser
 from dancediff.papers.lodge.primitives import thinned_primitives
 from dancediff.papers.lodge.segments import Segments, segments_of
+from dancediff.papers.lodge.style import StyleToken
 
 STYLE, GLOBALS, LOCALS, SOFT_CUES = range(4)  # what noise is for
 
@@ -81,7 +82,6 @@ class ParallelSampler:
     ):
         """Nothing is sampled yet."""
         self.global_stage, self.local_stage, self.request = global_stage, local_stage, request
-        self.genre = genre_number(request.genre, local_stage.config.genres)
         self.half = dtype == torch.bfloat16
         self.report, self.done, self.total = report, 0, 0
 
@@ -170,7 +170,7 @@ class ParallelSampler:
         request, rows = self.request, len(music)
         M = stage.music_normalizer.normalize(music.to(stage.abar.device))
         x = sample(
-            self.guess(stage, Conditions(M, style=self.style(stage, rows))),
+            self.guess(stage, self.conditions(stage, M, first)),
             (rows, stage.config.num_frames, stage.config.motion_dim),
             SamplerOptions(
                 stage.abar, request.sampler, request.steps, eta=request.eta, clamp=self.clamp(stage)
@@ -181,6 +181,10 @@ class ParallelSampler:
             callback=self._tick,
         )
         return stage.normalizer.unnormalize(x).cpu()
+
+    def conditions(self, stage, M: Tensor, first: int) -> Conditions:
+        """What the network is given with the music (b, N, m) of rows from number ``first`` on."""
+        return Conditions(M, style=self.style(stage, len(M)))
 
     def guess(self, stage, conditions: Conditions) -> Callable[[Tensor, int], Tensor]:
         """The stage with classifier-free guidance, as a function of x_t and t."""
@@ -204,8 +208,12 @@ class ParallelSampler:
             return None
         generator = row_generators(self.request.seed, STYLE, 1)[0]
         z = torch.randn(1, stage.style.noise, generator=generator)
-        genre = torch.full((1,), self.genre, device=stage.abar.device)
-        return stage.style(genre, z.to(genre.device)).expand(rows, -1)
+        return self.token(stage.style, z.to(stage.abar.device)).expand(rows, -1)
+
+    def token(self, style: StyleToken, z: Tensor) -> Tensor:
+        """The style token of the genre that is asked for, (1, z) -> (1, d_model)."""
+        number = genre_number(self.request.genre, self.local_stage.config.genres)
+        return style(torch.full((1,), number, device=z.device), z)
 
     def times(self, stage) -> list[int]:
         """The steps that will be taken."""

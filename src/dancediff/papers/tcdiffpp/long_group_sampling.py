@@ -89,5 +89,9 @@ class LongGroupSampler(LongSampler):
 
     def denoiser(self, segment: Segment) -> Callable[[Tensor, int], Tensor]:
         """The network with the music and the swap mode of a segment."""
+        return self.bind(self.conditions(segment))
+
+    def conditions(self, segment: Segment) -> Conditions:
+        """What the network is given besides the motion, one row."""
         i, S = segment.number, self.swap_mode(segment)
-        return self.bind(Conditions(self.music[i : i + 1], swap=send(S[None], self.music.device)))
+        return Conditions(self.music[i : i + 1], swap=send(S[None], self.music.device))
