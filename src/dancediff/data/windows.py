@@ -173,7 +173,7 @@ class WindowSampler:
     ``swaps``: share of windows, drawn from all takes of a group size, in which dancers change their
     left-to-right order, every order as often as any other. In a dance most windows keep their
     order, so by default few show how to change it.
-    ``genres``: names in the order of `Batch.genre`.
+    ``genres``: names in the order of `Batch.genre`; ``energy``: windows have that of their song.
 
     Raises: ValueError when a take has no music or is shorter than a window, or there is none.
 
@@ -189,6 +189,7 @@ class WindowSampler:
         cut: Cut,
         *,
         genres: Sequence[str] = (),
+        energy: bool = False,
         augment: Augmentation | None = None,
         dancers_per_batch: int = 24,
         real: float | None = None,
@@ -211,8 +212,9 @@ class WindowSampler:
         check_share("swaps", swaps)
         self.takes, self.cut, self.augment = takes, cut, augment or Augmentation()
         self.dancers_per_batch, self.seed = dancers_per_batch, seed
-        self.real, self.swaps, self.genres = real, swaps, tuple(genres)
-        self._energy: dict[tuple[int, int], Tensor] = {}  # of songs that were met, whole
+        self.real, self.swaps = real, swaps
+        self.genres, self.with_energy = tuple(genres), energy
+        self._curves: dict[tuple[int, int], Tensor] = {}  # energy of songs that were met, whole
         self.synthetic = [take for take in takes if not take.real]
         self.by_size: dict[int, list[DanceTake]] = {}
         for take in takes:
@@ -225,7 +227,10 @@ class WindowSampler:
         rng = np.random.default_rng([self.seed, step])
         n = int(rng.choice(sorted(self.by_size)))
         windows = [self._draw(n, rng) for _ in range(max(1, self.dancers_per_batch // n))]
-        return Batch(*(torch.stack(part) for part in zip(*windows, strict=True)))
+        parts: Any = [
+            None if part[0] is None else torch.stack(part) for part in zip(*windows, strict=True)
+        ]
+        return Batch(*parts)
 
     def _draw(self, n: int, rng: np.random.Generator) -> Batch:
         """A window of n dancers, at random."""
@@ -258,16 +263,17 @@ class WindowSampler:
             start = int(rng.integers(heard.num_frames - f + 1))
         x, label = self.cut.finish(x, take)
         part = slice(start, start + f)
-        energy = self.energy(heard, number)[part]
-        return Batch(x, heard.songs[number][part], label, self.genre(take), energy)
+        genre = self.genre(take) if self.genres else None
+        energy = self.energy(heard, number)[part] if self.with_energy else None
+        return Batch(x, heard.songs[number][part], label, genre, energy)
 
     def genre(self, take: DanceTake) -> Tensor:
         """1 at the genre of a take (g,); zeros where it is none of those known."""
         return torch.tensor([float(name == take.genre) for name in self.genres])
 
     def energy(self, take: DanceTake, number: int) -> Tensor:
-        """Energy of one of a take's songs, relative to the whole of that song (f,)."""
+        """Energy of one of a take's songs, beside the loud parts of the whole song (f,)."""
         key = id(take), number
-        if key not in self._energy:
-            self._energy[key] = energy_curve(take.songs[number])
-        return self._energy[key]
+        if key not in self._curves:
+            self._curves[key] = energy_curve(take.songs[number])
+        return self._curves[key]

@@ -47,8 +47,7 @@ class GenreCondition(Part):
         """Learned: E and e_0."""
         super().__init__()
         self.genres = tuple(genres)
-        if not self.genres or len(set(self.genres)) < len(self.genres):
-            raise ValueError(f"genres={self.genres} must hold at least one name, each once")
+        check_genres(self.genres)
         self.table = nn.Parameter(torch.zeros(len(self.genres), d_model))
         self.no_genre = nn.Parameter(torch.zeros(d_model))
 
@@ -68,6 +67,12 @@ class GenreCondition(Part):
     def film(self, cond: Tensor, run: Pass) -> Tensor:
         """The same for all frames and dancers of a row."""
         return cond + self.vectors(run.conditions)
+
+
+def check_genres(genres: Sequence[str]) -> None:
+    """Raises: ValueError unless these are names, at least one, each once."""
+    if not genres or len(set(genres)) < len(genres) or not all(type(g) is str for g in genres):
+        raise ValueError(f"genres={genres} must hold at least one name, each once")
 
 
 def genre_condition_of(model: nn.Module) -> GenreCondition | None:

@@ -25,6 +25,7 @@ from dancediff.data.augment import Augmentation
 from dancediff.data.take import DanceTake
 from dancediff.data.windows import SoloCut, WindowSampler
 from dancediff.extensions.build import build, check_extensions
+from dancediff.extensions.energy_condition import listens_to_energy
 from dancediff.extensions.metre_unit import metre_unit_normalizer
 from dancediff.extensions.preconditioning import preconditioning_of
 from dancediff.motion.representation import LODGE, Normalizer
@@ -231,6 +232,7 @@ class LodgeTraining:
         return WindowSampler(
             long_enough(solos, cut),
             cut,
+            energy=listens_to_energy(self.model),
             augment=Augmentation(mirror=corpus.mirror, music=corpus.music, any_song=any_song),
             dancers_per_batch=batch,
             real=corpus.real,

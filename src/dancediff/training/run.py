@@ -14,7 +14,8 @@ from dancediff.data.packed import PackedTakes
 from dancediff.data.take import DanceTake
 from dancediff.data.windows import GroupCut, WindowSampler
 from dancediff.extensions.build import build, check_extensions
-from dancediff.extensions.genre_condition import genres_of
+from dancediff.extensions.energy_condition import listens_to_energy
+from dancediff.extensions.genre_condition import check_genres, genres_of
 from dancediff.genre import GENRES
 from dancediff.nn.dance_network import DanceNetwork
 from dancediff.papers.edge.model import EDGE, EDGEConfig
@@ -75,6 +76,8 @@ def check_tables(config: dict, source: str) -> dict:
     sizes = {key: value for key, value in tables["model"].items() if key != "class"}
     try:
         check_extensions(model_class, config_class(**sizes), names)
+        if genres is not None:
+            check_genres(genres)
     except ValueError as err:
         raise ValueError(f"{source}: 'model': {err}") from err
     tables["model"]["extensions"] = list(names)
@@ -196,6 +199,7 @@ def _windows(takes: list[DanceTake], corpus: GroupData, model, settings: TrainCo
         takes,
         GroupCut(model.config.num_frames),
         genres=genres_of(model),
+        energy=listens_to_energy(model),
         augment=augment,
         dancers_per_batch=corpus.dancers_per_batch,
         real=corpus.real,

@@ -7,6 +7,7 @@ from dancediff.data.choreographed import choreograph_jobs, choreographed_takes
 from dancediff.data.take import DanceTake
 from dancediff.data.windows import GroupCut, WindowSampler, order_changes, rank_left_to_right
 from dancediff.motion.mirror import mirror_features
+from dancediff.music.energy import energy_curve
 
 
 def sampler(takes, num_frames=150, *, mirror=0.0, shift=0.0, rotate=0.0, music=False, **options):
@@ -197,3 +198,40 @@ def test_order_changes_are_those_of_the_ranked_windows():
     for start in range(0, take.x.shape[1] - 149, 10):
         _, S = rank_left_to_right(take.x[:, start : start + 150])
         assert (S.tolist() != [0, 1, 2]) == (start in listed)
+
+
+def styled_takes():
+    """Songs that grow louder, each in its own way, so that a piece of energy tells its place."""
+    takes = []
+    for k, (kind, genre) in enumerate([("real", "salsa"), ("synthetic", "hiphop"), ("real", None)]):
+        M = torch.zeros(3, 90, 35)
+        M[..., 1] = torch.linspace(-100 - 20 * k, 0, 90) * torch.tensor([1.0, 2.0, 3.0])[:, None]
+        x = torch.zeros(2, 90, 151)
+        takes.append(DanceTake(f"t{k}", x, kind, M=M[0], M_other=M[1:], genre=genre))
+    return takes
+
+
+def test_windows_know_their_genre_and_the_energy_of_their_song():
+    takes, names = styled_takes(), ("hiphop", "salsa", "waltz")
+    curves = [energy_curve(M) for take in takes for M in take.songs]
+    change = Augmentation(music=True, any_song=0.5)
+    style = {"genres": names, "energy": True}
+    windows = WindowSampler(takes, GroupCut(30), **style, augment=change, dancers_per_batch=8)
+    songs, genres = set(), set()
+    for step in range(30):
+        batch = windows.batch(step)
+        assert batch.genre.shape == (4, 3) and batch.energy.shape == (4, 30)
+        for M, genre, energy in zip(batch.M, batch.genre, batch.energy, strict=True):
+            found = [
+                (k, start)
+                for k, song in enumerate(M for take in takes for M in take.songs)
+                for start in range(61)
+                if torch.equal(song[start : start + 30], M)
+            ]
+            assert any(torch.equal(curves[k][s : s + 30], energy) for k, s in found)
+            songs.add(found[0][0])
+            genres.add(tuple(genre.tolist()))
+    assert songs == set(range(9))
+    assert genres == {(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 0.0)}
+    plain = WindowSampler(takes, GroupCut(30)).batch(0)
+    assert plain.genre is None and plain.energy is None
