@@ -73,10 +73,10 @@ def windows(solos, **options):
 
 def test_windows_start_at_the_origin_and_repeat(solos):
     data = windows(solos, music=True, mirror=0.5)
-    x, M, genre, *_ = data.batch(3)
+    batch = x, M, genre, *_ = data.batch(3)
     assert x.shape == (4, 64, 139) and M.shape == (4, 64, 35) and genre.shape == (4,)
     assert torch.equal(x[:, 0, [4, 6]], torch.zeros(4, 2)) and x[:, 0, 5].abs().max() > 0
-    assert all(torch.equal(a, b) for a, b in zip(data.batch(3), (x, M, genre, *_), strict=True))
+    assert all(torch.equal(a, b) for a, b in zip(data.batch(3)[:3], batch[:3], strict=True))
     assert not torch.equal(data.batch(4)[0], x)
     assert solos[0].x[0, 0, 4] > 1.5, "the takes themselves are left alone"
 

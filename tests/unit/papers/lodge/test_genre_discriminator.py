@@ -23,7 +23,7 @@ X, M = torch.randn(3, 20, 139), torch.randn(3, 20, 35)
 def test_asked_genre_is_answered():
     D = make()
     logits = D.logits(X, M)
-    assert logits.shape == (3, 11)
+    assert logits.shape == (3, len(GENRES))
     assert torch.equal(D(X, M, torch.tensor([4, 0, 10])), logits[range(3), [4, 0, 10]])
 
 

@@ -152,4 +152,4 @@ def test_rows_draw_their_own_noise():
 
 def test_an_unknown_genre_is_refused(model):
     with pytest.raises(ValueError, match="genre='polka' is unknown"):
-        sampler(model, genre="polka")
+        sampler(model, genre="polka").style(model.local_stage, 1)
