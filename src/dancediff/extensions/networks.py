@@ -87,18 +87,21 @@ class ExtendedTCDiffPP(Extended, TCDiffPP):
 
     def forward(self, x_t: Tensor, t: Tensor, conditions: Conditions) -> tuple[Tensor, Tensor]:
         """Guess the clean dance, without and with the Footwork Adaptor."""
-        decoder, parts, layers = self.decoder, self.parts, self.decoder.sequence_decoder
+        decoder, parts = self.decoder, self.parts
         decoder.check(x_t, t, conditions)
         run = self.prepare(x_t, t, conditions)
         h = parts.embed(decoder.embed(x_t), run)
-        memory, cond = decoder.memory(t, conditions)
-        cond = parts.film(cond, run)
+
+        def layers(h: Tensor) -> Tensor:
+            memory, cond = decoder.memory(t, conditions)
+            return decoder.sequence_decoder(h, memory, parts.film(cond, run))
+
         if self.frame_tokens is None:
-            h = layers(parts.tokens(decoder.place(h), run), memory, cond)
+            h = layers(parts.tokens(decoder.place(h), run))
         else:
             h = parts.tokens(h, run)
             low = decoder.place(self.frame_tokens.pool(h))  # (b, n, f / 3, d_model)
-            h = self.frame_tokens.unpool(layers(low, memory, cond), h)
+            h = self.frame_tokens.unpool(layers(low), h)
         x_raw = parts.read(decoder.read(h), h, run)
         v = parts.velocity(ground_velocity(x_raw), x_raw, run)
         return x_raw, parts.adapt(self.footwork_adaptor(x_raw, v), x_raw, run)
@@ -127,11 +130,11 @@ class ExtendedEDGE(Extended, EDGE):
         """Guess the clean motion of single dancers, (b, f, d)."""
         decoder, parts, run = self.decoder, self.parts, super().prepare(x_t, t, conditions)
         h = parts.tokens(parts.embed(decoder.embed(x_t), run), run)
-        music, steps, cond = decoder.condition(t, conditions)
-        cond = parts.film(cond, run)
 
         def layers(h: Tensor) -> Tensor:
-            return decoder(h, [music, steps], cond, torch.arange(h.shape[1], device=h.device))
+            music, steps, cond = decoder.condition(t, conditions)
+            frames = torch.arange(h.shape[1], device=h.device)
+            return decoder(h, [music, steps], parts.film(cond, run), frames)
 
         if self.frame_tokens is None:
             h = layers(h)
