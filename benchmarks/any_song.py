@@ -175,7 +175,7 @@ def danced(model: str, job: Job, path: Path) -> None:
     options: dict = {"dancers": job.dancers, "seconds": SECONDS, "seed": noise}
     options |= {"genre": job.genre} if job.genre else {}
     if model == CHOREOGRAPHER:
-        dance, _ = choreograph(job.song.music.beats(), **options)
+        dance, _ = choreograph(job.song.beats, **options)
     else:
         dance = _loaded(model).generate(job.song.music, **options)
     dance.save(path)

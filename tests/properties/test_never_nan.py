@@ -21,11 +21,13 @@ from dancediff.extensions.speed_limit import limit_travel, limit_turns
 from dancediff.generation.pipeline import pipeline_of
 from dancediff.metrics.collision import tif
 from dancediff.metrics.fidelity import diversity, fid
+from dancediff.metrics.formation import FORMATION
 from dancediff.metrics.geometric import geometric_features
 from dancediff.metrics.group import gmc, gmr, group_features
 from dancediff.metrics.kinetic import kinetic_features
 from dancediff.metrics.measure import beats_per_second, joint_speed
 from dancediff.metrics.physical import fsr, pfc
+from dancediff.metrics.posture import POSTURE
 from dancediff.metrics.report import evaluate
 from dancediff.metrics.rhythm import beat_alignment
 from dancediff.metrics.swaps import abrupt_swaps, final_order
@@ -175,6 +177,20 @@ def test_metrics_of_a_dance(kind, seed, n, f, dtype, body, fps):
             enough = f >= 3 and n >= 2 and (body == 24 or name != "tif")
             assert off_floor or not enough, name
             assert off_floor or "joints has" in str(err)
+
+
+@settings(often, max_examples=25)
+@given(
+    kinds, seeds, counts, st.sampled_from([1, 7, 100]), dtypes, st.sampled_from([24, 22]),
+    st.sampled_from([1, 30, 60]),
+)  # fmt: skip
+def test_posture_and_formations_of_a_dance(kind, seed, n, f, dtype, body, fps):
+    joints = joints_of(dance(kind, seed, n, f, TCDIFFPP, dtype))[:, :, :body]
+    for name, (metric, _) in (POSTURE | FORMATION).items():
+        try:
+            assert finite(metric(joints, fps=fps)), name
+        except ValueError as err:
+            assert "joints has" in str(err), name
 
 
 @often

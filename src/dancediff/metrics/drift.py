@@ -43,6 +43,11 @@ class Drift:
         third = math.ceil(len(row) / 3)
         return float(row[:third].mean()), float(row[-third:].mean())
 
+    def ends(self, name: str) -> tuple[float, float]:
+        """A metric in the first and in the last window."""
+        row = self[name]
+        return float(row[0]), float(row[-1])
+
     def facts(self) -> dict:
         """As plain JSON."""
         rows = {name: self[name].round(4).tolist() for name in self.names}
@@ -78,12 +83,43 @@ def drift(joints: Tensor, *, fps: float = 30.0) -> Drift:
     return Drift(np.array(values), POSE_WINDOW * np.arange(len(windows)))
 
 
+def ranges(drifts: list[Drift]) -> np.ndarray:
+    """Between which values nine tenths of all windows lie: 5 and 95 %, of each metric.
+
+    Shapes: drifts of dances -> (metric, 2), in the order of their names.
+    Raises: ValueError when there is none.
+
+    >>> flat = Drift(np.tile(np.arange(101.0), (len(POSTURE), 1)), np.arange(101))
+    >>> ranges([flat])[0].tolist()
+    [5.0, 95.0]
+    """
+    if not drifts:
+        raise ValueError("drifts is empty; measure at least one dance of five seconds")
+    values = np.concatenate([one.values for one in drifts], axis=1)
+    return np.quantile(values, (0.05, 0.95), axis=1).T
+
+
+def in_range(one: Drift, limits: np.ndarray) -> np.ndarray:
+    """Share of the windows that lie within limits, as `ranges` returns them.
+
+    A held-out dance has about nine tenths of its windows there.
+
+    Shapes: limits (metric, 2) -> (metric,).
+
+    >>> limits = np.tile([0.0, 2.0], (len(POSTURE), 1))
+    >>> in_range(Drift(np.tile([1.0, 2.0, 3.0, 4.0], (len(POSTURE), 1)), np.arange(4)), limits)[0]
+    np.float64(0.5)
+    """
+    low, high = limits[:, :1], limits[:, 1:]
+    return ((one.values >= low) & (one.values <= high)).mean(1)
+
+
 def mean_drift(drifts: list[Drift]) -> Drift:
     """Mean over dances, window by window, as far as the shortest goes.
 
     Raises: ValueError when there is none.
 
-    >>> two = [Drift(np.full((7, k), k), np.arange(k)) for k in (2, 4)]
+    >>> two = [Drift(np.full((len(POSTURE), k), k), np.arange(k)) for k in (2, 4)]
     >>> mean_drift(two)["turning"].tolist()
     [3.0, 3.0]
     """

@@ -23,6 +23,8 @@ from torch import Tensor
 from dancediff.arrays import read_arrays
 from dancediff.data.take import KINDS, DanceTake
 from dancediff.metrics.collision import tif
+from dancediff.metrics.drift import Drift, drift
+from dancediff.metrics.formation import FORMATION
 from dancediff.metrics.geometric import geometric_features
 from dancediff.metrics.group import gmc, group_features
 from dancediff.metrics.inputs import as_group
@@ -38,6 +40,7 @@ from dancediff.motion.motion import Motion
 LONGEST_GMC = 3000  # frames; every one is compared with every other, which takes 0.5 GiB
 SHORTEST_WINDOW = 3  # frames; what an acceleration needs
 OBEDIENCE = "swap obedience"
+LAST_OVER_FIRST = ", last / first"  # of a metric of posture: its windows of 5 s
 NO_BEATS = "no beats: the dance's file holds none, and no song was given"
 Source = Path | Motion | DanceTake
 
@@ -74,6 +77,7 @@ class Dance(NamedTuple):
     kind: str  # of a take; what a model made is "generated", what does not say is "unknown"
     motion: Motion
     beats: np.ndarray | None = None
+    genre: str | None = None
 
 
 def read_dance(source: Source, name: str = "dance") -> Dance:
@@ -82,18 +86,19 @@ def read_dance(source: Source, name: str = "dance") -> Dance:
     Raises: ValueError or OSError when a file cannot be read.
     """
     if isinstance(source, DanceTake):
-        return Dance(source.name, source.kind, source.motion, source.beats)
+        return Dance(source.name, source.kind, source.motion, source.beats, source.genre)
     if isinstance(source, Motion):
-        return Dance(str(source.meta.get("name", name)), _kind(source.meta), source)
+        meta = source.meta
+        return Dance(str(meta.get("name", name)), _kind(meta), source, genre=_genre(meta))
     motion = Motion.load(source)
     more = read_arrays(source, ("take", "beats")) if source.suffix == ".npz" else {}
-    kind, beats = _kind(motion.meta), more.get("beats")
+    kind, genre, beats = _kind(motion.meta), _genre(motion.meta), more.get("beats")
     if "take" in more:
         row = json.loads(str(more["take"]))
-        kind = _kind(row) if isinstance(row, dict) else kind
+        kind, genre = (_kind(row), _genre(row)) if isinstance(row, dict) else (kind, genre)
     if beats is not None and beats.dtype.kind not in "fiu":
         raise ValueError(f"{str(source)!r}: beats holds {beats.dtype}, not times in seconds")
-    return Dance(source.stem, kind, motion, beats)
+    return Dance(source.stem, kind, motion, beats, genre)
 
 
 def _kind(meta: dict) -> str:
@@ -104,9 +109,17 @@ def _kind(meta: dict) -> str:
     return "generated" if "model" in meta else "unknown"
 
 
+def _genre(meta: dict) -> str | None:
+    """One genre by its name; a mix is none of them."""
+    return meta["genre"] if isinstance(meta.get("genre"), str) else None
+
+
 @dataclass
 class Measured:
-    """What is kept of a dance. ``missing`` says, for each metric, why windows have no number."""
+    """What is kept of a dance. ``missing`` says, for each metric, why windows have no number.
+
+    ``drift`` is None for a dance shorter than 5 s.
+    """
 
     name: str
     kind: str
@@ -114,8 +127,10 @@ class Measured:
     dancers: int
     frames: int
     rows: dict[str, list[np.ndarray]] = field(default_factory=dict)
-    numbers: dict[str, list[float]] = field(default_factory=dict)
+    numbers: dict[str, list] = field(default_factory=dict)
     missing: dict[str, list[str]] = field(default_factory=dict)
+    genre: str | None = None
+    drift: Drift | None = None
 
     def add(self, into: dict, metric: str, compute: Callable, *args, **options) -> None:
         """Add what ``compute`` returns, or the reason why it cannot."""
@@ -131,8 +146,8 @@ def measure(
     """Read a dance and compute all that needs no other dance.
 
     ``beats`` (seconds from the first frame) are for dances that bring none. ``window`` cuts the
-    dance into pieces of so many frames; a shorter rest is ignored. Abrupt swaps and swap obedience
-    are of the whole dance in any case: a jump between two windows is one too.
+    dance into pieces of so many frames; a shorter rest is ignored. Abrupt swaps, swap obedience,
+    formations and drift are of the whole dance in any case: a jump between two windows is one too.
 
     Raises: ValueError or OSError when the dance cannot be read.
 
@@ -144,7 +159,7 @@ def measure(
     dance = read_dance(source, name)
     motion, beats = dance.motion, dance.beats if dance.beats is not None else beats
     f, fps = motion.num_frames, float(motion.fps)
-    found = Measured(dance.name, dance.kind, fps, motion.num_dancers, f)
+    found = Measured(dance.name, dance.kind, fps, motion.num_dancers, f, genre=dance.genre)
     joints = motion.joints()
     size = f if window is None else window
     if f < size:
@@ -154,6 +169,9 @@ def measure(
         shifted = None if beats is None else np.asarray(beats, dtype=np.float64) - start / fps
         _measure_window(found, joints[:, start : start + size], fps, shifted)
     _measure_swaps(found, motion)
+    for metric, (number, _) in FORMATION.items():
+        found.add(found.numbers, metric, number, joints, fps=fps)
+    _measure_drift(found, joints)
     return found
 
 
@@ -180,6 +198,17 @@ def _measure_swaps(found: Measured, motion: Motion) -> None:
     found.add(found.numbers, OBEDIENCE, lambda: float(obeys(root, swap)))
     if len(root) == 3 and found.numbers.get(OBEDIENCE):
         found.numbers[f"{OBEDIENCE}, {permutation_kind(swap)}"] = found.numbers[OBEDIENCE]
+
+
+def _measure_drift(found: Measured, joints: Tensor) -> None:
+    """Posture window by window; of two or more, the first and the last."""
+    try:
+        found.drift = drift(joints, fps=found.fps)
+    except ValueError:  # shorter than a window, or not finite, which other rows say
+        return
+    if len(found.drift.seconds) > 1:
+        for name in found.drift.names:
+            found.numbers[f"{name}{LAST_OVER_FIRST}"] = [found.drift.ends(name)]
 
 
 def _feature_rows(features: Callable, joints: Tensor, fps: float) -> np.ndarray:

@@ -20,7 +20,9 @@ from dancediff.motion.skeleton import SMPL24
 WIDE = 1.0  # metres between the wrists; both arms out to the sides are 1.4 m, one and a hanging 1.1
 CLOSE = 0.12  # metres between the ankles; side by side below the hips they are 0.2 m
 STILL = 0.1  # metres a second, mean of all joints
-HALF_A_SECOND = 0.5  # over which a turn counts; a pelvis that swings there and back does not turn
+STANDS = 0.05  # metres, mean of all joints, within STAND seconds
+STAND = 3.0  # seconds
+HALF_A_SECOND = 0.5  # over which a turn counts: a pelvis that swings does not turn
 POSE_WINDOW = 5.0  # seconds in which poses are counted
 POSE_STEP = 0.1  # seconds between the poses that are compared
 APART = 0.15  # metres, mean over joints, between two poses that are not the same
@@ -92,6 +94,51 @@ def legs_crossed(joints: Tensor, *, fps: float = 30.0) -> float:
     """
     p = as_group(joints, fps, least=1)
     return _share((_gap(p, "ankle") * _gap(p, "hip")).sum(-1) < 0)
+
+
+def legs_tangled(joints: Tensor, *, fps: float = 30.0) -> float:
+    r"""Share of the frames in which the legs are crossed or the ankles nearer than 12 cm.
+
+    The frames of `legs_crossed` and those of `ankles_close` together.
+
+    >>> legs_tangled(_rest())
+    0.0
+    """
+    p = as_group(joints, fps, least=1)
+    ankles = _gap(p, "ankle")
+    return _share((ankles.norm(dim=-1) < CLOSE) | ((ankles * _gap(p, "hip")).sum(-1) < 0))
+
+
+def ankle_distance(joints: Tensor, *, fps: float = 30.0) -> float:
+    r"""How far the ankles are apart, metres, mean over frames.
+
+    $$\overline{\lVert p_\text{left ankle} - p_\text{right ankle} \rVert}$$
+
+    >>> 0.15 < ankle_distance(_rest()) < 0.3
+    True
+    """
+    return _gap(as_group(joints, fps, least=1), "ankle").norm(dim=-1).mean().item()
+
+
+def standing(joints: Tensor, *, fps: float = 30.0) -> float:
+    r"""Share of dancers who move less than 5 cm in three seconds.
+
+    $$\overline{\big[\,\max_{i < 3\,\text{s}}
+      \tfrac1J \textstyle\sum_j \lVert p_{s+i,j} - p_{s,j} \rVert < 5\,\text{cm}\,\big]}$$
+
+    over dancers and stretches of 3 s, one beginning every half second at s. `stillness` finds slow
+    frames, such as those between two moves; this finds who has stopped.
+
+    Raises: ValueError also for less than 3 s.
+
+    >>> standing(_rest().expand(90, -1, -1))
+    1.0
+    """
+    size = round(STAND * fps)
+    p = as_group(joints, fps, least=size)
+    stretches = p.unfold(1, size, max(1, round(HALF_A_SECOND * fps)))  # (n, w, j, 3, size)
+    away = (stretches - stretches[..., :1]).norm(dim=3).mean(2)
+    return _share(away.amax(-1) < STANDS)
 
 
 def stillness(joints: Tensor, *, fps: float = 30.0) -> float:
@@ -170,6 +217,9 @@ POSTURE = {  # name of the metric: the function, its unit
     "turning": (turning, "degrees/s"),
     "ankles close": (ankles_close, "share"),
     "legs crossed": (legs_crossed, "share"),
+    "legs tangled": (legs_tangled, "share"),
+    "ankle distance": (ankle_distance, "m"),
     "stillness": (stillness, "share"),
+    "standing": (standing, "share"),
     "distinct poses": (distinct_poses, "in 5 s"),
 }

@@ -14,16 +14,25 @@ import torch
 from torch import Tensor
 
 from dancediff.metrics.bootstrap import bootstrap_interval
+from dancediff.metrics.drift import in_range, ranges
 from dancediff.metrics.fidelity import diversity, fid, too_few
+from dancediff.metrics.formation import FORMATION
 from dancediff.metrics.group import gmr
-from dancediff.metrics.measure import OBEDIENCE, Measured
+from dancediff.metrics.measure import LAST_OVER_FIRST, OBEDIENCE, Measured
 from dancediff.metrics.posture import POSTURE
 from dancediff.metrics.swaps import KINDS as SWAP_KINDS
 
 LEVEL, DRAWS = 0.95, 200  # of the bootstrap
+IN_RANGE = ", in range"  # of a metric of posture: windows of 5 s
+LEAST_WINDOWS = 20  # of a genre in the reference, to know its 5 and 95 %
 MOST = 1500  # vectors of which Div takes all pairs
 NO_REFERENCE = "no reference set was given"
 DOWN, UP, ALIKE = "down", "up", "reference"
+
+
+def mean(numbers: Tensor) -> float:
+    """Of the numbers of some dances."""
+    return float(numbers.mean())
 
 
 @dataclass(frozen=True)
@@ -36,6 +45,22 @@ class Metric:
     arrow: str
     compare: Callable[[Tensor, Tensor], float] | None = None  # None: the mean of the numbers
     whole: bool = False  # one number for each dance, whatever the window
+    optional: bool = False  # no row where no dance has it
+    number: Callable[[Tensor], float] = mean  # of all numbers, where there is no compare
+
+
+def last_over_first(ends: Tensor) -> float:
+    """Ratio of the means; ends (N, 2).
+
+    Raises: ValueError when the first is 0.
+
+    >>> last_over_first(torch.tensor([[1.0, 2.0], [3.0, 2.0]]))
+    1.0
+    """
+    first, last = ends.mean(0).tolist()
+    if not first:
+        raise ValueError("it is 0 in the first window of every dance, so there is no ratio")
+    return last / first
 
 
 METRICS = (
@@ -53,12 +78,21 @@ METRICS = (
     Metric("abrupt swaps", "abrupt swaps", "a dance", DOWN, whole=True),
     Metric(OBEDIENCE, OBEDIENCE, "share", UP, whole=True),
     *(
-        Metric(f"{OBEDIENCE}, {kind}", f"{OBEDIENCE}, {kind}", "share", UP, whole=True)
-        for kind in SWAP_KINDS
+        Metric(name, name, "share", UP, whole=True, optional=True)
+        for name in (f"{OBEDIENCE}, {kind}" for kind in SWAP_KINDS)
     ),
     Metric("joint speed", "joint speed", "m/s", ALIKE),
     Metric("motion beats", "motion beats", "1/s", ALIKE),
     *(Metric(name, name, unit, ALIKE) for name, (_, unit) in POSTURE.items()),
+    *(Metric(name, name, unit, ALIKE, whole=True) for name, (_, unit) in FORMATION.items()),
+    *(
+        Metric(name, name, "1", ALIKE, whole=True, optional=True, number=last_over_first)
+        for name in (f"{posture}{LAST_OVER_FIRST}" for posture in POSTURE)
+    ),
+    *(
+        Metric(name, name, "share", UP, whole=True, optional=True)
+        for name in (f"{posture}{IN_RANGE}" for posture in POSTURE)
+    ),
 )
 
 
@@ -88,12 +122,30 @@ def table_rows(
 ) -> Iterator[Row]:
     """A row for each metric, of dances and a reference set as `measure` left them.
 
-    Kinds of swaps that no dance has as its target have no row.
+    Kinds of swaps that no dance has as its target have no row, nor has drift of short dances.
     """
+    if reference:
+        _compare_windows(dances, reference)
     for metric in METRICS:
-        present = any(metric.source in dance.numbers for dance in dances)
-        if present or not metric.name.startswith(f"{OBEDIENCE},"):
+        if not metric.optional or any(metric.source in dance.numbers for dance in dances):
             yield _row(metric, dances, reference, seed)
+
+
+def _compare_windows(dances: list[Measured], reference: list[Measured]) -> None:
+    """How many windows of each dance lie in the range of the reference, of its genre if it can."""
+    known = [one for one in reference if one.drift is not None]
+    if not known:
+        return
+    limits: dict[str | None, np.ndarray] = {None: ranges([one.drift for one in known if one.drift])}
+    for genre in {one.genre for one in known} - {None}:
+        same = [one.drift for one in known if one.drift and one.genre == genre]
+        if sum(len(one.seconds) for one in same) >= LEAST_WINDOWS:
+            limits[genre] = ranges(same)
+    for dance in dances:
+        if dance.drift is not None:
+            shares = in_range(dance.drift, limits.get(dance.genre, limits[None]))
+            for name, share in zip(dance.drift.names, shares, strict=True):
+                dance.numbers[f"{name}{IN_RANGE}"] = [float(share)]
 
 
 def _row(
@@ -121,7 +173,7 @@ def _row(
 
     def statistic(chosen) -> float:
         features = _joined([parts[int(k)] for k in chosen])
-        return float(metric.compare(features, real) if metric.compare else features.mean())
+        return metric.compare(features, real) if metric.compare else metric.number(features)
 
     everyone = torch.arange(len(parts))
     try:
@@ -200,6 +252,6 @@ def _of_reference(metric: Metric, reference: list[Measured] | None) -> float | N
         return None
     x = _joined(_sample(parts, 0) if metric.compare is diversity else parts)
     try:
-        return float(metric.compare(x, x) if metric.compare else x.mean())
+        return float(metric.compare(x, x) if metric.compare else metric.number(x))
     except ValueError:
         return None

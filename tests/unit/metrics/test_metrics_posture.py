@@ -13,15 +13,18 @@ from dancediff.cli import main
 from dancediff.data.choreographer import choreograph
 from dancediff.data.cmu import cmu_jobs
 from dancediff.metrics.corruption import freeze, mean_pose
-from dancediff.metrics.drift import Drift, drift, mean_drift
+from dancediff.metrics.drift import Drift, drift, in_range, mean_drift, ranges
 from dancediff.metrics.posture import (
     POSTURE,
+    ankle_distance,
     ankles_close,
     arms_wide,
     distinct_poses,
     from_pelvis,
     knee_bend,
     legs_crossed,
+    legs_tangled,
+    standing,
     stillness,
     turning,
 )
@@ -115,6 +118,51 @@ def test_a_steady_dance_does_not_drift(dance):
     found = drift(dance.joints())
     first, last = found.thirds("knee bend")
     assert abs(last / first - 1) < 0.25
+
+
+def test_tangled_legs_are_closed_or_crossed_ones(dance):
+    joints = dance.joints()
+    assert legs_tangled(body()) == 0
+    closed = body(lhip=(0, 0, -4), rhip=(0, 0, 4))
+    assert ankle_distance(closed) < ankle_distance(body()) - 0.05
+    tangled = legs_tangled(joints)
+    parts = ankles_close(joints), legs_crossed(joints)
+    assert max(parts) <= tangled <= sum(parts)
+    crossed = joints.clone()
+    left, right = SMPL24.index("lankle"), SMPL24.index("rankle")
+    crossed[..., [left, right], :] = joints[..., [right, left], :]
+    assert legs_tangled(crossed) > 0.9
+    assert ankle_distance(crossed) == pytest.approx(ankle_distance(joints))
+
+
+def test_who_stands_is_found_and_who_moves_slowly_is_not(dance):
+    rng = np.random.default_rng(0)
+    assert standing(dance.joints()) < 0.1
+    half = freeze(dance, 0.5, rng).joints()
+    assert 0.4 < standing(half) < 0.6
+    assert standing(mean_pose(dance, 1.0, rng).joints()) < 0.6  # a statue that glides
+    slow = torch.zeros(1, 300, 24, 3)
+    slow[..., 0] = torch.arange(300)[:, None] * 0.05 / 30  # 5 cm a second: still, and goes away
+    assert stillness(slow) == 1
+    assert standing(slow) == 0
+    with pytest.raises(ValueError, match="90"):
+        standing(torch.zeros(1, 80, 24, 3))
+
+
+def test_windows_beyond_the_data_are_found(dance):
+    many = [
+        drift(choreograph(np.arange(0.5, 20, 0.5), dancers=3, seed=s, seconds=20.0)[0].joints())
+        for s in range(10, 20)
+    ]
+    limits = ranges(many)
+    own = np.mean([in_range(one, limits) for one in many], axis=0)
+    assert (own >= 0.85).all()
+    still = in_range(drift(freeze(dance, 1.0, np.random.default_rng(0)).joints()), limits)
+    by_name = dict(zip(POSTURE, still, strict=True))
+    assert by_name["stillness"] == by_name["standing"] == 0
+    assert drift(dance.joints()).ends("turning")[0] == drift(dance.joints())["turning"][0]
+    with pytest.raises(ValueError, match="drifts is empty"):
+        ranges([])
 
 
 def test_mean_drift_is_over_dances_not_windows():

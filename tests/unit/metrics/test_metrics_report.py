@@ -19,6 +19,7 @@ from dancediff.metrics import report as report_module
 from dancediff.metrics import rows as rows_module
 from dancediff.metrics.bootstrap import bootstrap_interval
 from dancediff.metrics.collision import tif
+from dancediff.metrics.corruption import freeze
 from dancediff.metrics.fidelity import diversity, fid
 from dancediff.metrics.geometric import geometric_features
 from dancediff.metrics.group import gmc, gmr, group_features
@@ -239,7 +240,7 @@ def test_frame_rates_are_not_mixed(dances, others):
     fast = replace(dances[0], fps=60.0)
     report = evaluate_dances([fast, *dances[1:]], reference=others, song=BEATS)
     for row in report.rows:
-        if row.name in ("abrupt swaps", "swap obedience"):
+        if next(metric for metric in METRICS if metric.name == row.name).whole:
             continue
         assert math.isnan(row.value) and "30 and 60" in row.reason, row.name
     report = evaluate_dances([fast], reference=others, song=BEATS)
@@ -441,3 +442,31 @@ def test_a_pipe_is_refused_at_once(tmp_path):
     os.mkfifo(tmp_path / "dance.npz")
     with pytest.raises(ValueError, match="is no regular file"):
         evaluate_dances(tmp_path / "dance.npz")
+
+
+def test_a_dance_that_settles_drifts_and_leaves_the_range_of_its_genre():
+    options = {"dancers": 2, "seconds": 20.0, "genre": "house"}
+    beats = np.arange(0.4, 20, 0.5)
+    good = [choreograph(beats, seed=seed, **options)[0] for seed in range(14)]
+    takes = [replace(take_of(d, f"t{k}"), genre="house") for k, d in enumerate(good[4:])]
+    slow = {"dancers": 2, "seconds": 20.0, "genre": "contemporary"}
+    takes += [
+        replace(take_of(choreograph(beats, seed=s, **slow)[0], f"c{s}"), genre="contemporary")
+        for s in range(20, 30)
+    ]
+    settled = [freeze(d, 0.5, np.random.default_rng(0)) for d in good[:4]]
+    tables = {}
+    for name, dances in (("good", good[:4]), ("settled", settled)):
+        named = [replace(take_of(d, f"{name}{k}"), genre="house") for k, d in enumerate(dances)]
+        tables[name] = evaluate_dances(named, reference=takes)
+    assert tables["settled"]["turning, last / first"].value == 0
+    assert 0.8 < tables["good"]["knee bend, last / first"].value < 1.25
+    for posture in ("turning", "stillness", "standing"):
+        name = f"{posture}, in range"
+        assert tables["settled"][name].value <= tables["good"][name].value - 0.2, name
+    assert tables["good"]["knee bend, in range"].value > 0.6
+    other = [replace(take_of(d, f"o{k}"), genre="contemporary") for k, d in enumerate(good[:4])]
+    knees = evaluate_dances(other, reference=takes)["knee bend, in range"].value
+    assert knees < tables["good"]["knee bend, in range"].value  # a house dance asked for as slow
+    short = evaluate_dances([good[0].frames(0, 90)])
+    assert not any("last / first" in row.name or "in range" in row.name for row in short.rows)
