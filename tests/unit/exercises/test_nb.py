@@ -3,6 +3,7 @@ import json
 import re
 import subprocess
 import sys
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -384,3 +385,12 @@ def _undefined(code: str) -> str:
 def test_a_name_that_nobody_defines_is_found():
     assert _undefined("x = 1\nprint(x)") == ""
     assert "undefined_name" in _undefined("print(undefined_name)").replace("`", "")
+
+
+@pytest.mark.parametrize("path", LESSONS, ids=lambda p: p.stem)
+def test_every_panel_has_a_picture_for_readers_without_a_kernel(path):
+    book = json.loads(path.read_text(encoding="utf-8"))["cells"]
+    for before, cell in pairwise(book):
+        if cell["cell_type"] == "code" and "panels.explore(" in source(cell):
+            kinds = {kind for out in before.get("outputs", []) for kind in out.get("data", {})}
+            assert "image/png" in kinds, source(cell)

@@ -12,7 +12,6 @@ Symbols (axes: b batch · n dancers · f frames · d motion features · j joints
 from dataclasses import asdict, dataclass
 
 import torch
-from einops import rearrange
 from torch import Tensor
 
 from dancediff.motion.representation import TCDIFFPP, Normalizer
@@ -147,13 +146,3 @@ def tcdiffpp_losses(
     """
     terms = five_losses(compare(x_raw, x_hat, x_0, normalizer))
     return with_total(terms, (weights or LossWeights()).terms())
-
-
-def pair_distances(root: Tensor) -> Tensor:
-    """Distance of every pair of dancers in every frame, (b, n, f, 3) -> (b, f, n, n) metres.
-
-    >>> pair_distances(torch.zeros(1, 3, 7, 3)).shape
-    torch.Size([1, 7, 3, 3])
-    """
-    by_frame = rearrange(root, "b n f d -> b f n d")
-    return torch.cdist(by_frame, by_frame)
