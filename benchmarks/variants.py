@@ -29,6 +29,8 @@ from dancediff.data.windows import GroupCut, WindowSampler
 from dancediff.diffusion.conditions import Conditions
 from dancediff.diffusion.schedule import q_sample
 from dancediff.extensions.build import build
+from dancediff.extensions.energy_condition import listens_to_energy
+from dancediff.extensions.genre_condition import genres_of
 from dancediff.motion.representation import joints_of
 from dancediff.papers.edge.model import EDGE
 from dancediff.training import run, trainer
@@ -66,20 +68,30 @@ class Timed:
 
     def __init__(self, tables: dict, data: str, seconds: float):
         kind = run.MODELS[tables["model"].get("class", "TCDiffPP")]
-        sizes = {k: v for k, v in tables["model"].items() if k not in ("class", "extensions")}
+        other = ("class", "extensions", "genres")
+        sizes = {k: v for k, v in tables["model"].items() if k not in other}
         config, corpus = kind[1](**sizes), GroupData(**tables["data"])
         settings = replace(run.settings_of(tables), evaluate_every=0, steps=10**6)
         takes, held = (run.prepared_takes(data, config, split) for split in ("train", "val"))
         torch.manual_seed(settings.seed)
-        model = build(kind[0], config, tables["model"]["extensions"])
+        model = build(
+            kind[0], config, tables["model"]["extensions"], tables["model"].get("genres", ())
+        )
         if isinstance(model, EDGE):
             takes, held = run._solos(takes), run._solos(held)
         fit_statistics(model, takes, settings.extensions, real=corpus.real)
         self.trainer = trainer.Trainer(
-            model, run._windows(takes, corpus, config, settings), settings, None
+            model, run._windows(takes, corpus, model, settings), settings, None
         )
         cut = GroupCut(config.num_frames)
-        self.held = WindowSampler(held, cut, dancers_per_batch=DANCERS, seed=99)
+        self.held = WindowSampler(
+            held,
+            cut,
+            genres=genres_of(model),
+            energy=listens_to_energy(model),
+            dancers_per_batch=DANCERS,
+            seed=99,
+        )
         self.settings, self.seconds, self.used, self.steps = settings, seconds, 0.0, 0
 
     def train(self, label: str) -> None:
@@ -122,11 +134,12 @@ class Timed:
         return errors
 
     def _noised(self, k: int, level: int):
-        model, (x, M, S) = self.trainer.model, self.held.batch(k)
-        x_0, M = model.normalizer.normalize(x), model.music_normalizer.normalize(M)
+        model, batch = self.trainer.model, self.held.batch(k)
+        x_0, M = model.normalizer.normalize(batch.x), model.music_normalizer.normalize(batch.M)
+        conditions = Conditions(M, batch.label, genre=batch.genre, energy=batch.energy)
         noise = torch.randn(x_0.shape, generator=torch.Generator().manual_seed(k))
-        t = torch.full((len(x),), level)
-        return x, Conditions(M, S), q_sample(x_0, t, model.abar, noise).float(), t
+        t = torch.full((len(x_0),), level)
+        return batch.x, conditions, q_sample(x_0, t, model.abar, noise).float(), t
 
 
 @dataclass

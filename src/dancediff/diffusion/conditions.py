@@ -55,7 +55,7 @@ class Conditions:
         """
         return self._each(lambda value: value.repeat_interleave(times, 0))
 
-    def rows(self, which: slice) -> "Conditions":
+    def rows(self, which: slice | Tensor) -> "Conditions":
         """Some rows of the batch."""
         return self._each(lambda value: value[which])
 
@@ -69,7 +69,9 @@ class Conditions:
 
 
 class Denoiser(Protocol):
-    """What sampling, training and evaluation ask of a model."""
+    """What sampling, training and evaluation ask of a model; ``abar``: signal left, by step."""
+
+    abar: Tensor
 
     def denoise(self, x_t: Tensor, t: Tensor, conditions: Conditions) -> Tensor:
         """The guess of the clean motion; x_t (b, ..., f, d), t (b,) -> like x_t."""

@@ -76,6 +76,8 @@ _ALL = (
               "joint_velocity_loss", BY_SEGMENTS),
     Extension("slide_loss", "training", "Feet that truly stand should not slide.",
               "slide_loss", ALL),
+    Extension("own_overlap", "training", "Windows begin as the network itself makes them.",
+              "own_overlap", GROUP, presets=()),
     Extension("masked_music", "training", "Timbre and harmony are hidden.", "training.config", ALL),
     Extension("any_song", "training", "Real dances are also learned to other dances' songs.",
               "training.config", SOLO),

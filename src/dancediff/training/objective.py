@@ -13,16 +13,18 @@ from abc import ABC, abstractmethod
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
+from typing import cast
 
 import torch
 from torch import Tensor
 
 from dancediff.data.windows import Batch
-from dancediff.diffusion.conditions import Conditions
+from dancediff.diffusion.conditions import Conditions, Denoiser
 from dancediff.diffusion.schedule import q_sample
 from dancediff.extensions.energy_condition import listens_to_energy, with_dropped_energy
 from dancediff.extensions.genre_condition import genre_condition_of, with_dropped_genre
 from dancediff.extensions.level_weights import draw_levels, weights_of
+from dancediff.extensions.own_overlap import with_own_overlap
 from dancediff.nn.dance_network import DanceNetwork
 from dancediff.nn.losses import compare
 from dancediff.papers.tcdiffpp.losses import five_losses
@@ -128,7 +130,8 @@ class GroupObjective(Objective):
         x_0, noised = batch.x, self.noised(batch.x, number)
         conditions = self.conditions(batch, noised, swap=batch.label)
         with self.deterministic_autocast(number):
-            guess = model(noised.x_t, noised.t, conditions)
+            x_t = self._with_own_overlap(model, x_0, noised, conditions)
+            guess = model(x_t, noised.t, conditions)
         x_raw, x_hat = guess if isinstance(guess, tuple) else (guess, guess)  # EDGE adapts nothing
         return extended_losses(
             compare(x_raw.float(), x_hat.float(), x_0, model.normalizer),
@@ -138,3 +141,16 @@ class GroupObjective(Objective):
             reconstruction="simple",
             row_weights=noised.weight,
         )
+
+    def _with_own_overlap(
+        self, model: DanceNetwork, x_0: Tensor, noised: Noised, conditions: Conditions
+    ) -> Tensor:
+        """x_t of windows some of which begin as the network makes them, under the same noise."""
+        share = self.config.extensions.own_overlap
+        if not share:
+            return noised.x_t
+        changed = (
+            with_own_overlap(cast(Denoiser, model), x_0, conditions, share, noised.generator) - x_0
+        )
+        signal = model.abar[noised.t].sqrt().reshape(-1, *[1] * (x_0.ndim - 1))
+        return (noised.x_t + signal * changed).to(noised.x_t.dtype)
