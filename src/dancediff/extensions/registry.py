@@ -79,6 +79,8 @@ _ALL = (
     Extension("own_overlap", "training", "Windows begin as the network itself makes them.",
               "own_overlap", GROUP, presets=()),
     Extension("masked_music", "training", "Timbre and harmony are hidden.", "training.config", ALL),
+    Extension("music_dropout", "training", "Some windows lack timbre, some harmony.",
+              "music_dropout", ALL, presets=()),
     Extension("any_song", "training", "Real dances are also learned to other dances' songs.",
               "training.config", SOLO),
     # guidance

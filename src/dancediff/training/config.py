@@ -35,11 +35,12 @@ class TrainingExtensions:
     joint_velocity_loss: float = 0.0  # weight
     slide_loss: float = 0.0  # weight
     own_overlap: float = 0.0  # TCDiff++: share of windows that begin as the network makes them
+    music_dropout: float = 0.0  # share of windows without timbre, and of those without harmony
     masked_music: tuple[str, ...] = ()  # blocks of the music features that are always 0
     any_song: float = 0.0  # Lodge: share of real windows that are danced to another dance's song
 
     def __post_init__(self):
-        for name in ("level_weights", "any_song", "own_overlap"):
+        for name in ("level_weights", "any_song", "own_overlap", "music_dropout"):
             _check_share(name, getattr(self, name))
         for name in ("joint_velocity_loss", "slide_loss"):
             _check_least(name, getattr(self, name), 0)

@@ -24,6 +24,7 @@ from dancediff.diffusion.schedule import q_sample
 from dancediff.extensions.energy_condition import listens_to_energy, with_dropped_energy
 from dancediff.extensions.genre_condition import genre_condition_of, with_dropped_genre
 from dancediff.extensions.level_weights import draw_levels, weights_of
+from dancediff.extensions.music_dropout import with_dropped_blocks
 from dancediff.extensions.own_overlap import with_own_overlap
 from dancediff.nn.dance_network import DanceNetwork
 from dancediff.nn.losses import compare
@@ -80,7 +81,10 @@ class Objective(ABC):
             genre = with_dropped_genre(batch.genre, noised.generator)
         if self.has_energy and batch.energy is not None:
             energy = with_dropped_energy(batch.energy, noised.generator)
-        return Conditions(batch.M, music_mask=noised.mask, genre=genre, energy=energy, **own)
+        M, share = batch.M, self.config.extensions.music_dropout
+        if share:
+            M = with_dropped_blocks(M, share, noised.generator)
+        return Conditions(M, music_mask=noised.mask, genre=genre, energy=energy, **own)
 
     @cached_property
     def has_genre(self) -> bool:
