@@ -128,6 +128,7 @@ class Sampling:
     foot_contact: bool | None = None
     collision_avoidance: bool | None = None
     order_constraint: bool | None = None
+    frequency_clip: bool | None = None
 
     def of(self, model: Pipeline) -> dict:
         """The options that are given, as far as the model has them."""

@@ -103,6 +103,7 @@ def train_from_config(
     data=None,
     start: nn.Module | None = None,
     preview: Callable | None = None,
+    trainer: type[Trainer] = Trainer,
     **options,
 ):
     """Make or read the data, build the model, train it; returns the averaged model.
@@ -113,6 +114,7 @@ def train_from_config(
       ``takes`` are solos.
     - ``start``: a trained model to start from, see `take_over`; not for Lodge.
     - ``preview(model, step)``: see `dancediff.training.evaluator`.
+    - ``trainer``: a class that trains in another way; not for Lodge.
     - ``options``: ``device``, or a ``world`` that brings its own; ``resume``, ``overwrite``: see
       `dancediff.training.trainer.Trainer`.
 
@@ -146,7 +148,7 @@ def train_from_config(
         take_over(model, start)
     validation = _windows(held_out, corpus, model, settings) if held_out else None
     device, world = options.pop("device", "cpu"), options.get("world")
-    return Trainer(
+    return trainer(
         model.to(device if world is None else world.device),
         _windows(takes, corpus, model, settings),
         settings,
