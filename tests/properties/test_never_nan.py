@@ -337,7 +337,7 @@ def test_nobody_dances_to_silence(kind, sound):
 class Song:
     """Two seconds of anything."""
 
-    name, duration, is_silent = "anything", 2.0, False
+    name, duration, is_silent, tempo = "anything", 2.0, False, float("nan")
 
     def __init__(self, size):
         self.M = size * normal(0, 61, 35)

@@ -12,6 +12,9 @@ import torch
 from torch import Tensor
 
 from dancediff.diffusion.schedule import q_sample
+from dancediff.extensions.energy_condition import listens_to_energy
+from dancediff.extensions.genre_condition import genre_condition_of, genres_of
+from dancediff.generation.genre_mix import ANY, BY_TEMPO
 from dancediff.generation.request import default_of
 from dancediff.metrics import corruption
 from dancediff.metrics.collision import tif
@@ -30,6 +33,7 @@ from dancediff.viz.projection import Camera
 from dancediff.viz.style import bare, set_title
 
 NOTICED = 0.25  # of the larger value: by so much must a metric change to be named in a title
+MOST_ENERGY = 1.5  # of the slider: music of usual loudness, 0.65, then has nearly all there is
 NOT_IN_PAPERS = ("seed", "dancers")  # options for which no paper has a value
 DAMAGES = ("drag_feet", "jitter", "freeze", "shuffle_time", "overlap_dancers", "mean_pose")
 _FRONT = Camera(eye=(0, 1.15, 7.0), target=(0, 0.95, 0), size=(320, 320), focal=900)
@@ -260,3 +264,23 @@ def option(model, name: str, low=None, high=None, *, value=None, label="", choic
     if low is not None:
         return slider(low, high, value, label)
     return choice(choices or one.metadata["choices"] or (True, False), value, label)
+
+
+def style_controls(model, *, genre: str = BY_TEMPO) -> dict:
+    """Controls for genre and energy by name; none for what a model does not know.
+
+    ``model``: a pipeline.  ``genre``: the first value.
+
+    >>> import dancediff as dd
+    >>> list(style_controls(dd.load("lodge")))
+    ['genre']
+    """
+    controls, names = {}, genres_of(model.model)
+    if names:
+        known = (BY_TEMPO, *names, *((ANY,) if genre_condition_of(model.model) else ()))
+        controls["genre"] = option(model, "genre", value=genre, choices=known)
+    if listens_to_energy(model.model):
+        controls["energy"] = option(
+            model, "energy", 0.0, MOST_ENERGY, label="energy, times the song's"
+        )
+    return controls

@@ -10,15 +10,18 @@ import pytest
 import torch
 
 import dancediff as dd
+from dancediff import hub
 from dancediff.extensions.build import build
 from dancediff.generation.pipeline import pipeline_of
 from dancediff.generation.presets import PAPER
 from dancediff.generation.request import REQUESTS
+from dancediff.genre import GENRES
 from dancediff.papers.lodge.cue_guidance import guided_steps
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 from dancediff.viz import lab, panels
 from places import BOOKS
 from tiny_lodge import tiny_lodge
+from tiny_tcdiffpp import tiny_tcdiffpp
 
 
 @pytest.fixture(scope="module")
@@ -141,7 +144,7 @@ def test_every_slider_of_an_option_marks_the_papers_value(model, lodge):
     models = {"tcdiffpp": model, "lodge": lodge}
     for family, preset in PAPER.items():
         for option, value in preset.items():
-            if family in models:
+            if family in models and option not in ("genre", "energy"):  # see `style_controls`
                 low_high = (0, 50) if type(value) in (int, float) else ()
                 label = panels.option(models[family], option, *low_high).description
                 said = f"{value:g}" if isinstance(value, float) else str(value)
@@ -149,6 +152,22 @@ def test_every_slider_of_an_option_marks_the_papers_value(model, lodge):
     assert panels.option(lodge, "seed", 0, 9).description == "seed"
     steps = panels.option(models["tcdiffpp"], "steps", 1, 50, value=8)
     assert (steps.value, steps.min, steps.max) == (8, 1, 50)
+
+
+def test_controls_for_genre_and_energy_are_those_of_the_models_parts(model, lodge):
+    assert panels.style_controls(model) == {}
+    (genre,) = panels.style_controls(lodge, genre="salsa").values()
+    assert genre.value == "salsa" and genre.options[0] == "by tempo"
+    assert genre.options[1:] == lodge.config.genres, "Lodge cannot dance without a genre"
+    styled = tiny_tcdiffpp(["preconditioning", "genre_condition", "energy_condition"])
+    controls = panels.style_controls(styled)
+    assert list(controls) == ["genre", "energy"]
+    assert controls["genre"].options == ("by tempo", *GENRES, "any")
+    energy = controls["energy"]
+    assert (energy.min, energy.value, energy.description.endswith("(paper: any)")) == (0, 1, True)
+    song = hub.packaged_song()
+    for control in controls["genre"].options:
+        styled.resolve(song, genre=control, energy=energy.max)
 
 
 def test_lessons_take_controls_of_options_from_the_request():
