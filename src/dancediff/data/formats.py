@@ -20,7 +20,6 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from dancediff.axes import FPS
 from dancediff.data.cache import song_features
 from dancediff.data.resample import resample_motion
 from dancediff.data.retarget import floor_height
@@ -30,7 +29,7 @@ from dancediff.motion.contact import foot_contact
 from dancediff.motion.motion import Motion
 from dancediff.motion.rotation import axis_angle_to_matrix
 from dancediff.motion.skeleton import FOOT_JOINTS, SMPL24
-from dancediff.music.features import beat_frames
+from dancediff.music.features import beat_times
 from dancediff.music.song import Music
 
 SHORTEST = 30  # frames; what is shorter holds nothing to learn from
@@ -142,7 +141,7 @@ def make_take(name: str, motion: Motion, song: Path | None, *, skip: int = 0, **
         kind="real",
         music="none" if M is None else "original",
         M=None if M is None else M[:f].clone(),
-        beats=None if M is None else beat_frames(M[:f]) / FPS,
+        beats=None if M is None else beat_times(M[:f]),
         notes=notes,
         **facts,
     )

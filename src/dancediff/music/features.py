@@ -16,9 +16,9 @@ import torch
 from torch import Tensor, nn
 
 from dancediff.axes import FPS
+from dancediff.music.beat_tracking import TrackedBeats, beat_onset, track_beats
+from dancediff.music.sound_rate import HOP, SAMPLE_RATE
 
-HOP = 512
-SAMPLE_RATE = FPS * HOP  # 15,360 Hz makes a hop of 512 samples exactly one frame of 30 fps
 NUM_FEATURES = 35
 ONSET = slice(0, 1)
 MFCC = slice(1, 21)
@@ -26,6 +26,7 @@ CHROMA = slice(21, 33)
 PEAKS = slice(33, 34)
 BEATS = slice(34, 35)
 BLOCKS = {"onset": ONSET, "mfcc": MFCC, "chroma": CHROMA, "peaks": PEAKS, "beats": BEATS}
+LATE = 0.045  # seconds from a beat to its top in librosa's onset envelope, measured on songs
 _MASKED = 1e6  # a std so large that no value is far from the mean
 _SHORTEST = 16 * HOP  # librosa's filters want half a second; shorter sound is padded with silence
 _WINDOW = 2048  # samples of a spectrum
@@ -33,15 +34,18 @@ _RATE: dict[str, Any] = {"sr": SAMPLE_RATE, "hop_length": HOP}
 _BINS = 36  # notes an octave
 _AT_ONCE = 9000  # frames: spectra of five minutes take a quarter of a gigabyte
 _REACH = 150  # frames around a part that its lowest chroma filters and their resampling can see
-_MEMORY = 8.0  # seconds in which a tempo must show itself
 
 
-def music_features(samples: np.ndarray, *, at_once: int = _AT_ONCE) -> np.ndarray:
+def music_features(
+    samples: np.ndarray, *, at_once: int = _AT_ONCE, beats: TrackedBeats | None = None
+) -> np.ndarray:
     r"""Onset envelope, 20 MFCC, 12 CENS chroma, onset peaks and beats of a whole song.
 
     Source: the EDGE baseline, FineDance and Lodge (35-d).  Differs: EDGE computes them for each
-    5 s slice, which breaks beats at the cuts; the released TCDiff++ uses 438 dimensions at 60 fps.
+    5 s slice, which breaks beats at the cuts, and all of them take librosa's beats, which go on
+    where music has none; the released TCDiff++ uses 438 dimensions at 60 fps.
 
+    ``beats`` are those of `track_beats`, if they are known already; they are tracked otherwise.
     Spectra are taken of ``at_once`` frames at a time, so a song of two hours fits into memory; the
     result is the same but for rounding.
 
@@ -58,6 +62,7 @@ def music_features(samples: np.ndarray, *, at_once: int = _AT_ONCE) -> np.ndarra
     if y.ndim != 1 or not np.isfinite(y).all():
         raise ValueError(f"samples with shape {y.shape} must be one row of finite numbers")
     frames = 1 + len(y) // HOP
+    beats = track_beats(beat_onset(y)) if beats is None else beats
     if len(y) < _SHORTEST:
         y = np.pad(y, (0, _SHORTEST - len(y)))
     with warnings.catch_warnings():
@@ -69,13 +74,13 @@ def music_features(samples: np.ndarray, *, at_once: int = _AT_ONCE) -> np.ndarra
         mfcc = librosa.feature.mfcc(S=mel, n_mfcc=20, sr=SAMPLE_RATE)
         chroma = librosa.feature.chroma_cens(C=_constant_q(y, tuning, at_once), **_RATE)
         peaks = librosa.onset.onset_detect(onset_envelope=onset, **_RATE)
-        beats = detect_beats(onset, peaks)
     M = np.zeros((len(onset), NUM_FEATURES), dtype=np.float32)
     M[:, ONSET] = onset[:, None]
     M[:, MFCC] = mfcc.T
     M[:, CHROMA] = chroma.T
     M[peaks, PEAKS] = 1
-    M[beats, BEATS] = 1
+    at = np.round((beats.times + LATE) * FPS).astype(int)
+    M[at[at < len(M)], BEATS] = 1
     return np.nan_to_num(M[:frames], copy=False)
 
 
@@ -119,31 +124,10 @@ def _constant_q(y: np.ndarray, tuning: float, at_once: int) -> np.ndarray:
     return np.concatenate(parts, axis=1)
 
 
-def detect_beats(onset: np.ndarray, peaks: np.ndarray) -> np.ndarray:
-    """Beat frames of an onset envelope, by librosa's tracker around the song's own tempo.
-
-    They go from the first to the last of the ``peaks``, the frames of clear onsets. librosa's own
-    rule ends them where they get weak, and so leaves a fading song without beats for seconds;
-    dancers do not stop there.
-
-    >>> detect_beats(np.zeros(100), np.zeros(0)).tolist()
-    []
-    """
-    import librosa
-
-    if not len(peaks):
-        return np.zeros(0, dtype=int)
-    tempogram = _mean_tempogram(onset)
-    tempo = librosa.feature.tempo(tg=tempogram, **_RATE)[0]
-    tempo = librosa.feature.tempo(tg=tempogram, start_bpm=float(tempo), **_RATE)[0]
-    _, beats = librosa.beat.beat_track(
-        onset_envelope=onset, bpm=float(tempo), tightness=100, trim=False, **_RATE
-    )
-    return beats[(beats >= peaks[0]) & (beats <= peaks[-1])]
-
-
 def beat_frames(M: Tensor) -> np.ndarray:
     """Frames on which a beat falls; (f, 35) -> int (k,).
+
+    They keep the time of the columns of onsets and peaks, which is `LATE` after the sound.
 
     >>> M = torch.zeros(40, 35)
     >>> M[[5, 20], BEATS] = 1
@@ -153,20 +137,15 @@ def beat_frames(M: Tensor) -> np.ndarray:
     return np.flatnonzero(M[:, BEATS.start].numpy() > 0.5)
 
 
-def _mean_tempogram(onset: np.ndarray, at_once: int = _AT_ONCE) -> np.ndarray:
-    """How much each lag of up to 8 s repeats itself, mean over the song, (lags, 1)."""
-    import librosa
+def beat_times(M: Tensor) -> np.ndarray:
+    """Seconds at which the beats of the features sound, within half a frame; (f, 35) -> (k,).
 
-    lags = int(_MEMORY * FPS)
-    around = np.pad(onset, lags // 2, mode="linear_ramp", end_values=0)
-    total = np.zeros((lags, 1))
-    for start, stop in _parts(len(onset), at_once):
-        part = around[start : stop - 1 + lags]
-        local = librosa.feature.tempogram(
-            onset_envelope=part, win_length=lags, center=False, **_RATE
-        )
-        total += local.sum(axis=-1, keepdims=True, dtype=np.float64)
-    return total / len(onset)
+    >>> M = torch.zeros(40, 35)
+    >>> M[[1, 30], BEATS] = 1
+    >>> beat_times(M).round(3).tolist()
+    [0.0, 0.955]
+    """
+    return np.maximum(beat_frames(M) / FPS - LATE, 0)
 
 
 class MusicNormalizer(nn.Module):

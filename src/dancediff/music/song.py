@@ -12,9 +12,10 @@ import torch
 from torch import Tensor
 
 from dancediff.atomic import atomic_write
-from dancediff.axes import FPS
-from dancediff.music.features import HOP, SAMPLE_RATE, beat_frames, music_features
+from dancediff.music.beat_tracking import TrackedBeats, beat_onset, track_beats
+from dancediff.music.features import music_features
 from dancediff.music.sound_on_disk import SoundOnDisk
+from dancediff.music.sound_rate import HOP, SAMPLE_RATE
 
 SILENT = 1e-4  # peak below which a song counts as silent
 LONG = 1 << 26  # samples (12 minutes in stereo) from which on a song's sound stays in its file
@@ -141,7 +142,7 @@ class Music:
         return Music(self.audio[a:b], self.rate, self.name)
 
     @cached_property
-    def _features(self) -> Tensor:
+    def _heard(self) -> tuple[Tensor, TrackedBeats]:
         y = self.mono()
         # loudness says nothing about the dance; the same song recorded softer gives the same dance
         parts = (y[k : k + _PART] for k in range(0, len(y), _PART))
@@ -149,7 +150,8 @@ class Music:
         rms = float(np.sqrt(power / len(y)))
         if rms > SILENT * 0.1:
             y *= _LOUDNESS / rms
-        return torch.from_numpy(music_features(y))
+        beats = track_beats(beat_onset(y))
+        return torch.from_numpy(music_features(y, beats=beats)), beats
 
     @property
     def num_frames(self) -> int:
@@ -162,11 +164,15 @@ class Music:
         The song is first set to a fixed loudness (RMS 0.1). Cut the rows, not the song: beats and
         chroma need their surroundings.
         """
-        return self._features
+        return self._heard[0]
 
     def beats(self) -> np.ndarray:
-        """Times of the detected beats in seconds."""
-        return beat_frames(self.features()) / FPS
+        """Times of the tracked beats in seconds, exact to a 60th; none where music has no beat."""
+        return self._heard[1].times
+
+    def beat_confidence(self) -> np.ndarray:
+        """How sure each of the beats is, 0 to 1."""
+        return self._heard[1].confidence
 
     @property
     def tempo(self) -> float:

@@ -91,7 +91,7 @@ def test_a_take_comes_back_with_its_floor_at_zero(data, dance):
     assert take.notes["video"] == "zEB5-zAz_89qg"
     heard = Music.load(data.path / "musics" / take.notes["song"])
     assert take.M.equal(heard.features()[:150])
-    assert np.allclose(take.beats, heard.beats()[heard.beats() < 5])
+    assert np.allclose(take.beats, heard.beats()[heard.beats() < 5], atol=0.5 / 30)  # to a frame
 
 
 @pytest.mark.parametrize("dancers", [1, 2, 5, 7])

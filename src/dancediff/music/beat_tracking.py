@@ -4,8 +4,6 @@ A hidden semi-Markov model explains the onsets of a song as intervals between be
 may change a little from one to the next, and as stretches without a beat. The best explanation is
 found by dynamic programming.
 
-A candidate for the music features, whose models were trained with the beats of librosa's tracker.
-
 Read first: notebook 02 · Krebs, Böck and Widmer 2015, "An efficient state-space model for joint
 tempo and meter tracking" (tempo grid, change of tempo, observation model).
 
@@ -22,22 +20,26 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
-from dancediff.music.features import SAMPLE_RATE
+from dancediff.music.sound_rate import SAMPLE_RATE
 
 BEAT_FPS = 60  # frames a second; at 30 the lengths of fast beats are too coarse
 SLOWEST, FASTEST, TEMPI = 55, 215, 48  # beats a minute, and how many tempi between them
 CHANGE = 100.0  # how unlikely another tempo is: exp(-CHANGE * relative change)
-USUAL, UNUSUAL = 110.0, 2.0  # tempo that people tap; nats a second for an octave more or less
+USUAL, UNUSUAL = 105.0, 3.0  # tempo that people tap; nats a second for an octave more or less
 ON_BEAT = 12  # one part in so many of an interval is on the beat
 SWITCH = 1e-5  # how likely the beat sets in or stops at any frame
 NO_BEAT = -0.05  # log-likelihood a frame; the higher, the more readily there is no beat
 SURROUNDINGS = 4.0  # seconds around an onset that say how strong it is
 SURE = 0.05  # log-likelihood a frame over having no beat that counts as half sure
+AROUND = -2, 4  # frames around a beat's frame where its onset may lie
+EARLY = 0.5  # frames; a spectrum sees an onset so long before its middle reaches it
 _LEAST = 0.003  # a beat may fall on a frame without any onset
 _FLOOR = 0.25  # quiet parts count as if they were at least this loud, or hiss would have beats
 
 WINDOW = 1024  # samples of a spectrum: half of the features', to tell fast beats apart
 AT_ONCE = 18000  # frames
+_HOP = SAMPLE_RATE // BEAT_FPS
+_TOP_DB = 80.0  # what is this far under the loudest band of the song counts as silent
 
 
 @dataclass(frozen=True)
@@ -49,7 +51,9 @@ class TrackedBeats:
 
 
 def beat_onset(y: np.ndarray, at_once: int = AT_ONCE) -> np.ndarray:
-    """How much louder the mel bands become, at 60 frames a second; (n,) -> (1 + n // 256,).
+    """How much louder the mel bands become from frame to frame, at 60 frames a second.
+
+    Shapes: y (n,) at 15,360 Hz -> (1 + n // 256,).
 
     It is made of ``at_once`` frames at a time, so that long songs fit into memory.
 
@@ -58,20 +62,31 @@ def beat_onset(y: np.ndarray, at_once: int = AT_ONCE) -> np.ndarray:
     """
     import librosa
 
-    hop, window = SAMPLE_RATE // BEAT_FPS, WINDOW
-    reach, parts = window // 2, []
-    for start in range(0, 1 + len(y) // hop, at_once):
-        stop = min(start + at_once, 1 + len(y) // hop)
-        first, last = start * hop - reach, (stop - 1) * hop + reach
+    mel = _mel(y, at_once)
+    quietest = librosa.power_to_db(mel.max()) - _TOP_DB  # of the whole song, not of a part
+    rises = [np.zeros(1, np.float32)]
+    for start in range(0, len(mel) - 1, at_once):
+        part = mel[start : start + at_once + 1]  # one more: a rise lies between two frames
+        level = np.maximum(librosa.power_to_db(part, top_db=None), quietest)
+        rises.append(np.maximum(np.diff(level, axis=0), 0).mean(axis=1))
+    return np.concatenate(rises)
+
+
+def _mel(y: np.ndarray, at_once: int) -> np.ndarray:
+    """Power in 128 mel bands, (f, 128)."""
+    import librosa
+
+    reach, frames = WINDOW // 2, 1 + len(y) // _HOP
+    mel = np.empty((frames, 128), np.float32)
+    for start in range(0, frames, at_once):
+        stop = min(start + at_once, frames)
+        first, last = start * _HOP - reach, (stop - 1) * _HOP + reach
         part = y[max(first, 0) : last]
         part = np.pad(part, (max(-first, 0), max(last - len(y), 0)))
-        parts.append(
-            librosa.feature.melspectrogram(
-                y=part, sr=SAMPLE_RATE, n_fft=window, hop_length=hop, center=False
-            )
-        )
-    mel = librosa.power_to_db(np.concatenate(parts, axis=1))
-    return librosa.onset.onset_strength(S=mel, sr=SAMPLE_RATE, hop_length=hop, n_fft=window)
+        mel[start:stop] = librosa.feature.melspectrogram(
+            y=part, sr=SAMPLE_RATE, n_fft=WINDOW, hop_length=_HOP, center=False
+        ).T
+    return mel
 
 
 def beat_activation(onset: np.ndarray) -> np.ndarray:
@@ -104,18 +119,33 @@ def track_beats(onset: np.ndarray) -> TrackedBeats:
     >>> clicks = np.zeros(1200)
     >>> clicks[600::30] = 1                                  # silence, then 120 beats a minute
     >>> beats = track_beats(clicks)
-    >>> beats.times[:3].tolist(), bool(beats.confidence.min() > 0.4)
-    ([10.0, 10.5, 11.0], True)
+    >>> beats.times[:3].round(2).tolist(), bool(beats.confidence.min() > 0.4)
+    ([10.01, 10.51, 11.01], True)
     """
     if not len(onset):
         return TrackedBeats(np.zeros(0), np.zeros(0))
-    model = _TempoModel(beat_activation(onset))
+    a = beat_activation(onset)
+    model = _TempoModel(a)
     frames, gains = model.explain()
     if not len(frames):
         return TrackedBeats(np.zeros(0), np.zeros(0))
     # how much better than no beat, mean over the neighbours: one weak beat is no reason for doubt
     gains = uniform_filter1d(gains, min(8, len(gains)), mode="nearest")
-    return TrackedBeats(frames / BEAT_FPS, 1 / (1 + np.exp(-(gains - SURE) / SURE)))
+    times = np.minimum(_centres(a, frames) + EARLY, len(a) - 1) / BEAT_FPS
+    return TrackedBeats(times, 1 / (1 + np.exp(-(gains - SURE) / SURE)))
+
+
+def _centres(a: np.ndarray, frames: np.ndarray) -> np.ndarray:
+    """Where within the part of an interval that is on the beat its onset lies, (k,) -> (k,).
+
+    The model leaves open where in that part it is; the centre of the activation tells.
+
+    >>> _centres(np.array([0, 0, 0, 0.5, 0.5, 0, 0]), np.array([2])).round(2).tolist()
+    [3.5]
+    """
+    at = np.clip(frames[:, None] + np.arange(*AROUND), 0, len(a) - 1)
+    weight = np.maximum(a[at] - _LEAST, 0) + 1e-6
+    return (weight * at).sum(1) / weight.sum(1)
 
 
 class _TempoModel:

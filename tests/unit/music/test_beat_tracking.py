@@ -1,16 +1,11 @@
 """The tracker against songs made of clicks, music without a beat, and a plain form of itself."""
 
-import sys
-
 import numpy as np
 import pytest
 
+from dancediff.music import beat_tracking as bt
+from dancediff.music.beat_tracking import BEAT_FPS, beat_activation, beat_onset, track_beats
 from dancediff.music.synth import synth_song
-from places import BENCHMARKS
-
-sys.path.insert(0, str(BENCHMARKS))
-import beat_tracking as bt
-from beat_tracking import BEAT_FPS, beat_activation, beat_onset, track_beats
 
 
 def onsets(times, seconds: float, seed: int = 0) -> np.ndarray:
