@@ -27,6 +27,7 @@ IN_RANGE = ", in range"  # of a metric of posture: windows of 5 s
 LEAST_WINDOWS = 20  # of a genre in the reference, to know its 5 and 95 %
 MOST = 1500  # vectors of which Div takes all pairs
 NO_REFERENCE = "no reference set was given"
+NO_RATIO = "it is 0 in the first window of every dance, so there is no ratio"
 DOWN, UP, ALIKE = "down", "up", "reference"
 
 
@@ -50,17 +51,13 @@ class Metric:
 
 
 def last_over_first(ends: Tensor) -> float:
-    """Ratio of the means; ends (N, 2).
-
-    Raises: ValueError when the first is 0.
+    """Ratio of the means, nan where the first is 0; ends (N, 2).
 
     >>> last_over_first(torch.tensor([[1.0, 2.0], [3.0, 2.0]]))
     1.0
     """
     first, last = ends.mean(0).tolist()
-    if not first:
-        raise ValueError("it is 0 in the first window of every dance, so there is no ratio")
-    return last / first
+    return last / first if first else math.nan
 
 
 METRICS = (
@@ -178,6 +175,8 @@ def _row(
     everyone = torch.arange(len(parts))
     try:
         row = replace(row, value=statistic(everyone), reason=_lacks(metric, parts, dances, real))
+        if math.isnan(row.value):
+            return replace(row, reason=NO_RATIO)
         if len(parts) > 1:
             low, high = bootstrap_interval(statistic, everyone, level=LEVEL, draws=DRAWS, seed=seed)
             if metric.compare in (fid, gmr):  # moved onto the value, it may reach below what can be

@@ -470,3 +470,13 @@ def test_a_dance_that_settles_drifts_and_leaves_the_range_of_its_genre():
     assert knees < tables["good"]["knee bend, in range"].value  # a house dance asked for as slow
     short = evaluate_dances([good[0].frames(0, 90)])
     assert not any("last / first" in row.name or "in range" in row.name for row in short.rows)
+
+
+def test_a_ratio_with_nothing_in_the_first_window_has_a_reason():
+    still = Motion(torch.eye(3).expand(1, 300, 24, 3, 3), torch.zeros(1, 300, 3))
+    walk = torch.arange(300.0)[None, :, None] * torch.tensor([0.01, 0.0, 0.0])
+    walking = Motion(still.pose, walk)
+    row = evaluate_dances([walking, walking])["standing, last / first"]
+    assert math.isnan(row.value) and "no ratio" in row.reason
+    row = evaluate_dances([still, walking])["standing, last / first"]
+    assert row.value == 1 and row.low == row.high == pytest.approx(1)  # of draws that have a ratio
