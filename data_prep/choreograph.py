@@ -15,7 +15,7 @@ import numpy as np
 from dancediff.data.choreographed import choreograph_jobs, genre_and_tempo
 from dancediff.data.choreographer import choreograph
 from dancediff.data.sources import REPEATS
-from dancediff.music.synth import synth_song
+from dancediff.music.varied import synth_varied_song
 
 
 def one_take(seed: int, seconds: float) -> None:
@@ -24,12 +24,13 @@ def one_take(seed: int, seconds: float) -> None:
     genre, tempo = genre_and_tempo(seed)
     print(f"song {seed}: {genre} at {tempo} beats a minute")
 
-    # 2. a song in that tempo; the synthesiser knows where its beats and sections are
-    song, heard = synth_song(seed, seconds=seconds, tempo=tempo)
+    # 2. a song that begins in that tempo; the synthesiser knows its beats and sections
+    song, heard = synth_varied_song(seed, seconds=seconds, tempo=tempo)
     print(f"{len(heard.beats)} beats, sections:", *(label for _, _, label in heard.sections))
 
     # 3. a dance on these beats, with contacts, formations and order known exactly
     options = {"seconds": seconds, "genre": genre, "sections": heard.sections}
+    options["meter"] = heard.meter
     dance, truth = choreograph(heard.beats, dancers=3, seed=10 * seed + 3, **options)
     print(f"{dance.num_dancers} dancers, {dance.duration:.1f} s")
     print("formations:", *(f"{name} at {frame / 30:.1f} s" for frame, name, _ in truth.formations))
@@ -48,7 +49,7 @@ def all_takes(num: int, out: Path, workers: int, seconds: float, seed: int) -> N
     """Every take, as the command line does it."""
     from dancediff.data.prepare import prepare
 
-    jobs = choreograph_jobs(num, seconds=seconds, seed=seed, repeats=REPEATS)
+    jobs = choreograph_jobs(num, seconds=seconds, seed=seed, repeats=REPEATS, varied=True)
     print("dances by group size:", dict(Counter(job.make.args[2] for job in jobs)))
     print(prepare(jobs, out, workers=workers))
 

@@ -2,7 +2,10 @@ r"""Synthetic songs and the dances that the choreographer makes to them: one cor
 
 `dancediff prepare choreograph`, training without data and ablations learn from these takes. Every
 song is danced by a group of every size, perhaps several times. All of it follows from the seeds.
-Genres take turns from song to song; the tempo is drawn from those that suit the genre.
+Genres take turns from song to song; the tempo is drawn from those that suit the genre. Songs are
+simple (`synth_song`) or ``varied`` (`synth_varied_song`): with intros and breaks without a beat,
+other meters, tempo changes. To these, `dancediff prepare choreograph` and training without data
+dance.
 
 Symbols (axes: f frames · m music features)
     M   music features of a song, raw   (f, m)
@@ -26,6 +29,7 @@ from dancediff.data.prepare import in_one_thread, prepare
 from dancediff.data.take import DanceTake, Job
 from dancediff.genre import TEMPOS
 from dancediff.music.synth import synth_song
+from dancediff.music.varied import synth_varied_song
 
 SIZES = (1, 2, 3, 4, 5)  # of groups
 SOURCE = "dancediff's choreographer and synthesiser"
@@ -41,6 +45,7 @@ def choreograph_jobs(
     sizes=SIZES,
     repeats: int = 1,
     share: float = 0.1,
+    varied: bool = False,
 ) -> list[Job]:
     """Jobs for ``num`` synthetic dances: songs ``seed``, ``seed + 1``, ..., each in all ``sizes``.
 
@@ -71,31 +76,45 @@ def choreograph_jobs(
     songs = -(-num // len(dances))
     last = num - (songs - 1) * len(dances)  # how many to the last song
     return [
-        _job(song, n, again, seconds, share)
+        _job(song, n, again, seconds=float(seconds), share=float(share), varied=bool(varied))
         for place, (again, n) in enumerate(dances)
         for song in range(seed, seed + songs - (place >= last))
     ]
 
 
 def make_choreographed(
-    song_seed: int, n: int, again: int = 0, *, seconds: float, share: float = 0.0
+    song_seed: int,
+    n: int,
+    again: int = 0,
+    *,
+    seconds: float,
+    share: float = 0.0,
+    varied: bool = False,
 ) -> DanceTake:
     """Dance number ``again`` of n people to one song."""
-    return synthetic_song(song_seed, seconds).danced_by(n, again, share)
+    return synthetic_song(song_seed, seconds, varied).danced_by(n, again, share)
 
 
-def choreographed_takes(song_seed: int, *, seconds: float = 30.0, sizes=SIZES) -> list[DanceTake]:
+def choreographed_takes(
+    song_seed: int, *, seconds: float = 30.0, sizes=SIZES, varied: bool = False
+) -> list[DanceTake]:
     """One synthetic song, danced once by a group of every size; the same takes as the jobs make.
 
     >>> [take.x.shape for take in choreographed_takes(0, seconds=6, sizes=(1, 3))]
     [torch.Size([1, 180, 151]), torch.Size([3, 180, 151])]
     """
-    song = synthetic_song(song_seed, seconds)
+    song = synthetic_song(song_seed, seconds, varied)
     return [song.danced_by(n) for n in sizes]
 
 
 def choreographed_corpus(
-    song_seeds, *, seconds: float = 30.0, sizes=SIZES, workers: int = 2, cache=None
+    song_seeds,
+    *,
+    seconds: float = 30.0,
+    sizes=SIZES,
+    varied: bool = False,
+    workers: int = 2,
+    cache=None,
 ) -> list[DanceTake]:
     """A training set without a data set: `choreographed_takes` of many songs, in their order.
 
@@ -106,16 +125,17 @@ def choreographed_corpus(
     """
     seeds, sizes = list(song_seeds), tuple(sizes)
     if cache is None:
+        make = partial(choreographed_takes, seconds=seconds, sizes=sizes, varied=varied)
         if workers < 2 or len(seeds) < 2:
-            songs = [choreographed_takes(s, seconds=seconds, sizes=sizes) for s in seeds]
+            songs = [make(seed) for seed in seeds]
         else:
             import joblib
 
-            make = partial(choreographed_takes, seconds=seconds, sizes=sizes)
             each = joblib.delayed(in_one_thread)
             songs = joblib.Parallel(n_jobs=workers)(each(make, seed) for seed in seeds)
         return list(itertools.chain.from_iterable(songs))
-    jobs = [_job(seed, n, 0, seconds, 0.0) for seed in seeds for n in sizes]
+    options: dict = {"seconds": float(seconds), "share": 0.0, "varied": bool(varied)}
+    jobs = [_job(seed, n, 0, **options) for seed in seeds for n in sizes]
     if not jobs:
         return []
     summary = prepare(jobs, cache, workers=workers, progress=False)
@@ -129,8 +149,7 @@ def _name(song_seed: int, n: int, again: int = 0) -> str:
     return f"choreographed_{song_seed:06d}_{n}{_LETTERS[again]}"
 
 
-def _job(song_seed: int, n: int, again: int, seconds: float, share: float) -> Job:
-    options = {"seconds": float(seconds), "share": float(share)}
+def _job(song_seed: int, n: int, again: int, **options) -> Job:
     return Job(
         _name(song_seed, n, again), partial(make_choreographed, song_seed, n, again, **options)
     )
@@ -138,7 +157,7 @@ def _job(song_seed: int, n: int, again: int, seconds: float, share: float) -> Jo
 
 @dataclass(frozen=True, eq=False)
 class SyntheticSong:
-    """A song's features M (f, m) and what is known of it; beats in seconds."""
+    """A song's features M (f, m) and what is known of it; beats in seconds, ``meter`` a bar."""
 
     seed: int
     seconds: float
@@ -147,11 +166,13 @@ class SyntheticSong:
     M: Tensor
     beats: np.ndarray
     sections: list
+    meter: int = 4
 
     def danced_by(self, n: int, again: int = 0, share: float = 0.0) -> DanceTake:
         """Dance number ``again`` of n people; ``share`` of the songs is expected in "val"."""
         seed = 10 * self.seed + n + again * 10**9
         options: dict = {"genre": self.genre, "sections": self.sections, "seconds": self.seconds}
+        options["meter"] = self.meter
         dance, _ = choreograph(self.beats, dancers=n, seed=seed, **options)
         f = min(dance.num_frames, len(self.M))
         digest = sha256(f"choreographed {self.seed}".encode()).digest()
@@ -167,7 +188,7 @@ class SyntheticSong:
             M=self.M[:f],
             beats=self.beats[self.beats < f / dance.fps],
             genre=self.genre,
-            notes={"seed": seed, "tempo": self.tempo},
+            notes={"seed": seed, "tempo": self.tempo, "meter": self.meter},
         )
 
 
@@ -182,18 +203,21 @@ def genre_and_tempo(song_seed: int) -> tuple[str, float]:
     return genre, round(float(rng.uniform(*np.clip(TEMPOS[genre], 60, 200))), 1)
 
 
-def synthetic_song(seed: int, seconds: float) -> SyntheticSong:
+def synthetic_song(seed: int, seconds: float, varied: bool = False) -> SyntheticSong:
     """A song of a genre's tempo, from the cache if it is there."""
     genre, tempo = genre_and_tempo(seed)
-    key = content_key("song", code_digest(("music",)), seed, seconds, tempo)
-    render = lru_cache(partial(synth_song, seed, seconds=seconds, tempo=tempo))  # at most once
+    key = content_key("song", code_digest(("music",)), seed, seconds, tempo, varied)
+    synth = synth_varied_song if varied else synth_song
+    render = lru_cache(partial(synth, seed, seconds=seconds, tempo=tempo))  # at most once
 
     def facts() -> np.ndarray:
         _, truth = render()
-        text = json.dumps({"beats": truth.beats.tolist(), "sections": truth.sections})
-        return np.frombuffer(text.encode(), dtype=np.uint8)
+        words = {"beats": truth.beats.tolist(), "sections": truth.sections, "meter": truth.meter}
+        return np.frombuffer(json.dumps(words).encode(), dtype=np.uint8)
 
     known = json.loads(cached(f"{key}.truth", facts).tobytes())
     M = torch.from_numpy(cached(key, lambda: render()[0].features().numpy()))
     sections = [tuple(section) for section in known["sections"]]
-    return SyntheticSong(seed, seconds, genre, tempo, M, np.array(known["beats"]), sections)
+    return SyntheticSong(
+        seed, seconds, genre, tempo, M, np.array(known["beats"]), sections, known["meter"]
+    )

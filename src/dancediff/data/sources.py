@@ -45,7 +45,7 @@ def source_jobs(name: str, src, **options) -> list[Job]:
             num = int(str(src))
         except ValueError as err:
             raise ValueError(f"src={str(src)!r}: give the number of dances to make") from err
-        return choreograph_jobs(num, repeats=REPEATS, **given)
+        return choreograph_jobs(num, repeats=REPEATS, varied=True, **given)
     if not Path(src).is_dir():
         raise ValueError(f"src={str(src)!r} is no folder; name the one that holds the data set")
     if name == "songs":

@@ -108,7 +108,7 @@ class SongPlan:
 def draw_plan(seed: int, *, seconds: float = 30.0, tempo: float | None = None) -> SongPlan:
     """Draw a song; ``tempo`` is that of its first beats.
 
-    Raises: ValueError when seconds is under 4 or the tempo lies outside 60..200 BPM.
+    Raises: ValueError when seconds is under 1 or the tempo lies outside 60..200 BPM.
 
     >>> plan = draw_plan(4, seconds=30)
     >>> [(part.label, len(part.beats)) for part in plan.sections]
@@ -116,8 +116,8 @@ def draw_plan(seed: int, *, seconds: float = 30.0, tempo: float | None = None) -
     """
     rng = np.random.default_rng([seed, 2])
     tempo = float(rng.uniform(84, 146)) if tempo is None else float(tempo)
-    if not seconds >= 4:
-        raise ValueError(f"seconds={seconds} must be at least 4")
+    if not seconds >= 1:
+        raise ValueError(f"seconds={seconds} must be at least 1")
     if not TEMPO[0] <= tempo <= TEMPO[1]:
         raise ValueError(f"tempo={tempo} is not in 60..200 beats a minute")
     traits = frozenset(name for name, share in SHARES.items() if rng.random() < share)

@@ -33,7 +33,7 @@ def synth_varied_song(seed: int, *, seconds: float = 30.0, tempo: float | None =
     Where nobody could tap along, the truth has no beats. ``tempo`` is that of the first beats.
 
     Returns: `Music`, `SongTruth`.
-    Raises: ValueError when seconds is under 4 or the tempo lies outside 60..200 BPM.
+    Raises: ValueError when seconds is under 1 or the tempo lies outside 60..200 BPM.
 
     >>> song, truth = synth_varied_song(4, seconds=8.0, tempo=120)
     >>> round(song.duration, 3), truth.meter, truth.sections[0][2]

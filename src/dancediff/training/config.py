@@ -59,6 +59,7 @@ class Data:
     folder: str | None = None  # of prepared takes
     songs: int = 100  # without a folder: how many
     seconds: float = 30.0
+    varied: bool = True  # without a folder: songs with intros, breaks and changes, no simple ones
     workers: int = 2
     held_out: int = 5  # without a folder: how many more songs to evaluate on
     mirror: float = 0.0  # share of windows mirrored left to right

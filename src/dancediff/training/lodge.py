@@ -302,7 +302,7 @@ def solos_for(
     """Solos to learn from: those of a prepared folder, else the choreographer's."""
     if folder := folder or corpus.folder:
         return prepared_solos(folder, genres)
-    options = {"workers": corpus.workers, "cache": cache}
+    options = {"varied": corpus.varied, "workers": corpus.workers, "cache": cache}
     return choreographed_solos(range(corpus.songs), corpus.seconds, genres, **options)
 
 
@@ -315,4 +315,4 @@ def _held_out(corpus: SoloData, folder, genres: tuple[str, ...]) -> list[DanceTa
             warnings.warn(f"there is no validation: {err}", stacklevel=3)
             return []
     seeds = range(corpus.songs, corpus.songs + corpus.held_out)
-    return choreographed_solos(seeds, corpus.seconds, genres)
+    return choreographed_solos(seeds, corpus.seconds, genres, varied=corpus.varied)

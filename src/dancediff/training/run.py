@@ -188,7 +188,11 @@ def takes_for(
         return prepared_takes(folder, sizes), held_out
     end = corpus.songs + (corpus.held_out if evaluates else 0)
     make = partial(
-        choreographed_corpus, seconds=corpus.seconds, workers=corpus.workers, cache=cache
+        choreographed_corpus,
+        seconds=corpus.seconds,
+        varied=corpus.varied,
+        workers=corpus.workers,
+        cache=cache,
     )
     return make(range(corpus.songs)), make(range(corpus.songs, end))
 

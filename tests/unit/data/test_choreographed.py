@@ -2,6 +2,7 @@
 
 from collections import Counter
 
+import numpy as np
 import pytest
 import torch
 
@@ -11,12 +12,14 @@ from dancediff.data.choreographed import (
     choreographed_corpus,
     choreographed_takes,
     genre_and_tempo,
+    make_choreographed,
     synthetic_song,
 )
 from dancediff.data.packed import PackedTakes
 from dancediff.data.prepare import prepare
 from dancediff.data.prepared import PreparedData
 from dancediff.genre import TEMPOS
+from dancediff.music.song_plan import draw_plan
 from places import DATA_PREP
 
 
@@ -161,6 +164,32 @@ def test_a_song_without_a_dance_is_named(tmp_path, monkeypatch):
     monkeypatch.setattr(module, "choreograph", refuse)
     with pytest.raises(ValueError, match=r"choreographed_000001_2: .*no dance"):
         choreographed_corpus([1], seconds=6.0, sizes=(2,), workers=1, cache=tmp_path)
+
+
+def test_varied_songs_are_danced_too():
+    """Where the music has no beat the take has none, and people are slower than elsewhere."""
+    jobs = choreograph_jobs(24, seconds=20, sizes=(1,), varied=True)
+    seeds = [job.make.args[0] for job in jobs if draw_plan(job.make.args[0], seconds=20).traits]
+    takes = {seed: make_choreographed(seed, 2, seconds=20.0, varied=True) for seed in seeds[:10]}
+    still, quick = [], []
+    for seed, take in takes.items():
+        plan = draw_plan(seed, seconds=20, tempo=genre_and_tempo(seed)[1])
+        assert np.allclose(take.beats, plan.beats) and take.notes["meter"] == plan.meter
+        speed = take.motion.joints().diff(dim=1).norm(dim=-1).mean((0, 2)) * 30
+        for part in plan.sections:
+            inside = speed[round(part.start * 30) + 10 : round(part.stop * 30) - 10]
+            if len(inside) > 60:
+                (quick if len(part.beats) else still).append(float(inside.mean()))
+    assert len(still) >= 3 and np.mean(still) < 0.85 * np.mean(quick)
+    assert not torch.equal(takes[seeds[0]].M, make_choreographed(seeds[0], 2, seconds=20.0).M)
+
+
+def test_simple_and_varied_corpora_are_kept_apart(tmp_path):
+    options = {"seconds": 6.0, "sizes": (1,), "workers": 1, "cache": tmp_path}
+    simple, varied, again = (
+        choreographed_corpus([3], **options, varied=varied)[0] for varied in (False, True, False)
+    )
+    assert torch.equal(simple.M, again.M) and not torch.equal(simple.M, varied.M)
 
 
 @pytest.mark.slow
