@@ -32,7 +32,7 @@ import torch
 import tyro
 from dance_bars import hits
 from genre_judge import choreographed_solos, trained_judge, verdict
-from hard_songs import SECONDS, HardSong, hard_songs, heard_beats, liveliest
+from hard_songs import SECONDS, HardSong, hard_songs, liveliest
 from tqdm.auto import tqdm
 
 from dancediff import hub
@@ -292,7 +292,7 @@ class AnySong:
                 continue
             at = liveliest(whole, SECONDS, loudness)
             part = whole.slice(at, at + SECONDS)
-            song = HardSong(f"{path.stem} {at:g}", "", "recorded", part, heard_beats(part))
+            song = HardSong(f"{path.stem} {at:g}", "", "recorded", part, part.beats())
             found += [song] if len(song.beats) > 1 else []
         return found[:MOST]
 

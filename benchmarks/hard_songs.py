@@ -5,7 +5,8 @@ has ``music`` and ``loops_cc0``. Synthetic: what no recording there has. It is p
 of this file, which no training hears.
 
 Symbols (axes: k beats)
-    beats   times of the beats, seconds; none where the music has none   (k,)
+    beats   times of the beats, seconds, none where the music has none: of recordings those that
+            the package hears, of synthetic songs those that were played                    (k,)
 """
 
 from collections.abc import Callable
@@ -13,13 +14,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from beat_tracking import beat_onset, track_beats
 from scipy.signal import butter, sosfilt
 
 from dancediff.music.song import Music
 
 SECONDS, RATE = 40.0, 22050
-LONGEST_GAP = 2.2  # seconds between two beats; where there are more, the music has no beat
 CHORDS = ([57, 60, 64], [53, 57, 60], [48, 55, 64], [55, 59, 62])  # A minor, F, C, G
 
 
@@ -56,7 +55,7 @@ def hard_songs(data: Path) -> list[HardSong]:
         "ReggaeTry": ("very loud, clipped", louder(excerpt("CapDan-ReggaeTry", 2), 15)),
     }
     songs = [
-        HardSong(name, place, "recorded", music, heard_beats(music))
+        HardSong(name, place, "recorded", music, music.beats())
         for name, (place, music) in recorded.items()
     ]
     return [*songs, tempo_change(), waltz(), rubato()]
@@ -72,29 +71,6 @@ def repeated(music: Music, seconds: float) -> Music:
     times = int(np.ceil(seconds / music.duration))
     whole = np.tile(music.audio[:], (times, 1))[: round(seconds * music.rate)]
     return Music(whole, music.rate, music.name)
-
-
-def heard_beats(music: Music) -> np.ndarray:
-    """Beats that the package hears, where a tracker that may find none finds a beat, too.
-
-    >>> heard_beats(Music(np.zeros(15360 * 4, dtype=np.float32), 15360))
-    array([], dtype=float64)
-    """
-    sure = track_beats(beat_onset(music.mono())).times
-    return near(music.beats(), sure)
-
-
-def near(beats: np.ndarray, sure: np.ndarray) -> np.ndarray:
-    """Beats from the first to the last of other beats, and in none of their long gaps.
-
-    >>> near(np.array([0.5, 2.0, 2.5, 3.0, 9.0]), np.array([2.0, 2.6]))
-    array([2. , 2.5])
-    """
-    if len(sure) < 2 or not len(beats):
-        return np.zeros(0)
-    k = np.searchsorted(sure, beats, side="right").clip(1, len(sure) - 1)
-    inside = (beats >= sure[0]) & (beats <= sure[-1])
-    return beats[inside & (sure[k] - sure[k - 1] < LONGEST_GAP)]
 
 
 def tempo_change(slow: float = 96, fast: float = 136) -> HardSong:

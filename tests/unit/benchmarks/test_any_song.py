@@ -117,7 +117,7 @@ def test_synthetic_songs_have_the_beats_they_name(make, gaps):
     song = make()
     assert song.music.duration == songs.SECONDS
     assert sorted(set(np.diff(song.beats).round(3)), reverse=True) == [round(g, 3) for g in gaps]
-    found = songs.track_beats(songs.beat_onset(song.music.mono())).times
+    found = song.music.beats()
     far = np.abs(found[:, None] - song.beats).min(1)
     assert len(found) == pytest.approx(len(song.beats), abs=3)
     assert (far < 0.07).mean() > 0.9
@@ -125,15 +125,6 @@ def test_synthetic_songs_have_the_beats_they_name(make, gaps):
 
 def test_rubato_has_no_beat_and_says_so():
     assert len(songs.rubato().beats) == 0
-
-
-def test_beats_are_left_out_where_the_music_has_none():
-    beats, sure = np.arange(0, 20, 0.5), np.r_[np.arange(5, 10, 0.5), np.arange(14, 18, 0.5)]
-    kept = songs.near(beats, sure)
-    assert kept[0] == 5
-    assert not ((kept > 9.5) & (kept < 14)).any()
-    assert kept[-1] == 17.5
-    assert len(songs.near(beats, np.zeros(0))) == 0
 
 
 def test_levels_and_loops():
