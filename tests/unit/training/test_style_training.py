@@ -6,6 +6,8 @@ Everything is random from the seed and the number of the batch.
 import pytest
 import torch
 
+from dancediff import hub
+from dancediff.data.choreographed import choreographed_takes
 from dancediff.data.windows import Batch
 from dancediff.diffusion.conditions import Conditions
 from dancediff.diffusion.samplers import SamplerOptions, sample
@@ -13,12 +15,14 @@ from dancediff.extensions.build import build
 from dancediff.extensions.genre_condition import genres_of
 from dancediff.extensions.preconditioning import preconditioning_of
 from dancediff.genre import GENRES
+from dancediff.hub import packaged_song
+from dancediff.motion.motion import Motion
 from dancediff.papers.edge.model import EDGE, EDGEConfig
 from dancediff.papers.lodge.losses import LodgeWeights
 from dancediff.training.config import TrainConfig
 from dancediff.training.lodge_losses import LodgeObjective
 from dancediff.training.objective import GroupObjective
-from dancediff.training.run import check_tables
+from dancediff.training.run import check_tables, train_from_config
 from tiny_lodge import tiny_lodge
 
 TINY = {"d_model": 16, "num_heads": 2, "num_layers": 1, "ff_dim": 32, "num_frames": 20}
@@ -102,6 +106,47 @@ def test_a_config_names_the_genres():
         with pytest.raises(ValueError, match=message):
             check_tables(config, "a.toml")
     assert genres_of(edge()) == NAMES
+
+
+CONFIG = """
+[data]
+dancers_per_batch = 4
+[model]
+class = "KIND"
+num_frames = 60
+d_model = 16
+num_heads = 2
+num_layers = 1
+ff_dim = 32
+extensions = ["preconditioning", "genre_condition", "energy_condition"]
+genres = ["jazz", "hiphop"]
+[train]
+steps = 2
+"""
+
+
+@pytest.mark.parametrize("kind", ["TCDiffPP", "EDGE"])
+def test_from_a_config_to_a_dance(kind, tmp_path):
+    (tmp_path / "c.toml").write_text(CONFIG.replace("KIND", kind))
+    takes = choreographed_takes(0, seconds=6.0, sizes=(1, 2))  # in hip-hop
+    trained = train_from_config(tmp_path / "c.toml", tmp_path / "run", takes=takes)
+    table = trained.parts["genre_condition"].table
+    assert not table[0].any() and table[1].any(), "nobody danced jazz"
+    assert trained.parts["energy_condition"].out.weight.any()
+    pipeline = hub.load(hub.save_model(trained, tmp_path / "model"))
+    ask = {
+        "seconds": 3,
+        "overlap": 30,
+        "steps": 2,
+        "genre": "jazz=0.5,hiphop=0.5",
+        "energy": "0:0.2,3:0.9",
+    }
+    dance = pipeline.generate(packaged_song(), **ask)
+    assert dance.meta["genre"] == {"jazz": 0.5, "hiphop": 0.5}
+    dance.save(tmp_path / "dance.npz")
+    again = Motion.load(tmp_path / "dance.npz")
+    assert again.meta["genre"] == dance.meta["genre"]
+    assert [tuple(point) for point in again.meta["energy"]] == [(0.0, 0.2), (3.0, 0.9)]
 
 
 class Swings:
