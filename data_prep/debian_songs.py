@@ -28,6 +28,7 @@ from dancediff.data.song_folder import MANIFEST, SUFFIXES, SongFile
 from dancediff.music.song import Music
 
 SHORTEST = 20.0  # seconds; shorter files are jingles and sounds of games
+LONGEST = 240.0  # seconds of a tune that are rendered
 RATE = 32000  # of rendered tunes
 
 
@@ -139,7 +140,7 @@ def rendered(path: Path, font: Path) -> Music:
     synth = tinysoundfont.Synth(samplerate=RATE)
     synth.sfload(str(font))
     tinysoundfont.Sequencer(synth).midi_load(str(path))
-    blocks = int((mido.MidiFile(path).length + 2) * RATE) // 512
+    blocks = int(min(mido.MidiFile(path).length + 2, LONGEST) * RATE) // 512
     y = np.concatenate([np.frombuffer(bytes(synth.generate(512)), np.float32)
                         for _ in range(blocks)])  # fmt: skip
     return Music(0.9 * y.reshape(-1, 2) / max(1.0, float(np.abs(y).max())), RATE, path.stem)

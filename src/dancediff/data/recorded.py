@@ -24,7 +24,7 @@ from dancediff.data.choreographer import choreograph
 from dancediff.data.song_folder import SongFile, songs_in
 from dancediff.data.take import DanceTake, Job
 from dancediff.music.augment import augment_song
-from dancediff.music.features import beat_frames
+from dancediff.music.features import beat_times
 from dancediff.music.song import Music
 
 SHORTEST = 6.0  # seconds of a song that can be danced to
@@ -88,7 +88,7 @@ def danced_song(
     rng = np.random.default_rng(digest)
     f = min(round(seconds * FPS), len(M))
     start = 0 if k == 0 else int(rng.integers(0, len(M) - f + 1))
-    beats = (beat_frames(M) - start) / FPS
+    beats = beat_times(M) - start / FPS
     beats = beats[(beats >= 0) & (beats < f / FPS)]
     n, seed = SIZES[k % len(SIZES)], int(rng.integers(2**31))
     dance, truth = choreograph(beats, dancers=n, seed=seed, seconds=f / FPS)
