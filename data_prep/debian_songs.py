@@ -100,15 +100,26 @@ def stanzas(text: str) -> list[tuple[list[str], str, str]]:
     return found
 
 
+def named(pattern: str, path: Path) -> bool:
+    """Does a pattern of a copyright file mean this file? Folders above may be called otherwise.
+
+    >>> named("data/music/*", Path("games/supertux2/music/misc/theme.ogg"))
+    True
+    >>> named("debian/*", Path("games/supertux2/music/misc/theme.ogg"))
+    False
+    """
+    parts, folders = pattern.split("/"), path.parts
+    ends = {"/".join(parts[k:]) for k in range(max(1, len(parts) - 1))}
+    names = ["/".join(folders[k:]) for k in range(len(folders))]
+    return any(fnmatch.fnmatchcase(name, end) for name in names for end in ends)
+
+
 def origin(package: Package, path: Path, share: Path) -> tuple[str, str]:
     """Author and licence of a song: of the package, or of the last stanza that names the file."""
     author, licence = "", ""
     text = (share / "doc" / package.name / "copyright").read_text(encoding="utf-8")
     for patterns, who, what in stanzas(text):
-        tails = (path.parts[-k:] for k in range(1, 6))
-        names = ["/".join(tail) for tail in tails]
-        if any(p == "*" or any(fnmatch.fnmatch(n, p) or p.endswith(f"/{n}") for n in names)
-               for p in patterns):  # fmt: skip
+        if any(named(pattern, path) for pattern in patterns):
             author, licence = who, what
     return package.author or author or "unknown", package.licence or licence or "unknown"
 
