@@ -15,7 +15,7 @@ import torch
 from einops import rearrange
 from torch import Tensor, nn
 
-from dancediff.nn.conditioning import MusicConditioning
+from dancediff.nn.conditioning import MusicConditioning, MusicEncoder
 
 FRAMES = 3  # of a token
 
@@ -27,7 +27,7 @@ class FrameTokens(nn.Module):
       h'_{3k+i} = U_i\,\text{low}'_k + \text{MLP}\big(U_i\,\text{low}'_k,\; h_{3k+i}\big)$$
 
     Source: ours; patches of frames, as the released FineDance and vision transformers have them.
-    Raises: ValueError when the frames are not whole tokens.
+    Frames that are too few for a last token are filled up with the last of them.
 
     >>> tokens, h = FrameTokens(16), torch.randn(2, 4, 30, 16)
     >>> low = tokens.pool(h)
@@ -45,22 +45,37 @@ class FrameTokens(nn.Module):
 
     def pool(self, h: Tensor) -> Tensor:
         """Tokens of the layers."""
-        if h.shape[-2] % FRAMES:
-            raise ValueError(
-                f"x_t has {h.shape[-2]} frames; frame_tokens needs a multiple of {FRAMES}"
-            )
-        return self.into(rearrange(h, "... (k i) d -> ... k (i d)", i=FRAMES)).float()
+        return self.into(rearrange(whole(h), "... (k i) d -> ... k (i d)", i=FRAMES)).float()
 
     def unpool(self, low: Tensor, h: Tensor) -> Tensor:
         """Features of frames, from the layers' tokens and what the frames were before."""
         up = rearrange(self.back(low), "... k (i d) -> ... (k i) d", i=FRAMES).float()
+        up = up[..., : h.shape[-2], :]
         return up + self.details(torch.cat([up, h], dim=-1)).float()
 
 
+def whole(x: Tensor) -> Tensor:
+    """Frames for whole tokens: the last one comes again until they are; (..., f, d).
+
+    >>> whole(torch.arange(4.0)[:, None]).flatten().tolist()
+    [0.0, 1.0, 2.0, 3.0, 3.0, 3.0]
+    """
+    missing = -x.shape[-2] % FRAMES
+    return torch.cat([x, x[..., -1:, :].expand(*x.shape[:-2], missing, -1)], -2) if missing else x
+
+
+class MusicTokens(MusicEncoder):
+    """A `MusicEncoder` whose tokens are those of as many frames, however many there are."""
+
+    def _encode(self, M: Tensor) -> Tensor:
+        return super()._encode(whole(M))
+
+
 def pool_music(decoder: MusicConditioning, c: Any) -> None:
-    """Give a decoder music tokens of as many frames, so that both count positions in tokens."""
-    sizes = {"num_heads": c.num_heads, "ff_dim": c.ff_dim, "dropout": c.dropout, "pool": FRAMES}
-    front = MusicConditioning(c.d_model, music_dim=c.music_dim, music_frames=c.num_frames, **sizes)
-    decoder.music, decoder.null_music = front.music, front.null_music
+    """Give a decoder such music tokens, so that both count positions in tokens."""
+    blocks = {"num_heads": c.num_heads, "ff_dim": c.ff_dim, "dropout": c.dropout}
+    decoder.music = MusicTokens(c.music_dim, c.d_model, pool=FRAMES, **blocks)
+    k = -(-c.num_frames // FRAMES)
+    decoder.null_music = nn.Parameter(torch.randn(1, k, c.d_model))
     if hasattr(decoder, "token_frames"):
-        decoder.token_frames = torch.arange(c.num_frames // FRAMES)
+        decoder.token_frames = torch.arange(k)

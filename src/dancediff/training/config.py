@@ -37,7 +37,7 @@ class TrainingExtensions:
     own_overlap: float = 0.0  # TCDiff++: share of windows that begin as the network makes them
     music_dropout: float = 0.0  # share of windows without timbre, and of those without harmony
     masked_music: tuple[str, ...] = ()  # blocks of the music features that are always 0
-    any_song: float = 0.0  # Lodge: share of real windows that are danced to another dance's song
+    any_song: float = 0.0  # share of real windows that are danced to another dance's song
 
     def __post_init__(self):
         for name in ("level_weights", "any_song", "own_overlap", "music_dropout"):

@@ -199,7 +199,11 @@ def takes_for(
 
 def _windows(takes: list[DanceTake], corpus: GroupData, model, settings: TrainConfig):
     augment = Augmentation(
-        mirror=corpus.mirror, rotate=corpus.rotate, shift=corpus.shift, music=corpus.music
+        mirror=corpus.mirror,
+        rotate=corpus.rotate,
+        shift=corpus.shift,
+        music=corpus.music,
+        any_song=settings.extensions.any_song,
     )
     return WindowSampler(
         takes,
