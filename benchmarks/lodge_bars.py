@@ -1,6 +1,7 @@
 """Measure Lodge: what the tables of docs/results_lodge.md were made with.
 
     dancediff prepare choreograph 240 held --seconds 45 --seed 800000    # 24 takes a genre
+    dancediff prepare choreograph 400 other --seconds 36 --seed 700000
     python benchmarks/lodge_bars.py equal lodge
     python benchmarks/lodge_bars.py seams lodge held
     python benchmarks/lodge_bars.py soft lodge held

@@ -8,7 +8,8 @@ between them is written here, from ``docs/results/NAME.json``:
 
     about      what was measured, one sentence
     data       "synthetic", "real", "composed", or which of them in which column
-    command    what was typed to make it; or a sentence that says what made it, or why nothing does
+    command    what was typed to make it, a list if it took several; or a sentence that says what
+               made it, or why nothing does
     seed, intervals, date   what else is known, as text; absent if it is not
     columns    headings
     rows       cells: text, a number, null for "does not apply", [value, low, high] for a value with
@@ -56,7 +57,7 @@ def load(name: str) -> dict:
 def cell(value) -> str:
     """A cell as text.
 
-    >>> cell(None), cell(Decimal("0.90")), cell(12383), cell([1.5, 1, 2]), cell({"bold": "no"})
+    >>> cell(None), cell(Decimal("0.90")), cell(12383), cell([Decimal("1.5"), 1, 2]), cell({"bold": "no"})
     ('-', '0.90', '12,383', '1.5 [1, 2]', '**no**')
     """
     if value is None:
@@ -76,10 +77,23 @@ def markdown(table: dict) -> str:
     facts = [f"Data: {table['data']}", *([f"seed: {table['seed']}"] if "seed" in table else [])]
     facts += [f"brackets: {table['intervals']}"] if "intervals" in table else []
     facts += [table["date"]] if "date" in table else []
-    source = table["command"]
-    source = f"Made by `{source}`." if source.startswith(PROGRAMS) else source
+    source, block = made_by(table["command"])
     below = textwrap.wrap(f"{table['about']} {'; '.join(facts)}. {source}", 100, **WHOLE_WORDS)
-    return "\n".join([*lines, "", *below, ""])
+    return "\n".join([*lines, "", *below, *block, ""])
+
+
+def made_by(command: str | list[str]) -> tuple[str, list[str]]:
+    """The end of the line below a table, and lines to copy if several commands were typed.
+
+    >>> made_by("make x"), made_by("By hand.")
+    (('Made by `make x`.', []), ('By hand.', []))
+    >>> made_by(["make x", "make y"])
+    ('Made by:', ['', '```sh', 'make x', 'make y', '```'])
+    """
+    if isinstance(command, str):
+        return f"Made by `{command}`." if command.startswith(PROGRAMS) else command, []
+    rows = (textwrap.wrap(one, 98, subsequent_indent="    ", **WHOLE_WORDS) for one in command)
+    return "Made by:", ["", "```sh", *(" \\\n".join(row) for row in rows), "```"]
 
 
 def map_of_source(parts: list[str]) -> str:

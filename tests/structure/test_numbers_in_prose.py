@@ -49,7 +49,7 @@ SAID = [
     ("docs/teaching.md", r"(\d+) exercises that check", "dancediff.exercises.EXERCISES"),
     ("docs/results_tcdiffpp.md", r"defaults became (\d+) steps", f"{PACKAGED}.tcdiffpp.steps"),
     ("docs/results_tcdiffpp.md", r"steps and ([\d.]+) later", f"{PACKAGED}.tcdiffpp.autoguidance"),
-    ("docs/results_tcdiffpp.md", r"with today's ([\d.]+) it", f"{PACKAGED}.tcdiffpp.autoguidance"),
+    ("docs/results_tcdiffpp.md", r"steps and ([\d.]+) it is", f"{PACKAGED}.tcdiffpp.autoguidance"),
     (
         "docs/results_tcdiffpp.md",
         r"limit of ([\d.]+) m/s",

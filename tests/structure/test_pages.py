@@ -108,8 +108,66 @@ def test_all_numbers_are_shown_and_say_where_they_are_from():
     for name in names:
         table = tables.load(name)
         assert table["data"]
-        words = table["command"]  # typed, or a sentence
-        assert words.startswith(tables.PROGRAMS) or re.match(r"[A-Z].*\.$", words), name
+        command = table["command"]  # typed, or a sentence
+        if isinstance(command, str) and not command.startswith(tables.PROGRAMS):
+            assert re.match(r"[A-Z].*\.$", command), name
+        assert all(one.startswith(tables.PROGRAMS) for one in typed(table)), name
+
+
+def typed(table: dict) -> list[str]:
+    """The commands of a table; none if a sentence stands there instead."""
+    command = table["command"]
+    if isinstance(command, list):
+        return command
+    return [command] if command.startswith(tables.PROGRAMS) else []
+
+
+SAID = {  # how the text of a table states an option of sampling
+    "steps": r"(?<![\d,])(\d+) steps(?! of)",
+    "autoguidance": r"autoguidance (\d+(?:\.\d+)?)",
+    "guidance": r"(?<!auto)guidance (\d+(?:\.\d+)?)",
+}
+MEASURES = {"bars.py": "tcdiffpp", "lodge_bars.py": "lodge"}  # programs that take --sampling
+
+
+def options_missing(table: dict) -> list[str]:
+    """Options that the text states, which are no defaults and stand in not all commands."""
+    missing = []
+    for command in typed(table):
+        family = MEASURES.get(command.removeprefix("python benchmarks/").split()[0])
+        for option, words in SAID.items():
+            for said in re.findall(words, table["about"]) if family else []:
+                given = f"--sampling.{option} {said}"
+                if float(said) != PACKAGED[family][option] and f"{given} " not in f"{command} ":
+                    missing.append(f"{given} in {command!r}")
+    return missing
+
+
+def test_a_command_has_the_options_that_its_table_states():
+    for path in tables.RESULTS.glob("*.json"):
+        assert options_missing(tables.load(path.stem)) == [], path.stem
+
+
+@pytest.mark.parametrize(
+    ("about", "options", "missing"),
+    [
+        ("20 steps.", "", 1),
+        ("20 steps.", "--sampling.steps 20", 0),
+        ("20 steps, autoguidance 2.2.", "--sampling.steps 20", 1),
+        ("20 steps, autoguidance 2.2.", "--sampling.steps 20 --sampling.autoguidance 2.25", 1),
+        ("12 steps, guidance 1, autoguidance 1.5.", "", 0),
+        ("Guidance of 6,000 steps of training.", "", 0),
+    ],
+)
+def test_a_missing_option_is_noticed(about, options, missing):
+    command = f"python benchmarks/bars.py dances tcdiffpp held other {options}"
+    assert len(options_missing({"about": about, "command": command})) == missing
+
+
+def test_several_commands_are_shown_to_copy():
+    text, block = tables.made_by(["make x", "python a.py" + 20 * " --long"])
+    assert text == "Made by:" and block[:3] == ["", "```sh", "make x"] and block[-1] == "```"
+    assert all(len(line) <= 100 for line in "\n".join(block).splitlines())
 
 
 def test_the_map_names_all_parts():
