@@ -57,8 +57,10 @@ def load(name: str) -> dict:
 def cell(value) -> str:
     """A cell as text.
 
-    >>> cell(None), cell(Decimal("0.90")), cell(12383), cell([Decimal("1.5"), 1, 2]), cell({"bold": "no"})
-    ('-', '0.90', '12,383', '1.5 [1, 2]', '**no**')
+    >>> cell(None), cell(Decimal("0.90")), cell(12383), cell({"bold": "no"})
+    ('-', '0.90', '12,383', '**no**')
+    >>> cell([Decimal("1.5"), 1, 2])
+    '1.5 [1, 2]'
     """
     if value is None:
         return "-"

@@ -51,3 +51,40 @@ def test_a_letter_that_nobody_explains_is_noticed(pattern, unknown):
     code = f'y = change(x, "{pattern}")'
     assert unexplained(code) == unknown
     assert unexplained(f'"""Symbols (axes: z chunks · q queries)"""\n{code}') == set()
+
+
+def times_called_t(tree: ast.AST) -> list[int]:
+    """Lines in which `t` runs over something, or is an `arange`: a frame, a sample or seconds."""
+    lines = []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.For | ast.comprehension):
+            target = node.target
+        elif isinstance(node, ast.Assign) and "arange(" in ast.unparse(node.value):
+            target = ast.Tuple(node.targets)
+        else:
+            continue
+        names = [n for n in ast.walk(target) if isinstance(n, ast.Name) and n.id == "t"]
+        lines += [name.lineno for name in names]
+    return lines
+
+
+def test_t_is_neither_a_frame_nor_seconds():
+    files = [
+        path for part in ("metrics", "motion", "music") for path in SOURCE.glob(f"{part}/*.py")
+    ]
+    found = {p.name: times_called_t(ast.parse(p.read_text(encoding="utf-8"))) for p in files}
+    assert len(files) > 30 and {name: lines for name, lines in found.items() if lines} == {}
+
+
+CODE = {
+    "for t in range(9): pass": 1,
+    "x = [p[d, t] for d, t in jumps]": 1,
+    "t = np.arange(9) / rate": 1,
+    "s, t = at(a), at(b)": 0,
+    "for sec in range(9): t = f(sec)": 0,
+}
+
+
+@pytest.mark.parametrize("code", CODE)
+def test_a_time_called_t_is_noticed(code):
+    assert len(times_called_t(ast.parse(code))) == CODE[code]

@@ -57,7 +57,7 @@ BODIES = ("capsule", "disc")
 def tif(joints: Tensor, *, bodies: str = "capsule", ordered: bool = False) -> float:
     r"""Trajectory intersection frequency: how many pairs of dancers overlap in a frame.
 
-    $$\text{TIF} = \frac1f \sum_{t} \sum_{i<j} \mathbb 1[B_i(t) \cap B_j(t) \neq \emptyset]$$
+    $$\text{TIF} = \frac1f \sum_{k=1}^{f} \sum_{i<j} \mathbb 1[B_i(k) \cap B_j(k) \neq \emptyset]$$
 
     so n dancers in one place score n (n - 1) / 2. ``ordered`` sums over i and j both ways, as the
     papers do, which doubles it. ``bodies`` says what B is: "capsule" the `CAPSULES`, "disc" a

@@ -78,7 +78,7 @@ def shuffle_time(motion: Motion, amount: float, generator: np.random.Generator) 
 def drag_feet(motion: Motion, amount: float, generator: np.random.Generator) -> Motion:
     r"""Slide each dancer to and fro over the floor, at up to ``amount`` x 1 m/s.
 
-    $$p'_t = p_t + a\,\frac{v\,T}{2\pi}\Big(\sin\big(\tfrac{2\pi t}{T} + \varphi\big)
+    $$p' = p + a\,\frac{v\,T}{2\pi}\Big(\sin\big(\tfrac{2\pi\,\text{sec}}{T} + \varphi\big)
       - \sin\varphi\Big)\,d,\quad v = 1\text{ m/s},\; T = 2\text{ s}$$
 
     The direction d and the phase are drawn for each dancer. The steps stay as they were, so

@@ -33,7 +33,7 @@ PASSED = 0.2  # metres that a dancer must be beyond another one to have passed
 def formations(joints: Tensor, *, fps: float = 30.0) -> float:
     r"""How many different formations a group takes in thirty seconds.
 
-    $$D(s, t) = \min_\pi \tfrac1n \sum_i \lVert \text{shape}_{s,i} - \text{shape}_{t,\pi(i)}\rVert$$
+    $$D(a, b) = \min_\pi \tfrac1n \sum_i \lVert \text{shape}_{a,i} - \text{shape}_{b,\pi(i)}\rVert$$
 
     Shapes are taken twice a second around the middle of the group, so where the group stands does
     not matter, nor who stands where. A shape that is less than 0.3 m from itself two seconds later

@@ -52,7 +52,7 @@ def frame_energies(joints: Tensor, *, window: int, dt: float) -> Tensor:
 
     `frame_energies_ref`, faster: its sums telescope, so only their ends are read.
 
-    $$\sum_{k=s}^{t} (p_k - p_{k-1}) = p_t - p_{s-1}$$
+    $$\sum_{k=a}^{b} (p_k - p_{k-1}) = p_b - p_{a-1}$$
 
     Shapes: joints (n, f, j, 3) metres, f >= 3; dt seconds -> (n, f - 1, j, 3).
 
@@ -121,8 +121,8 @@ def gmr(features: Tensor, reference: Tensor) -> float:
 def gmc(joints: Tensor, *, fps: float = 30.0, compat: str | None = None) -> float:
     r"""Group motion correlation: how strongly dancers move at moments when they look alike.
 
-    $$\text{GMC} = \frac{2}{n(n-1)}\sum_{d<e}\frac1{|P_{de}|}\sum_{(s,t)\in P_{de}}
-        \phi_d(s)\cdot\phi_e(t),\qquad \phi_d(t) = \log(1 + 1.5\,E_{d,t})$$
+    $$\text{GMC} = \frac{2}{n(n-1)}\sum_{d<e}\frac1{|P_{de}|}\sum_{(i,k)\in P_{de}}
+        \phi_d(i)\cdot\phi_e(k),\qquad \phi_d(i) = \log(1 + 1.5\,E_{d,i})$$
 
     P is the `dtw` path over the Euclidean distance of all joints, E comes from `frame_energies`
     with w = 2. Frame 0 has no energy, so its pairs are left out. The product is not normalised:
@@ -130,7 +130,7 @@ def gmc(joints: Tensor, *, fps: float = 30.0, compat: str | None = None) -> floa
 
     Source: GMC of AIOZ-GDance, as its authors' code (GCD) computes it.
     Differs: ``compat="gcd"`` takes dt = 1/30 s whatever ``fps`` says, squares the distances, and
-    pairs frame t with the energy of frame t + 1, all as that code does.
+    pairs frame i with the energy of frame i + 1, all as that code does.
 
     Shapes: joints (n, f, j, 3) metres, in one world.
     Raises: ValueError for fewer than 2 dancers or 3 frames, NaN, or another ``compat``.
@@ -155,9 +155,9 @@ def gmc(joints: Tensor, *, fps: float = 30.0, compat: str | None = None) -> floa
 def dtw_ref(cost: Tensor) -> Tensor:
     r"""Dynamic time warping cell by cell. Read this one.
 
-    $$D_{st} = c_{st} + \min(D_{s-1,t-1},\, D_{s-1,t},\, D_{s,t-1})$$
+    $$D_{ik} = c_{ik} + \min(D_{i-1,k-1},\, D_{i-1,k},\, D_{i,k-1})$$
 
-    Each step moves one on in s, in t, or in both; of equal ways the path takes both, then s.
+    Each step moves one on in i, in k, or in both; of equal ways the path takes both, then i.
 
     Shapes: cost (a, b), finite -> path (k, 2), from (0, 0) to (a - 1, b - 1).
 
@@ -167,14 +167,14 @@ def dtw_ref(cost: Tensor) -> Tensor:
     a, b = cost.shape
     D = np.full((a + 1, b + 1), np.inf)  # the border stands at -1, where no way leads through
     D[-1, -1] = 0  # but the first cell's way begins there
-    for s in range(a):
-        for t in range(b):
-            D[s, t] = cost[s, t].item() + min(D[s - 1, t - 1], D[s - 1, t], D[s, t - 1])
-    s, t = a - 1, b - 1
-    path = [(s, t)]
-    while (s, t) != (0, 0):
-        s, t = min([(s - 1, t - 1), (s - 1, t), (s, t - 1)], key=lambda cell: D[cell])
-        path.append((s, t))
+    for i in range(a):
+        for k in range(b):
+            D[i, k] = cost[i, k].item() + min(D[i - 1, k - 1], D[i - 1, k], D[i, k - 1])
+    i, k = a - 1, b - 1
+    path = [(i, k)]
+    while (i, k) != (0, 0):
+        i, k = min([(i - 1, k - 1), (i - 1, k), (i, k - 1)], key=lambda cell: D[cell])
+        path.append((i, k))
     return torch.tensor(path[::-1])
 
 

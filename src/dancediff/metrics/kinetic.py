@@ -68,7 +68,7 @@ def published_expenditure(joints: Tensor, *, dt: float) -> Tensor:
     """
     f = joints.shape[1]
     now, later, before = joints[:, 1:-1], joints[:, 2:], joints[:, :-2]
-    a = ((later - now) / dt - (now - before / dt)) / dt  # a[:, t - 1] belongs to frame t
+    a = ((later - now) / dt - (now - before / dt)) / dt  # a[:, i - 1] belongs to frame i
     rows = []
     for i in range(1, f):
         first, last = max(1, i - WINDOW), min(f - 2, i + WINDOW)

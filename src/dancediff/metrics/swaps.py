@@ -43,7 +43,7 @@ def abrupt_swaps(
 
     A *jump* is a step of the root faster than 12 cm in 1/30 s, each frame on its own:
 
-    $$\lVert p_{t} - p_{t-1} \rVert > 0.12 \cdot 30 / \mathrm{fps}$$
+    $$\lVert p_{i} - p_{i-1} \rVert > 0.12 \cdot 30 / \mathrm{fps}$$
 
     An *exchange* is two dancers trading places within 3 frames (1/10 s) on either side of a seam s.
     They have traded when each is nearer to where the other was, summed in squares on the floor,
@@ -74,7 +74,7 @@ def abrupt_swaps(
     root = _check_root(root, frames=2)
     step = root.diff(dim=1).norm(dim=-1)  # (n, f - 1)
     jumps = (step > JUMP_SPEED / fps).nonzero().tolist()
-    found = [AbruptSwap("jump", t + 1, (d,), step[d, t].item()) for d, t in jumps]
+    found = [AbruptSwap("jump", i + 1, (d,), step[d, i].item()) for d, i in jumps]
     reach = max(1, round(SEAM_REACH * fps))
     for seam in _check_seams(seams, root.shape[1]):
         found += _exchanges(root, seam, reach, jumps)
@@ -83,7 +83,7 @@ def abrupt_swaps(
 
 def _exchanges(root: Tensor, seam: int, reach: int, jumps: list) -> list[AbruptSwap]:
     before, after = max(seam - reach, 0), min(seam + reach, root.shape[1] - 1)
-    jumping = {d for d, t in jumps if before <= t < after}
+    jumping = {d for d, i in jumps if before <= i < after}
     floor = root[:, (before, after)][..., ON_FLOOR]
     line = floor[:, None] - floor[None]
     traded = (line[:, :, 0] * line[:, :, 1]).sum(-1) < 0

@@ -102,8 +102,8 @@ def faster_and_higher(y: np.ndarray, speed: float, semitones: float) -> np.ndarr
 def room(y: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """A hall: an impulse response of noise that dies away, its high tones first."""
     decay = rng.uniform(0.1, 0.9)  # seconds until 60 dB less
-    t = np.arange(int(decay * RATE)) / RATE
-    tail = rng.normal(size=len(t)) * 10 ** (-3 * t / decay)
+    sec = np.arange(int(decay * RATE)) / RATE
+    tail = rng.normal(size=len(sec)) * 10 ** (-3 * sec / decay)
     tail = sosfilt(butter(1, rng.uniform(1500, 7000), fs=RATE, output="sos"), tail)
     late = oaconvolve(y, tail / np.sqrt((tail**2).sum()))[: len(y)]
     return y + rng.uniform(0.1, 0.8) * late

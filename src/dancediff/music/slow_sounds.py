@@ -1,7 +1,7 @@
 r"""Sounds of the parts of a song that have no beat: pads, noise that rises, a piano.
 
 Symbols (axes: n samples)
-    t   time of a sample, seconds   (n,)
+    sec   time of a sample, seconds   (n,)
 """
 
 import itertools
@@ -24,16 +24,16 @@ def pad(rng: np.random.Generator) -> Callable[[float, float], np.ndarray]:
     wobble, depth = rng.uniform(0.1, 0.6), rng.uniform(0, 0.3)
 
     def sound(hz: float, seconds: float) -> np.ndarray:
-        t = np.arange(int(seconds * RATE)) / RATE
-        wave = np.zeros(len(t))
+        sec = np.arange(int(seconds * RATE)) / RATE
+        wave = np.zeros(len(sec))
         for k in range(1, 9):
             if k * hz < RATE / 2.2:
-                wave += k**-falloff * np.sin(2 * np.pi * hz * k * t)
-                wave += k**-falloff * np.sin(2 * np.pi * hz * k * (1 + detune) * t + k)
+                wave += k**-falloff * np.sin(2 * np.pi * hz * k * sec)
+                wave += k**-falloff * np.sin(2 * np.pi * hz * k * (1 + detune) * sec + k)
         edge = min(2.0, seconds / 2)
-        shape = np.minimum(1, np.minimum(t, seconds - t) / edge)
+        shape = np.minimum(1, np.minimum(sec, seconds - sec) / edge)
         shape = np.sin(np.pi / 2 * shape) ** 2
-        return wave * shape * (1 + depth * np.sin(2 * np.pi * wobble * t))
+        return wave * shape * (1 + depth * np.sin(2 * np.pi * wobble * sec))
 
     return sound
 
@@ -43,14 +43,14 @@ def piano(rng: np.random.Generator) -> Callable[[float, float], np.ndarray]:
     bright, decay = rng.uniform(0.8, 1.8), rng.uniform(0.6, 1.6)
 
     def sound(hz: float, seconds: float) -> np.ndarray:
-        t = np.arange(int(seconds * RATE)) / RATE
-        wave = np.zeros(len(t))
+        sec = np.arange(int(seconds * RATE)) / RATE
+        wave = np.zeros(len(sec))
         for k in range(1, 11):
             pitch = hz * k * np.sqrt(1 + 4e-4 * k * k)  # a stiff string's partials are too high
             if pitch < RATE / 2.2:
-                wave += k**-bright * np.sin(2 * np.pi * pitch * t) * np.exp(-t * (1 + 0.3 * k))
-        attack = np.minimum(t / 0.004, 1) * np.minimum((seconds - t) / 0.02, 1)
-        return wave * attack * np.exp(-t / decay)
+                wave += k**-bright * np.sin(2 * np.pi * pitch * sec) * np.exp(-sec * (1 + 0.3 * k))
+        attack = np.minimum(sec / 0.004, 1) * np.minimum((seconds - sec) / 0.02, 1)
+        return wave * attack * np.exp(-sec / decay)
 
     return sound
 

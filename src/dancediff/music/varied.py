@@ -69,12 +69,12 @@ def _levelled(sound: np.ndarray, part: PlannedSection) -> np.ndarray:
 
 def _fades(n: int, plan: SongPlan) -> np.ndarray:
     """Factor of every sample: up from, and down to, 36 dB below."""
-    t = np.arange(n) / RATE
+    sec = np.arange(n) / RATE
     dB = np.zeros(n)
     if plan.fade_in:
-        dB += 36 * (np.minimum(t / plan.fade_in, 1) - 1)
+        dB += 36 * (np.minimum(sec / plan.fade_in, 1) - 1)
     if plan.fade_out:
-        dB += 36 * (np.minimum((plan.seconds - t) / plan.fade_out, 1) - 1)
+        dB += 36 * (np.minimum((plan.seconds - sec) / plan.fade_out, 1) - 1)
     return 10 ** (dB / 20)
 
 
