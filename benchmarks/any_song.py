@@ -430,10 +430,11 @@ class AnySong:
         columns[label] = {bar.text: bar.cell() for bar in bars}
         names = list(dict.fromkeys(text for cells in columns.values() for text in cells))
         table = {
-            "about": "Dances of 40 s, nobody's hand in them beyond the preset: three dancers with "
-            "every seed and five with one, to songs with hard places; rhythm and loudness: ten "
-            "songs, three dancers.",
-            "data": "recorded and synthetic songs, see the table of places",
+            "about": "Dances of 40 s, with the model's preset: three dancers with every seed and "
+            "five with one, to songs with hard places; rhythm and loudness: ten songs, three "
+            "dancers.",
+            "data": "recorded and synthetic songs, by row of the next table; the choreographer's "
+            "dances are synthetic",
             "seed": ", ".join(map(str, self.seeds)),
             "intervals": "95 % bootstrap intervals over songs, each with all its seeds",
             "command": "python benchmarks/any_song.py MODEL",
