@@ -11,14 +11,14 @@ from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 
-import numpy as np
 import torch
 from torch import Tensor
 
-from dancediff.data.choreographer.structure import PHRASE, Section
+from dancediff.data.choreographer.structure import Section
 from dancediff.motion.mirror import mirror_features
 from dancediff.motion.representation import LODGE
-from dancediff.music.features import PEAKS, beat_frames
+from dancediff.music.features import beat_frames
+from dancediff.music.sections import PHRASE, phrase_similarity
 from dancediff.papers.lodge.choreography import Arrangement
 from dancediff.papers.lodge.segments import Segments
 
@@ -48,24 +48,6 @@ def find_sections(M: Tensor) -> list[Section]:
         nearest = int(S[q, :q].argmax())
         labels.append(labels[nearest] if S[q, nearest] >= ALIKE else q)
     return sections_of(labels, beats[: len(S) * PHRASE + 1 : PHRASE].tolist())
-
-
-def phrase_similarity(M: Tensor, beats: np.ndarray) -> Tensor:
-    r"""Cosine between phrases, each the features of its 8 beats, standardised over the song.
-
-    Shapes: M (f, 35), beats (k,) frames -> (q, q) with q = (k - 1) // 8.
-
-    >>> M = torch.rand(80, 35).repeat(2, 1)                          # all of it twice
-    >>> phrase_similarity(M, np.arange(0, 161, 10)).round(decimals=3).tolist()
-    [[1.0, 1.0], [1.0, 1.0]]
-    """
-    sound = M[:, : PEAKS.start]
-    per_beat = torch.stack([sound[a:b].mean(0) for a, b in pairwise(beats)])
-    per_beat = (per_beat - per_beat.mean(0)) / per_beat.std(0).clamp_min(1e-6)
-    q = len(per_beat) // PHRASE
-    phrases = per_beat[: q * PHRASE].reshape(q, -1)
-    phrases = torch.nn.functional.normalize(phrases, dim=-1)
-    return phrases @ phrases.T
 
 
 def sections_of(labels: Sequence, borders: Sequence[int]) -> list[Section]:

@@ -1,7 +1,8 @@
 import numpy as np
 import torch
 
-from dancediff.extensions.repeat_sections import find_sections, phrase_similarity, sections_of
+from dancediff.extensions.repeat_sections import find_sections, sections_of
+from dancediff.music.sections import phrase_similarity
 from dancediff.music.synth import synth_song
 
 

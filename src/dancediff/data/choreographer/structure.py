@@ -9,7 +9,9 @@ from itertools import pairwise
 
 import numpy as np
 
-PHRASE, IN_THREE = 8, 6  # beats of a phrase; the same where a bar has three
+from dancediff.music.sections import PHRASE
+
+IN_THREE = 6  # beats of a phrase where a bar has three
 _SONG = ("verse", "chorus", "verse", "chorus", "bridge", "chorus")
 # how much of a move's size a section dances, and which moves' energies it prefers
 LEVELS = {"intro": 0.90, "verse": 0.94, "bridge": 0.97, "outro": 0.90, "chorus": 1.0}
