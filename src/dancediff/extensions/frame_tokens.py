@@ -4,7 +4,7 @@ Dance changes little in a tenth of a second, so layers at 10 tokens a second los
 third. What frames differ in is added afterwards, by a small network that sees one frame at a time.
 
 Symbols (axes: b batch · n dancers, where there is a group · f frames · k = f / 3 tokens
-         d channels)
+         i frame of a token · d channels)
     h      embedded motion, a row a frame   (b, n, f, d)
     low    tokens of three frames           (b, n, k, d)
 """

@@ -2,7 +2,8 @@ r"""From a song and a resolved request to Lodge's solo, danced by one or by a gr
 
 Read first: `dancediff.papers.lodge.parallel`, which is the paper's sampling; here is what we add.
 
-Symbols (axes: n dancers · F frames of the dance · f frames of a piece · d motion features)
+Symbols (axes: b batch · n dancers · F frames of the dance · f frames of a piece · g genres
+         d motion features, in a style token channels)
 """
 
 from collections.abc import Callable, Iterator, Sequence
