@@ -71,8 +71,8 @@ class Evaluate:
         from matplotlib.pyplot import close
 
         from dancediff.atomic import atomic_write
+        from dancediff.metrics.dances import find_dances, read_dance
         from dancediff.metrics.drift import drift, mean_drift
-        from dancediff.metrics.measure import find_dances, read_dance
         from dancediff.viz.charts import plot_drift
 
         drifts = []

@@ -1,5 +1,7 @@
 r"""One dance, however long, in a few small vectors and numbers, which `rows` joins to a table.
 
+Read first: `dancediff.metrics.dances`, which reads a dance; each metric has a file of its own.
+
 Only these are kept, some kilobytes for each dance, so memory hardly grows with their number.
 
 Symbols (axes: n dancers · f frames · j joints · w windows of a dance, 1 when it is not cut)
@@ -9,20 +11,17 @@ Symbols (axes: n dancers · f frames · j joints · w windows of a dance, 1 when
 """
 
 import contextlib
-import json
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from dancediff.arrays import read_arrays
-from dancediff.data.take import KINDS, DanceTake
 from dancediff.metrics.collision import tif
+from dancediff.metrics.dances import Source, read_dance
 from dancediff.metrics.drift import Drift, drift
 from dancediff.metrics.formation import FORMATION
 from dancediff.metrics.geometric import geometric_features
@@ -34,7 +33,6 @@ from dancediff.metrics.posture import POSTURE
 from dancediff.metrics.rhythm import SMOOTH, beat_alignment
 from dancediff.metrics.swaps import abrupt_swaps, obeys, permutation_kind
 from dancediff.motion.beats import motion_beats
-from dancediff.motion.files import files
 from dancediff.motion.motion import Motion
 
 LONGEST_GMC = 3000  # frames; every one is compared with every other, which takes 0.5 GiB
@@ -42,76 +40,6 @@ SHORTEST_WINDOW = 3  # frames; what an acceleration needs
 OBEDIENCE = "swap obedience"
 LAST_OVER_FIRST = ", last / first"  # of a metric of posture: its windows of 5 s
 NO_BEATS = "no beats: the dance's file holds none, and no song was given"
-Source = Path | Motion | DanceTake
-
-
-def find_dances(sources) -> list[Source]:
-    """Every dance that is meant, none twice.
-
-    A source is a file, a folder or a prepared folder, see `dancediff.io.dance_files`, or a `Motion`
-    or `DanceTake`, which stays as it is.
-
-    Raises: ValueError naming a path that does not exist or holds no dance.
-
-    >>> find_dances(["nowhere.npz"])
-    Traceback (most recent call last):
-        ...
-    ValueError: 'nowhere.npz' does not exist; name a dance or a folder of dances
-    """
-    one = isinstance(sources, str | Path | Motion | DanceTake)
-    found: dict = {}
-    for source in [sources] if one else sources:
-        if isinstance(source, Motion | DanceTake):
-            found[id(source)] = source
-        else:
-            found |= {path.resolve(): path for path in files().find(source)}
-    if not found:
-        raise ValueError("there are no dances to evaluate: the list is empty")
-    return list(found.values())
-
-
-class Dance(NamedTuple):
-    """A dance to measure. ``beats`` are None where its source has none."""
-
-    name: str
-    kind: str  # of a take; what a model made is "generated", what does not say is "unknown"
-    motion: Motion
-    beats: np.ndarray | None = None
-    genre: str | None = None
-
-
-def read_dance(source: Source, name: str = "dance") -> Dance:
-    """Read a dance, and what its source says about it; ``name`` is for a `Motion` without one.
-
-    Raises: ValueError or OSError when a file cannot be read.
-    """
-    if isinstance(source, DanceTake):
-        return Dance(source.name, source.kind, source.motion, source.beats, source.genre)
-    if isinstance(source, Motion):
-        meta = source.meta
-        return Dance(str(meta.get("name", name)), _kind(meta), source, genre=_genre(meta))
-    motion = Motion.load(source)
-    more = read_arrays(source, ("take", "beats")) if source.suffix == ".npz" else {}
-    kind, genre, beats = _kind(motion.meta), _genre(motion.meta), more.get("beats")
-    if "take" in more:
-        row = json.loads(str(more["take"]))
-        kind, genre = (_kind(row), _genre(row)) if isinstance(row, dict) else (kind, genre)
-    if beats is not None and beats.dtype.kind not in "fiu":
-        raise ValueError(f"{str(source)!r}: beats holds {beats.dtype}, not times in seconds")
-    return Dance(source.stem, kind, motion, beats, genre)
-
-
-def _kind(meta: dict) -> str:
-    if meta.get("kind") in KINDS:
-        return meta["kind"]
-    if meta.get("synthetic"):
-        return "synthetic"
-    return "generated" if "model" in meta else "unknown"
-
-
-def _genre(meta: dict) -> str | None:
-    """One genre by its name; a mix is none of them."""
-    return meta["genre"] if isinstance(meta.get("genre"), str) else None
 
 
 @dataclass

@@ -15,7 +15,8 @@ from pathlib import Path
 import numpy as np
 
 from dancediff.atomic import atomic_write
-from dancediff.metrics.measure import SHORTEST_WINDOW, Measured, find_dances, measure_all
+from dancediff.metrics.dances import find_dances
+from dancediff.metrics.measure import SHORTEST_WINDOW, Measured, measure_all
 from dancediff.metrics.rows import DRAWS, LEVEL, METRICS, Row, table_rows
 from dancediff.music.song import Music
 

@@ -1,5 +1,8 @@
 r"""Train Lodge from a TOML file: the global stage, the local stage, and its fine-tuning.
 
+Read first: `dancediff.training.run`, which does the same for the other models · Lodge sections 3.3
+and 3.4.
+
 Tables of the file
     [data]                    where the takes are, and how windows are drawn
     [model]                   class = "Lodge", extensions = [...], see extensions.lodge_stages

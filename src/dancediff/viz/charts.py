@@ -15,7 +15,7 @@ from dancediff.viz.style import bare, new_axes, set_title
 DRIFT_COLUMNS = 4
 LANES = {"x": "x lateral (m)", "z": "z depth (m)"}
 HARD, SOFT = "#D55E00", "#0072B2"
-_SHADE = {HARD: 0.6, SOFT: 0.25}  # opacity: hard ones are darker without colour, too
+SHADE = {HARD: 0.6, SOFT: 0.25}  # opacity: hard ones are darker without colour, too
 
 
 def plot_energy(
@@ -35,7 +35,7 @@ def plot_energy(
     for name, rows, color in (("hard", hard, HARD), ("soft", soft, SOFT)):
         for k, row in enumerate(rows):
             first, last = int(row[0]) / fps, (int(row[-1]) + 1) / fps
-            ax.axvspan(first, last, color=color, alpha=_SHADE[color], lw=0,
+            ax.axvspan(first, last, color=color, alpha=SHADE[color], lw=0,
                        label=None if k else name)  # fmt: skip
     for seam in seams:
         ax.axvline(seam / fps, color=MUTED, lw=1, ls="--")

@@ -21,10 +21,11 @@ from dancediff.papers.lodge.choreography import arrange
 from dancediff.papers.lodge.cue_guidance import guided_steps
 from dancediff.papers.lodge.segments import segments_of
 from dancediff.viz.body import body_points
-from dancediff.viz.charts import HARD, SOFT
-from dancediff.viz.palette import INK, MUTED, dancer_color
+from dancediff.viz.charts import HARD, SHADE, SOFT
+from dancediff.viz.palette import INK, MUTED, PAPER, dancer_color, mix
 from dancediff.viz.panels import new_figure
 from dancediff.viz.plots import (
+    farthest,
     filmstrip_page,
     plot_energy,
     plot_floor_paths,
@@ -43,7 +44,8 @@ def dance_panel(model, song, *, report=None, **options):
     """A dance as a filmstrip of four moments -> Figure, Motion, song."""
     dance = model.generate(song, **SHORT | options, progress=report or False)
     made = dance.meta
-    title = f"seed {made['seed']}: {dance.people}, {made['steps']} denoising steps"
+    speed = dance.fps * dance.joints().diff(dim=1).norm(dim=-1).mean().item()
+    title = f"Seed {made['seed']}, {made['steps']} steps: joints move at {speed:.2f} m/s"
     return filmstrip_page(dance, count=4, title=title), dance, song
 
 
@@ -87,7 +89,7 @@ def swap_panel(model, song, *, swap="102", report=None, **options):
     dance = model.generate(song, **options, progress=report or False)
     figure = new_figure(8.2, 3.2)
     floor, lanes = figure.subplots(1, 2, width_ratios=[1, 1.3])
-    plot_floor_paths(dance, ax=floor, title="Seen from above")
+    plot_floor_paths(dance, ax=floor, title=farthest(dance))
     found = final_order(dance.root)
     said = "They obey" if list(found) == order else "They do not obey"
     plot_lanes(dance, ax=lanes, title=f"{said}: asked {swap}, got {''.join(map(str, found))}")
@@ -139,16 +141,15 @@ def cue_panel(model, song, *, report=None, **options):
     energy, cues = figure.subplots(2, 1, sharex=True, height_ratios=[1.3, 1])
     beats = song.beats()
     plot_energy(dance, ax=energy, beats=beats, seams=dance.meta["seams"])
-    colors = ListedColormap(["white", SOFT, HARD])  # as plot_energy has them
+    colors = ListedColormap([PAPER, *(mix(PAPER, kind, SHADE[kind]) for kind in (SOFT, HARD))])
     extent = (0, dance.duration, len(times) - 0.5, 0.5)
-    cues.imshow(ribbon, aspect="auto", cmap=colors, vmin=0, vmax=2, extent=extent, alpha=0.6)
+    cues.imshow(ribbon, aspect="auto", cmap=colors, vmin=0, vmax=2, extent=extent)
     bare(cues).set(xlabel="time (s)", ylabel="denoising step")
     energy.set_xlabel("")
     score = beat_alignment(dance.joints(), beats[beats < dance.duration], direction="music")
     set_title(energy, f"{made['genre']}, s = {made['soft']:g}: BAS {score:.2f}")
-    set_title(
-        cues, f"Soft cues (blue) are held in {held} of {len(times) - 1} steps, hard ones in all"
-    )
+    steps = f"{held} of {len(times) - 1} steps"
+    set_title(cues, f"Soft cues (light) are held in {steps}, hard ones (dark) in all")
     return figure, dance, song
 
 

@@ -20,11 +20,12 @@ from dancediff.metrics import rows as rows_module
 from dancediff.metrics.bootstrap import bootstrap_interval
 from dancediff.metrics.collision import tif
 from dancediff.metrics.corruption import freeze
+from dancediff.metrics.dances import find_dances
 from dancediff.metrics.fidelity import diversity, fid
 from dancediff.metrics.geometric import geometric_features
 from dancediff.metrics.group import gmc, gmr, group_features
 from dancediff.metrics.kinetic import kinetic_features
-from dancediff.metrics.measure import Measured, find_dances, measure
+from dancediff.metrics.measure import Measured, measure
 from dancediff.metrics.physical import fsr, pfc
 from dancediff.metrics.report import evaluate, evaluate_dances
 from dancediff.metrics.rhythm import beat_alignment

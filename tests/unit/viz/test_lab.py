@@ -47,7 +47,7 @@ def title(figure, ax=0):
 
 def test_dance_panel(model, song):
     figure, dance, _ = lab.dance_panel(model, song, dancers=2, seconds=1.0, steps=2, seed=7)
-    assert figure.get_suptitle().startswith("seed 7: 2 dancers")
+    assert figure.get_suptitle().startswith("Seed 7, 2 steps: joints move at")
     assert (dance.num_dancers, dance.num_frames) == (2, 30)
 
 

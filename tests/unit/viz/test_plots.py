@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from dancediff.data.choreographer import choreograph
 from dancediff.diffusion.schedule import cosine_abar
 from dancediff.metrics.drift import Drift
+from dancediff.metrics.posture import POSTURE
 from dancediff.motion.motion import Motion
 from dancediff.music.song import Music
 from dancediff.viz import body, plots
@@ -139,10 +140,9 @@ def test_filmstrip_page_has_moments_floor_and_feet(dance):
     assert figure.get_suptitle() == "Hello"
     strip, floor, feet = figure.axes
     assert len(strip.images) == 6
-    assert [ax.get_title("left") for ax in (floor, feet)] == [
-        "Seen from above",
-        "Feet on the floor",
-    ]
+    assert floor.get_title("left") == plots.farthest(dance)
+    standing = dance.contacts().reshape(dance.num_dancers, -1, 2, 2).amax(-1).mean().item()
+    assert feet.get_title("left") == f"Feet stand {standing:.0%} of the time"
     assert "clicks" in plots.filmstrip_page(dance, count=1, song=click_song()).get_suptitle()
 
 
@@ -271,7 +271,7 @@ def test_every_plot_draws_on_the_axes_it_is_given(dance):
         "plot_barcode": [dance.features()[0]],
         "plot_beats": [M],
         "plot_contact_strip": [dance],
-        "plot_drift": [Drift(np.ones((7, 4)), np.arange(4) * 5.0)],
+        "plot_drift": [Drift(np.ones((len(POSTURE), 4)), np.arange(4) * 5.0)],
         "plot_energy": [dance],
         "plot_features": [M],
         "plot_filmstrip": [dance],
