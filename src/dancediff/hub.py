@@ -1,5 +1,7 @@
 r"""Model folders: save, load, and the models and the song that come with the package.
 
+Read first: `dancediff.generation.pipeline`.
+
 A model folder holds ``config.json`` (class, sizes, names of extensions and genres),
 ``model.safetensors`` (weights and normalisers) and ``card.md``; a Lodge has ``global.safetensors``
 and ``local.safetensors`` instead. No pickle is ever read. Files are written under a temporary name

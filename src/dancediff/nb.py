@@ -1,5 +1,7 @@
 """What the lessons share: set-up, shape tables, exercises that check themselves.
 
+Read first: notebook 00.
+
     from dancediff import nb
     nb.setup(4)                       # the only set-up cell of a lesson
     nb.resume(4)                      # in its "start here" cells

@@ -97,3 +97,13 @@ def test_files_are_counted(tcdiffpp_pass):
     assert files_entered(lambda: None) == set()
     text = '"""One.\n\nTwo."""\n\nx = (\n    1\n)  # three lines\n\ndef f():\n    """No."""\n'
     assert len(code_lines(text) - docstring_lines(ast.parse(text))) == 4
+
+
+def test_long_files_say_what_to_read_first():
+    silent = []
+    for path in SOURCE.rglob("*.py"):
+        text = path.read_text(encoding="utf-8")
+        doc = ast.get_docstring(ast.parse(text)) or ""
+        if lines_of({path.relative_to(SOURCE).as_posix()}) > 100 and "Read first: " not in doc:
+            silent.append(path.name)
+    assert silent == [], "more than 100 lines of code, and no line 'Read first: ...' on top"

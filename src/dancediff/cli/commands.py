@@ -1,4 +1,7 @@
-"""The commands, each with its options; torch is imported when one runs."""
+"""The commands, each with its options; torch is imported when one runs.
+
+Read first: `dancediff.cli.files`, which names and saves what commands make.
+"""
 
 from dataclasses import dataclass
 from pathlib import Path

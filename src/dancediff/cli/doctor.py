@@ -1,4 +1,7 @@
-"""`dancediff doctor`: what is installed, what works when it is tried, and how to mend the rest."""
+"""`dancediff doctor`: what is installed, what works when it is tried, and how to mend the rest.
+
+Read first: `dancediff.cli.commands`.
+"""
 
 import importlib.metadata
 import importlib.util

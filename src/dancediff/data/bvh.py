@@ -1,5 +1,7 @@
 r"""Motion capture as BVH files: a reader for any of them. The writer is `dancediff.export.bvh`.
 
+Read first: `dancediff.motion.skeleton`.
+
 A BVH file is a joint tree with rest offsets (HIERARCHY) and one line of numbers per frame (MOTION).
 
 Symbols (axes: f frames · j joints, End Sites included)

@@ -1,5 +1,7 @@
 r"""Synthetic songs and the dances that the choreographer makes to them: one corpus for everybody.
 
+Read first: `dancediff.music.song_plan` and `dancediff.data.choreographer.choreograph`.
+
 `dancediff prepare choreograph`, training without data and ablations learn from these takes. Every
 song is danced by a group of every size, perhaps several times. All of it follows from the seeds.
 Genres take turns from song to song; the tempo is drawn from those that suit the genre. Songs are

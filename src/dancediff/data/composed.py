@@ -1,5 +1,7 @@
 r"""Composed groups: real solos and duets put together on one stage.
 
+Read first: `dancediff.data.take`.
+
 Every movement is real, but nobody in it danced with the others: such takes have ``kind``
 "composed", and no number about groups may be taken from them alone. They teach a network that
 dancers of a group keep apart, and what unison, mirroring and canon look like with real bodies.

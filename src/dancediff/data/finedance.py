@@ -1,5 +1,7 @@
 r"""FineDance: long solos of one professional each, in 16 genres, 30 frames a second.
 
+Read first: `dancediff.data.formats`.
+
     motion/NNN.npy          (f, 315): root path 3, then 52 rotations of 6 numbers; y up, metres
     music_wav/NNN.wav       f may differ by a few frames
     label_json/NNN.json     song, coarse style, and the genre in "style2"

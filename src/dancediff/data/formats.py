@@ -1,5 +1,7 @@
 r"""What the readers of AIOZ-GDance, FineDance and AIST++ share.
 
+Read first: `dancediff.data.take`.
+
 All three keep a dance as rotations of the SMPL joint tree and a path of its root, y up. Our
 `Motion` takes the path as that of the pelvis. SMPL itself adds the pelvis' rest position to it, a
 constant of 22 cm in height and 3 cm in depth; the height is gone once the floor is at 0.

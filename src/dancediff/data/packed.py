@@ -1,5 +1,7 @@
 r"""The takes of a split in two memory maps, so that windows cost no more than a read.
 
+Read first: `dancediff.data.prepared`.
+
 What is packed are whole takes; a window is a view into them. (Ten overlapping copies of every
 frame, as the released data sets keep them, would read no faster.)
 

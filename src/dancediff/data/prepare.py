@@ -1,5 +1,7 @@
 r"""`prepare`: run many jobs, write one take each, skip what is bad, and say so.
 
+Read first: `dancediff.data.take`.
+
 Each take is one file that tells how it was made (``made_by``: function, arguments and our code), so
 a run that was stopped goes on where it was, and a take is made anew when its recipe has changed.
 The index is written last, from the files, sorted by name: the folder's bytes do not depend on the

@@ -1,5 +1,7 @@
 r"""`PreparedData`: a folder of prepared takes, its splits, and the takes themselves when asked for.
 
+Read first: `dancediff.data.take` and `dancediff.data.prepare`, which writes the folder.
+
 Files in the folder
     index.json            one line a take: origin, licence, split, size
     takes/<name>.npz      a take, see `dancediff.data.take_file`

@@ -1,5 +1,7 @@
 r"""Find and repair what no body did: spikes, flipped joints, marker swaps.
 
+Read first: `dancediff.motion.skeleton`.
+
 Motion capture goes wrong in three ways. A joint is turned by half a turn about one of its own axes
 for a while (its markers were swapped): it is turned back. It moves faster than any joint of this
 dance, or further than it can bend: the frames are replaced by interpolation. If that joint is the

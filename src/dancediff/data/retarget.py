@@ -1,5 +1,7 @@
 r"""Put recorded motion onto the SMPL-24 tree.
 
+Read first: `dancediff.data.bvh` and `dancediff.motion.skeleton`.
+
 Skeletons differ in where their joints sit, how long their bones are and what "not turned" means;
 what they share is where limbs point. So bone directions in the world are kept, lengths are not.
 

@@ -1,5 +1,7 @@
 """An exercise and how an answer to it is judged.
 
+Read first: `dancediff.nb`, which calls it.
+
 An answer is compared with the right one, on cases that bring out the usual mistakes, or, where many
 answers are right, tested for what it must achieve.
 """

@@ -1,5 +1,7 @@
 r"""glTF 2.0 (.glb): dancers with bodies that move, for 3-D programs and the web; and back.
 
+Read first: `dancediff.viz.solids` and `dancediff.viz.skin`.
+
 Each dancer is a tree of 24 nodes, ``dancer 1 root`` ... ``dancer 1 rhand``, that carry rigid body
 parts, or move the skin of ``dancer 1 body``; one animation turns them all. glTF has metres, y up
 and quaternions (x, y, z, w), as we do.

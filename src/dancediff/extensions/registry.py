@@ -1,5 +1,7 @@
 """The registry: everything that this library adds to the papers, with what each addition needs.
 
+Read first: docs/extending.md.
+
 Parts of networks and hooks stand in the order in which they act. The page
 docs/how_a_dance_is_made.md is made from it, and tests hold it against modules and presets. What
 dances lose without an addition: docs/ablations.md, measured by benchmarks/extensions.py.

@@ -1,4 +1,7 @@
-"""What can be asked of models of groups, which dance in segments of 5 s."""
+"""What can be asked of models of groups, which dance in segments of 5 s.
+
+Read first: `dancediff.generation.request`.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -1,5 +1,7 @@
 r"""The lines of a table of metrics: value, bootstrap interval, and a reason where one is lacking.
 
+Read first: `dancediff.metrics.measure` and `dancediff.metrics.bootstrap`.
+
 Symbols (axes: N dances · d features)
     parts   the feature vectors (rows, d) or numbers (windows,) of each dance   N of them
     chosen  which dances a number is computed from, some more than once in a resample   (N,)

@@ -1,5 +1,7 @@
 r"""`Motion`: a dance of one or more people.
 
+Read first: notebook 01.
+
 Symbols (axes: n dancers · f frames · j joints)
     pose     rotation of each joint relative to its parent   (n, f, j, 3, 3)
     root     pelvis position, metres, y up                   (n, f, 3)

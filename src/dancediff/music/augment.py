@@ -1,5 +1,7 @@
 r"""Other versions of a song for training: as played elsewhere, faster, through a phone, in a hall.
 
+Read first: notebook 02.
+
 `augment_song` changes sound before features are taken, and says where its beats have gone.
 
 Symbols (axes: n samples)

@@ -1,5 +1,7 @@
 r"""`SongPlan`: what happens when in a synthetic song, drawn before a note is played.
 
+Read first: `dancediff.music.synth`, whose songs are simpler.
+
 A plan is a list of sections. Each has a label, the times of its beats (none where nobody could tap
 along), its players and its level. `synth_varied_song` plays it.
 

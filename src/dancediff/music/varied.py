@@ -1,5 +1,7 @@
 r"""`synth_varied_song`: songs with what real songs have, their beats and sections known.
 
+Read first: `dancediff.music.song_plan`.
+
 Intros, breaks and endings without a beat, 3/4 and 6/8, swing, rubato, tempo changes, half and
 double time, drums alone, quiet verses, drops, fades. `dancediff.music.song_plan` draws what
 happens; here it is played.

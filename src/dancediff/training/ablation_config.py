@@ -1,5 +1,7 @@
 r"""What an ablation compares: one TOML file with the tables of a training config and three more.
 
+Read first: `dancediff.training.config`.
+
 ``held_out`` says which songs are danced to in the end (`HeldOut`), ``sample`` how (options of
 `generate`), and ``variants.NAME`` which keys of the other tables a variant changes. ``seeds = [0,
 1, 2]`` at the top trains and samples every variant that often.

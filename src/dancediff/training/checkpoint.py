@@ -1,4 +1,7 @@
-"""Checkpoints: everything needed to go on, in one safetensors file that is whole or absent."""
+"""Checkpoints: everything needed to go on, in one safetensors file that is whole or absent.
+
+Read first: `dancediff.training.trainer`.
+"""
 
 import json
 import signal

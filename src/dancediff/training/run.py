@@ -1,4 +1,7 @@
-r"""From a TOML file to a trained model: what ``dancediff train`` runs."""
+r"""From a TOML file to a trained model: what ``dancediff train`` runs.
+
+Read first: `dancediff.training.config` and `dancediff.training.trainer`.
+"""
 
 import warnings
 from collections.abc import Callable

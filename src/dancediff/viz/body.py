@@ -1,5 +1,7 @@
 r"""A dancer's body as flat shapes: capsules around bones, filled limb by limb.
 
+Read first: `dancediff.viz.projection`.
+
 A limb is the union of a few capsules, written as ONE path (matplotlib fills with the non-zero
 rule, so overlapping capsules of the same winding melt together). Three dancers are some thirty
 paths, which is what makes video fast.

@@ -1,5 +1,7 @@
 """Sliders around a panel, with a progress bar, Cancel and A/B comparison for panels that dance.
 
+Read first: `dancediff.viz.panels`, whose sliders it shows.
+
 A panel is a function from numbers to a Figure, or to a Figure, the `Motion` it shows and, where
 there is one, the `Music`. One that takes ``report`` is slow: it runs in a thread, once its button
 is pressed, calls ``report(done, total)`` as it goes, and is stopped there when somebody cancels.

@@ -1,5 +1,7 @@
 """Panels that dance: sampling, formations and swaps, long dances, Lodge's cues.
 
+Read first: `dancediff.viz.plots` and `dancediff.viz.panels`.
+
 Each asks a model for a dance and returns a Figure whose title says what came of it, and the dance.
 They take some seconds; ``report(done, total)`` is called after every denoising step, and whatever
 it raises stops them. `dancediff.viz.panels.explore` puts controls, a progress bar and Cancel

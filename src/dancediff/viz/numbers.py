@@ -1,4 +1,7 @@
-"""Pictures of numbers: music features, a dance as features, the noise schedule, the skeleton."""
+"""Pictures of numbers: music features, a dance as features, the noise schedule, the skeleton.
+
+Read first: `dancediff.viz.style`.
+"""
 
 import numpy as np
 import torch

@@ -1,5 +1,7 @@
 """Small panels for the lessons: a pure function from numbers to a Figure, and sliders around it.
 
+Read first: `dancediff.viz.plots`.
+
 The functions know nothing of widgets, so that tests and static pages call them directly;
 `explore` puts sliders on any of them.
 """

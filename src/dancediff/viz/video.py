@@ -1,5 +1,7 @@
 """Videos of a dance with its song: H.264 and AAC through PyAV, or an animated GIF through Pillow.
 
+Read first: `dancediff.viz.body` and `dancediff.viz.projection`.
+
 A frame is one collection of filled shapes and a few letters on a background that is copied;
 nothing else of matplotlib runs per frame.
 """

@@ -1,5 +1,7 @@
 r"""Arms: from named poses on the beats to joint rotations that never enter the body.
 
+Read first: `dancediff.data.choreographer.poses`.
+
 Symbols (axes: n dancers · f frames · s sides (left, right) · k keys)
     q     collar, shoulder, elbow and wrist rotations    (..., 4, 4) quaternions
     hand  position in the chest's frame, metres          (n, f, 3)

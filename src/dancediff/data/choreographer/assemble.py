@@ -1,5 +1,7 @@
 r"""One body per dancer: paths first, then all joints of all dancers at once.
 
+Read first: `dancediff.data.choreographer.body` and `dancediff.data.choreographer.arms`.
+
 Symbols (axes: n dancers · f frames · c channels)
     pose  joint rotations relative to the parent    (n, f, 24, 3, 3)
     root  pelvis position, metres                   (n, f, 3)

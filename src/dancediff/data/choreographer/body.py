@@ -1,5 +1,7 @@
 r"""From landings and torso channels to pelvis, legs, spine and head.
 
+Read first: `dancediff.data.choreographer.walk`.
+
 The pelvis goes over the foot that carries the weight before the other one lifts, bounces with the
 beat and flies in jumps; legs follow by two-bone IK, so a planted foot stays put; the chest counters
 the hips; the head looks to the audience, or where the dancer goes.

@@ -1,5 +1,7 @@
 r"""Footsteps: which foot lands where on which beat, and how it gets there.
 
+Read first: `dancediff.motion.contact`.
+
 A foot is led by the ball of its toes. Standing, nothing moves. To step, the heel peels off while
 the toes still stand, then the foot travels; in a turn the toes stay and the heel goes round them.
 Contacts are read off the planned path, so they are exact.

@@ -1,5 +1,7 @@
 r"""How moves and genres are written down.
 
+Read first: docs/choreographer.md.
+
 A move lasts eight counts, one a beat. It is written as text, so that a genre reads like a list:
 
     feet   ``foot count x z [how] [^lift] [@yaw]``, separated by ``;``. ``R1 -.3 0`` puts the right

@@ -1,5 +1,7 @@
 r"""The score: which move each dancer does on which beat, and where the group stands.
 
+Read first: `dancediff.data.choreographer.moves`.
+
 Eight beats make a phrase, six where a bar has three. A section dances its phrases in one formation
 and ends with a phrase that travels to the next one; some travels let two dancers change places.
 Where the music has no beat people breathe, and walk to another formation if there is time.

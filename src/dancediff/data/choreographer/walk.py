@@ -1,5 +1,7 @@
 r"""From the score to landings, jumps and facing: where the feet of one dancer really go.
 
+Read first: `dancediff.data.choreographer.score` and `dancediff.data.choreographer.footsteps`.
+
 Symbols (axes: k beats)
     centre   the dancer's place on every beat, metres         (k, 2)
     facing   where the dancer faces on every beat, degrees    (k,)
