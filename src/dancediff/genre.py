@@ -42,14 +42,16 @@ def genre_for(tempo: float, genres: tuple[str, ...]) -> str:
     """The genre whose usual tempos have their middle nearest, as a ratio, to the song's.
 
     Genres without a known tempo, such as captured ones, are chosen only if there is no other;
-    without a beat (``tempo`` nan) it is the first.
+    without a beat (``tempo`` nan) it is the one for the slowest songs.
 
     >>> genre_for(125.0, GENRES), genre_for(80.0, GENRES), genre_for(float("nan"), GENRES)
-    ('house', 'contemporary', 'hiphop')
+    ('house', 'contemporary', 'contemporary')
     """
     known = [name for name in genres if name in TEMPOS]
-    if not known or math.isnan(tempo):
-        return (known or genres)[0]
+    if not known:
+        return genres[0]
+    if math.isnan(tempo):
+        return min(known, key=lambda name: TEMPOS[name])
     return min(known, key=lambda name: abs(math.log(tempo / (sum(TEMPOS[name]) / 2))))
 
 
