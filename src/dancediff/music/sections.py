@@ -51,10 +51,12 @@ def song_sections(M: Tensor) -> list[tuple[float, float, str]]:
     [(0.0, 10.0, 'break')]
     """
     energy = energy_curve(M)
-    bars = [bar for run in _runs(beat_frames(M)) for bar in _bars(run)]
-    if not bars:
+    runs = [_bars(run) for run in _runs(beat_frames(M))]
+    if not runs:
         return [(0.0, len(M) / FPS, "break")]
-    parts = _joined(bars, _materials(_described(M, energy, bars)))
+    bars = [bar for run in runs for bar in run]
+    materials = _materials(_described(M, energy, bars), [len(run) for run in runs])
+    parts = _joined(bars, materials)
     full = energy + M[:, MFCC.start] / 128**0.5 / SLOPE  # how loud, and over how many bands
     return _in_seconds(_named(parts, full), len(M))
 
@@ -86,11 +88,13 @@ def _runs(beats: np.ndarray) -> list[np.ndarray]:
 def _bars(run: np.ndarray) -> list[tuple[int, int]]:
     """First and last frame (not included) of each bar; the last one ends a beat after the run.
 
-    >>> _bars(np.arange(0, 60, 10))
-    [(0, 40), (40, 60)]
+    Less than half a bar is no bar of its own.
+
+    >>> _bars(np.arange(0, 60, 10)), _bars(np.arange(0, 50, 10))
+    ([(0, 40), (40, 60)], [(0, 50)])
     """
-    borders = [*run[::BAR].tolist(), int(2 * run[-1] - run[-2])]
-    return list(pairwise(borders))
+    starts = run[::BAR][: max(1, (len(run) + BAR // 2) // BAR)]
+    return list(pairwise([*starts.tolist(), int(2 * run[-1] - run[-2])]))
 
 
 def _described(M: Tensor, energy: Tensor, bars: list[tuple[int, int]]) -> np.ndarray:
@@ -106,8 +110,8 @@ def _described(M: Tensor, energy: Tensor, bars: list[tuple[int, int]]) -> np.nda
     return (X - X.mean(0)) / (X.std(0) + _EVEN)
 
 
-def _materials(X: np.ndarray) -> np.ndarray:
-    """Number of the material of each bar, (q, d) -> (q,)."""
+def _materials(X: np.ndarray, runs: list[int]) -> np.ndarray:
+    """Number of the material of each bar, (q, d) -> (q,); ``runs`` of bars have pauses between."""
     if len(X) < 3:
         return np.zeros(len(X), int)
     unit = X / (np.linalg.norm(X, axis=1, keepdims=True) + 1e-9)
@@ -116,7 +120,8 @@ def _materials(X: np.ndarray) -> np.ndarray:
         kinds, count = np.unique(found, return_counts=True)
         kinds = kinds[count > 1] if (count > 1).any() else kinds
         C = np.stack([X[found == kind].mean(0) for kind in kinds])
-        found = _best_sequence(((X[:, None] - C) ** 2).mean(-1))
+        costs = np.split(((X[:, None] - C) ** 2).mean(-1), np.cumsum(runs)[:-1])
+        found = np.concatenate([_best_sequence(cost) for cost in costs])
     return found
 
 
@@ -127,6 +132,8 @@ def _best_sequence(cost: np.ndarray) -> np.ndarray:
     [0, 0, 1, 1, 1, 1]
     """
     q, k = cost.shape
+    if q < 2:
+        return cost.argmin(1)
     total = np.full((q, k), np.inf)
     total[1] = cost[0] + cost[1]
     new = np.full((q, k), -1)  # the material before, where a bar is the second one of its own
