@@ -33,3 +33,27 @@ changes = {"onset": False, "mfcc": True, "chroma": False, "peaks": False, "beats
 def windows(sound, starts, features):
     M = features(sound)
     return [M[start : start + 150] for start in starts]
+
+
+# %% 02.5
+# Without drums there is no beat, but pads sound on, so there is energy. It compares levels of one
+# song, and half as loud is 6 decibels less in both. How sure a beat is depends on those around it.
+believes = {
+    "the intro has beats": False,
+    "the intro has energy 0": False,
+    "the break has less energy than the drums before it": True,
+    "half as loud, the song has less energy": False,
+    "every beat has confidence 1": False,
+}
+
+
+# %% 02.6
+# With the begin and the end of the song among the beats, all stretches are gaps. The threshold is
+# in seconds: twice the median gap would take two missed beats for a break.
+def without_beat(beats, seconds):
+    found, last = [], 0.0
+    for beat in [*beats, seconds]:
+        if beat - last > 2.2:
+            found.append((last, beat))
+        last = beat
+    return found

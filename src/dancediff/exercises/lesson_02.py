@@ -1,10 +1,13 @@
 """Exercises of lesson 02: What the model hears."""
 
+from itertools import pairwise
+
 import numpy as np
 import torch
 
 from dancediff.axes import FPS
 from dancediff.music.features import BEATS, HOP, beat_frames
+from dancediff.music.sections import LONGEST_BEAT
 
 
 def _new_tone():
@@ -73,8 +76,36 @@ def _same_windows(got, *case) -> str:
     return f"frame {wrong[0]} of your windows is not that of the song" if len(wrong) else ""
 
 
+def _without_beat(beats, seconds):
+    borders = [0.0, *np.asarray(beats).tolist(), seconds]
+    return [(a, b) for a, b in pairwise(borders) if b - a > LONGEST_BEAT]
+
+
+def _tapped() -> list[tuple]:
+    steady = np.arange(0.5, 30, 0.5)
+    pausing = np.concatenate([np.arange(9, 20, 0.6), np.arange(28, 38, 0.6)])
+    missed = np.delete(steady, [7, 8, 30])  # two in a row: 1.5 s without a beat
+    late = np.array([2.2, 4.4, 6.7])  # as far apart as beats may be, and a little more
+    none = np.zeros(0)
+    return [(pausing, 40.0), (steady, 30.0), (missed, 30.0), (late, 7.0), (none, 12.0), (none, 2.0)]
+
+
+def _same_stretches(got, beats, seconds) -> str:
+    want = np.reshape(_without_beat(beats, seconds), (-1, 2))
+    got = np.asarray(got, dtype=float)
+    where = f"{len(beats)} beats in {seconds:.1f} s"
+    if got.size == 0 == want.size:
+        return ""
+    if got.shape != want.shape:
+        return f"shape {got.shape}, expected {want.shape} for {where}"
+    wrong = np.flatnonzero(np.abs(got - want).max(1) > 1e-6)
+    k = wrong[0] if len(wrong) else 0
+    return f"stretch {k} is {got[k]}, expected {want[k]} for {where}" if len(wrong) else ""
+
+
 SPECS = {
     "02.1": {"spec": _new_tone, "accepts": _hears_a_tone},
     "02.2": {"spec": _tempo, "cases": _tempo_cases},
     "02.4": {"spec": _cut_last, "cases": _cut_cases, "accepts": _same_windows},
+    "02.6": {"spec": _without_beat, "cases": _tapped, "accepts": _same_stretches},
 }

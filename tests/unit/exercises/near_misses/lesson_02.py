@@ -1,5 +1,7 @@
 """Plausible wrong answers to the exercises of lesson 02: What the model hears."""
 
+from itertools import pairwise
+
 import numpy as np
 
 
@@ -9,6 +11,25 @@ def beat_frames(M):
 
 def slice_first(sound, starts, features):
     return np.stack([features(sound[512 * s : 512 * (s + 150)])[:150] for s in starts])
+
+
+def gaps_of(borders, longest=2.2):
+    borders = [float(time) for time in borders]
+    return [(a, b) for a, b in pairwise(borders) if b - a > longest]
+
+
+def believes(**changed):
+    """The right beliefs but for some, by their first letters."""
+    right = {
+        "the intro has beats": False,
+        "the intro has energy 0": False,
+        "the break has less energy than the drums before it": True,
+        "half as loud, the song has less energy": False,
+        "every beat has confidence 1": False,
+    }
+    names = {"beats": 0, "zero": 1, "pause": 2, "half": 3, "sure": 4}
+    keys = list(right)
+    return right | {keys[names[name]]: value for name, value in changed.items()}
 
 
 NEAR_MISSES = {
@@ -43,5 +64,25 @@ NEAR_MISSES = {
         lambda sound, starts, features: np.stack([features(sound)[s : s + 151] for s in starts]),
         lambda sound, starts, features: np.stack([features(sound)[:150] for s in starts]),
         lambda sound, starts, features: features(sound),
+    ],
+    "02.5": [
+        believes(beats=True),
+        believes(zero=True),
+        believes(pause=False),  # nothing is true
+        believes(half=True),
+        believes(sure=True),
+    ],
+    "02.6": [
+        lambda beats, seconds: gaps_of(beats),  # forgets the intro and the end
+        lambda beats, seconds: gaps_of([0, *beats]),  # forgets the end
+        lambda beats, seconds: gaps_of([*beats, seconds]),  # forgets the intro
+        lambda beats, seconds: gaps_of([0, *beats, seconds], 2.2 - 1e-6),  # not more than 2.2 s
+        lambda beats, seconds: gaps_of([0, *beats, seconds], 1.0),  # two missed beats are a break
+        lambda beats, seconds: (
+            gaps_of([0, *beats, seconds], 2 * np.median(np.diff(beats))) if len(beats) else []
+        ),
+        lambda beats, seconds: gaps_of([0, *beats, seconds]) if len(beats) else [],
+        lambda beats, seconds: [b - a for a, b in gaps_of([0, *beats, seconds])],  # how long only
+        lambda beats, seconds: [(0, seconds)],
     ],
 }
