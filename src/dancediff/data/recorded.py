@@ -1,7 +1,9 @@
 r"""Recorded songs, danced by the choreographer: what `dancediff prepare songs` makes.
 
+Read first: data_prep/README.md, section Songs.
+
 Each dance takes another part of a song, of a length of one's choice, anywhere in it; the first one
-takes its beginning. Features and beats are those of the whole song. No sound is kept.
+takes its beginning. Features, beats and sections are those of the whole song. No sound is kept.
 
 Symbols (axes: f frames · m music features)
     M   music features of a whole song, raw   (f, m)
@@ -25,6 +27,7 @@ from dancediff.data.song_folder import SongFile, songs_in
 from dancediff.data.take import DanceTake, Job
 from dancediff.music.augment import augment_song
 from dancediff.music.features import beat_times
+from dancediff.music.sections import song_sections
 from dancediff.music.song import Music
 
 SHORTEST = 6.0  # seconds of a song that can be danced to
@@ -91,7 +94,11 @@ def danced_song(
     beats = beat_times(M) - start / FPS
     beats = beats[(beats >= 0) & (beats < f / FPS)]
     n, seed = SIZES[k % len(SIZES)], int(rng.integers(2**31))
-    dance, truth = choreograph(beats, dancers=n, seed=seed, seconds=f / FPS)
+    options: dict = {
+        "seconds": f / FPS,
+        "sections": _within(song_sections(M), start / FPS, f / FPS),
+    }
+    dance, truth = choreograph(beats, dancers=n, seed=seed, **options)
     side = int.from_bytes(sha256(f"song {song.key}".encode()).digest()[:8])
     return DanceTake(
         name=name,
@@ -106,6 +113,16 @@ def danced_song(
         genre=truth.genre,
         notes={"seed": seed, "start": round(start / FPS, 3), "augmented": steps},
     )
+
+
+def _within(sections, start: float, seconds: float) -> list[tuple[float, float, str]]:
+    """The sections of a part of a song, counted from where the part begins.
+
+    >>> _within([(0.0, 10.0, "intro"), (10.0, 50.0, "verse")], 8.0, 30.0)
+    [(0.0, 2.0, 'intro'), (2.0, 30.0, 'verse')]
+    """
+    moved = ((max(a - start, 0.0), min(b - start, seconds), name) for a, b, name in sections)
+    return [(a, b, name) for a, b, name in moved if b > a]
 
 
 def _heard(song: SongFile, version: int) -> tuple[torch.Tensor, list[str]]:
