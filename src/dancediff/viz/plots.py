@@ -77,7 +77,7 @@ def filmstrip_page(motion: Motion, *, count: int = 8, song=None, title: str | No
     floor, feet = bottom.subplots(1, 2, width_ratios=[1, 1.5])
     beats = beat_frames(motion, song) / motion.fps
     plot_floor_paths(motion, ax=floor, title=farthest(motion))
-    standing = motion.contacts().unflatten(-1, (2, 2)).amax(-1).mean().item()
+    standing = motion.contacts().unflatten(-1, (2, 2)).amax(-2).mean().item()
     said = f"Feet stand {standing:.0%} of the time"
     plot_contact_strip(motion, ax=feet, beats=beats, title=said)
     name = "" if song is None else f" to “{song.name}”"

@@ -141,7 +141,7 @@ def test_filmstrip_page_has_moments_floor_and_feet(dance):
     strip, floor, feet = figure.axes
     assert len(strip.images) == 6
     assert floor.get_title("left") == plots.farthest(dance)
-    standing = dance.contacts().reshape(dance.num_dancers, -1, 2, 2).amax(-1).mean().item()
+    standing = dance.contacts().reshape(dance.num_dancers, -1, 2, 2).amax(2).mean().item()
     assert feet.get_title("left") == f"Feet stand {standing:.0%} of the time"
     assert "clicks" in plots.filmstrip_page(dance, count=1, song=click_song()).get_suptitle()
 
