@@ -366,7 +366,7 @@ def test_one_may_begin_in_the_middle(path):
     """Whatever a "start here" cell and those behind it use, they make themselves."""
     book = json.loads(path.read_text(encoding="utf-8"))
     starts = [i for i, c in enumerate(book["cells"]) if "jump-in" in c["metadata"].get("tags", [])]
-    assert len(starts) == 2
+    assert len(starts) in (2, 3)
     for start in starts:
         rest = [source(c) for c in book["cells"][start:] if c["cell_type"] == "code"]
         assert rest[0].startswith("# ▶ Start here")
