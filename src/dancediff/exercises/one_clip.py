@@ -52,8 +52,8 @@ class OneClip:
     def fresh_model(self) -> TCDiffPP:
         """A small network with the clip's scales; always the same weights."""
         torch.manual_seed(5)
-        sizes: dict[str, Any] = {"d_model": 64, "num_layers": 2, "ff_dim": 128, "fusion_hidden": 128}
-        config = TCDiffPPConfig(num_frames=30, max_dancers=3, **sizes)
+        sizes: dict[str, Any] = {"d_model": 64, "num_layers": 2, "ff_dim": 128}
+        config = TCDiffPPConfig(num_frames=30, max_dancers=3, fusion_hidden=128, **sizes)
         model = build(TCDiffPP, config, EXTENSIONS)
         fit_statistics(model, [self.take], TrainingExtensions(metre_unit=True))
         return model
