@@ -10,7 +10,6 @@ Symbols (axes: n dancers · f frames · c channels)
 import numpy as np
 import torch
 
-from dancediff.axes import FPS
 from dancediff.data.choreographer.arms import arm_matrices, arm_track, elbow_room, mixed
 from dancediff.data.choreographer.body import (
     LEGS,
@@ -56,7 +55,7 @@ def plan_parts(score: Score, genre: Genre, grid: Grid, reach: float, seeds) -> l
             for s in "LR"
         )
         feet = left, right
-        floor, lean = floor_path(beat, feet, genre.groove, grid.spb * FPS)
+        floor, lean = floor_path(grid, feet, genre.groove)
         me = Personal.draw(np.random.default_rng(seed))
         parts.append(DancerPart(score.counts[i], walk, me, track, feet, floor, lean))
     return parts

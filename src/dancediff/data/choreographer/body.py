@@ -79,11 +79,13 @@ class Pelvis:
     lean: np.ndarray
 
 
-def floor_path(beat, feet: tuple[FootPath, FootPath], groove: Groove, frames_per_beat: float):
+def floor_path(grid: Grid, feet: tuple[FootPath, FootPath], groove: Groove):
     """Where the weight is on the floor, (f, 2), and the difference of weight, (f,)."""
+    beat, frames_per_beat = grid.beat, grid.spb * FPS
+    shift = groove.shift * np.minimum(grid.swing, 1.0)
     weight = np.stack([np.interp(beat + _EARLY, beat, foot.weight) for foot in feet])
     lean = gaussian_filter1d(weight[0] - weight[1], 0.2 * frames_per_beat, mode="nearest")
-    weight = 1 - groove.shift + groove.shift * weight
+    weight = 1 - shift + shift * weight
     weight = weight / weight.sum(0)
     support = [
         foot.ankle[:, (0, 2)] + 0.03 * np.stack([np.sin(foot.yaw), np.cos(foot.yaw)], -1)
@@ -116,8 +118,8 @@ def pelvis_path(part: DancerPart, genre: Genre, grid: Grid) -> Pelvis:
     turn = np.stack(
         [
             fold - track[:, CHANNEL["tuck"]],
-            -(track[:, CHANNEL["roll"]] + groove.hip * lean),
-            groove.hip_twist * lean - 0.33 * track[:, CHANNEL["twist"]],
+            -(track[:, CHANNEL["roll"]] + groove.hip * lean * grid.swing),
+            groove.hip_twist * lean * grid.swing - 0.33 * track[:, CHANNEL["twist"]],
         ],
         -1,
     )
@@ -186,7 +188,7 @@ def spine(part: DancerPart, genre: Genre, pelvis: Pelvis, grid: Grid) -> np.ndar
         np.stack([np.interp(beat + d, beat, x) for x in track.T], -1) for d in (lag, -lag)
     )
     wave = 0.5 * (1 + np.cos(2 * np.pi * (beat - part.me.late)))
-    lean_bend = -groove.sway * pelvis.lean
+    lean_bend = -groove.sway * pelvis.lean * grid.swing
     size = part.me.size * energy
     total = []
     for shift, x in ((0.09, early), (0.0, track), (-0.09, late)):

@@ -1,6 +1,7 @@
-r"""What people do while the music has no beat: they breathe, or walk slowly to another formation.
+r"""Moves that all genres share (``shared.toml``).
 
-All genres share these moves (``shared.toml``), and how one goes from the one to the next.
+While the music has no beat, people breathe, or walk slowly to another formation. When it becomes
+loud all at once, they accent it; when it breaks off, they hold what they do.
 """
 
 import tomllib
@@ -13,6 +14,11 @@ from dancediff.data.choreographer.moves import Move, Style
 _SHARED = tomllib.loads(Path(__file__).with_name("shared.toml").read_text(encoding="utf-8"))
 BREATHS = tuple(Move(energy=1, **move) for move in _SHARED["breath"])
 WALKS = tuple(Move(energy=1, **move) for move in _SHARED["walk"])
+STROLL = WALKS[-1]  # a step on every second count
+ACCENTS = tuple(Move(energy=3, whole=True, **move) for move in _SHARED["accent"])
+ACCENT_COUNTS = 4  # of an accent's eight, then the dance goes on
+HOLD = Move("hold", "", ".")
+BREATHING = frozenset(move.name for move in (*BREATHS, *WALKS))
 CALM = Style(attack=1.0, flow=0.75, lag=0.1, smooth=3.0)
 
 

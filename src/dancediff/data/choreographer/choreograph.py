@@ -19,6 +19,7 @@ from dancediff.data.choreographer.assemble import DancerPart, assemble, plan_par
 from dancediff.data.choreographer.formations import min_distance
 from dancediff.data.choreographer.genres import draw_genre
 from dancediff.data.choreographer.grid import Grid, make_grid
+from dancediff.data.choreographer.loudness import corrected, cut_at_drops, heard
 from dancediff.data.choreographer.moves import CHANNEL, in_three
 from dancediff.data.choreographer.score import Score, write_score
 from dancediff.data.choreographer.structure import (
@@ -28,6 +29,7 @@ from dancediff.data.choreographer.structure import (
     drawn_sections,
     given_sections,
 )
+from dancediff.data.choreographer.ways import quick_look, ways_of
 from dancediff.motion.motion import Motion
 
 MAX_DANCERS = 5
@@ -75,6 +77,7 @@ def choreograph(
     sections=None,
     swap: bool | None = None,
     meter: int | None = None,
+    energy=None,
 ):
     """Make a group dance on a beat grid.
 
@@ -87,6 +90,8 @@ def choreograph(
     `SongTruth.sections`; by default one is drawn. ``swap``: True lets two dancers change places
     in the first travel and never again, False never, None now and then. ``meter`` is how many beats
     a bar has; the first beat begins a bar. In bars of 3 or 6, phrases last 6 beats rather than 8.
+    ``energy`` is how loud the music is in each frame, as `energy_curve` tells: the louder, the
+    larger and livelier; where it rises all at once people accent it, where it breaks off they hold.
 
     Shapes: beats (k,) seconds, increasing -> Motion (n dancers, round(seconds * 30) frames),
     DanceTruth. ``seconds`` defaults to the time of the last beat.
@@ -114,9 +119,16 @@ def choreograph(
     rng = np.random.default_rng(seed)
     kind = draw_genre(genre, 60 / grid.spb, rng)
     kind = in_three(kind) if grid.phrase == IN_THREE else kind
+    loud = None
+    if energy is not None:
+        loud, grid = heard(_curve(energy, len(grid.beat)), grid, kind, ways_of(kind))
     for _ in range(50):
         parts = _structure(grid, sections, rng, swap, meter)
-        score = write_score(dancers, kind, parts, rng, swap)
+        parts = parts if loud is None else cut_at_drops(parts, loud.drops)
+        score = write_score(dancers, kind, parts, rng, swap, loud)
+        if loud is not None:
+            seen = quick_look(score, kind, grid)
+            score.counts = corrected(score.counts, score.centre, seen, loud)
         dance = _spaced(score, kind, grid, rng)
         if dance is not None:
             break
@@ -126,6 +138,18 @@ def choreograph(
     meta = {"source": "choreographer", "seed": int(seed), "genre": kind.name, "synthetic": True}
     motion = Motion(pose, root, FPS, contact=contacts, meta=meta)
     return motion, _truth(motion, kind.name, score, parts, dance, grid, beats)
+
+
+def _curve(energy, num_frames: int) -> np.ndarray:
+    """Energy of every frame, checked; a curve that is a little short goes on as it ends."""
+    curve = np.asarray(energy, dtype=np.float64)
+    if curve.ndim != 1 or not ((curve >= 0) & (curve <= 1)).all():
+        raise ValueError("energy must be a curve (f,) of numbers in 0..1, or None")
+    if len(curve) < num_frames - FPS:
+        raise ValueError(
+            f"energy has {len(curve)} frames, the dance has {num_frames}; give one for each"
+        )
+    return np.pad(curve, (0, max(0, num_frames - len(curve))), mode="edge")[:num_frames]
 
 
 def _structure(grid: Grid, sections, rng, swap: bool | None, meter: int | None) -> list[Section]:

@@ -8,6 +8,7 @@ Symbols (axes: f frames · k counts)
     beat   position of each frame on the counts                  (f,)
     pace   seconds each count lasts                              (k,)
     calm   share of a frame that is danced without a beat, 0..1  (f,)
+    swing  how much of its groove a genre dances, 1 is usual     (f,)
 """
 
 from dataclasses import dataclass
@@ -47,11 +48,7 @@ class Grid:
     spb: float
     pace: np.ndarray
     calm: np.ndarray
-
-    @property
-    def swing(self) -> np.ndarray:
-        """How much of its groove a genre dances in each frame, (f,)."""
-        return 1 - (1 - CALM_SWING) * self.calm
+    swing: np.ndarray
 
     @property
     def length(self) -> int:
@@ -88,7 +85,8 @@ def make_grid(beats: np.ndarray, num_frames: int, meter: int | None = None) -> G
     silent = [(beat >= a - 1) & (beat < b) for a, b in gaps]
     calm = gaussian_filter1d(np.any([*silent, np.zeros(len(beat), bool)], 0).astype(float), _FADE)
     phrase = IN_THREE if threes and not quick else PHRASE
-    return Grid(beat, anchors, first, gaps, phrase, float(np.median(on_beat)), pace, calm)
+    swing = 1 - (1 - CALM_SWING) * calm
+    return Grid(beat, anchors, first, gaps, phrase, float(np.median(on_beat)), pace, calm, swing)
 
 
 def beat_position(beats: np.ndarray, num_frames: int) -> np.ndarray:

@@ -11,13 +11,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dancediff.data.choreographer.breath import WALKS, breathing
+from dancediff.data.choreographer.breath import STROLL, WALKS, breathing
 from dancediff.data.choreographer.formations import (
     curved_paths,
     formation_names,
     plan_transition,
     slots,
 )
+from dancediff.data.choreographer.loudness import Loudness, follow
 from dancediff.data.choreographer.moves import Genre, Move
 from dancediff.data.choreographer.structure import LEVELS, PHRASE, PREFERRED, Section
 
@@ -27,6 +28,7 @@ RELATIONS = {  # how dancers relate in a section, and how often
     "bridge": {"solo": 4, "canon": 2, "call": 1},
 }
 _OTHER = {"unison": 3, "mirror": 1}
+_CALM = 0.75  # amount of movement with which a way takes twice as long
 
 
 @dataclass(frozen=True)
@@ -38,6 +40,7 @@ class Count:
     flip: bool  # danced mirrored
     size: float = 1.0
     arms: Move | None = None  # whose arms are borrowed
+    stride: float = 1.0  # size of the steps from the dancer's place
 
 
 @dataclass
@@ -78,16 +81,22 @@ class _Stage:
     scale: float
     swap: bool | None
     swaps_left: int
+    loud: Loudness | None
 
 
 def write_score(
-    n: int, genre: Genre, sections: list[Section], rng: np.random.Generator, swap: bool | None
+    n: int,
+    genre: Genre,
+    sections: list[Section],
+    rng: np.random.Generator,
+    swap: bool | None,
+    loud: Loudness | None = None,
 ) -> Score:
     """Draw a plan for n dancers over the given sections (beat 0 to the last section's stop)."""
     scale = rng.uniform(1.1, 1.3)
     name = str(rng.choice(formation_names(n)))
     place = scale * slots(n, name)[rng.permutation(n)]
-    stage = _Stage(place, name, scale, swap, 1 if swap else 0)
+    stage = _Stage(place, name, scale, swap, 1 if swap else 0, loud)
     score = Score(
         [[] for _ in range(n)], np.zeros((n, 0, 2)), sections[0].start, [(0, name, place.copy())]
     )
@@ -104,6 +113,7 @@ def write_score(
     score.counts = [row[lead:] for row in score.counts]
     score.centre = score.centre[:, lead:]
     score.formations = [(max(at, 0), name, place) for at, name, place in score.formations]
+    score.counts = score.counts if loud is None else follow(score.counts, loud, rng)
     return score
 
 
@@ -111,6 +121,8 @@ def _dance(score: Score, stage: _Stage, genre: Genre, part: Material, section: S
     """A section on the beat: phrases in one formation, then the way to the next one."""
     beats, phrase = section.stop - section.start, genre.phrase
     way = phrase if phrase == PHRASE else 2 * phrase  # six beats are too few to go far
+    calm = stage.loud and stage.loud.amount(section.stop - way, section.stop) < _CALM
+    way = 2 * way if calm and phrase == PHRASE else way
     goes = part.goes or stage.swaps_left > 0
     travel = way if beats >= way + (phrase // 2 if goes else 2 * phrase) else 0
     hold = beats - travel - (beats % phrase if travel else 0)
@@ -118,9 +130,10 @@ def _dance(score: Score, stage: _Stage, genre: Genre, part: Material, section: S
         hold = beats - travel
     rest = beats - hold - travel
     score.relations.append((max(section.start, 0), part.relation))
-    _hold(score, genre, part, stage.place, hold, section, rng)
+    _hold(score, stage, genre, part, hold, section, rng)
     if travel:
-        _travel(score, stage, part.travel, travel, section.mirrored, rng)
+        move = STROLL if calm else part.travel
+        _travel(score, stage, move, travel, section.mirrored, rng)
     _together(score, genre.rest, np.repeat(stage.place[:, None], rest, axis=1), section.mirrored)
 
 
@@ -144,13 +157,23 @@ def _breathe(score: Score, stage: _Stage, section: Section, rng) -> None:
 def _travel(score: Score, stage: _Stage, move: Move, beats: int, flip: bool, rng) -> None:
     """All go to the next formation."""
     place, n = stage.place, len(stage.place)
-    name = str(rng.choice([x for x in formation_names(n) if x != stage.name]))
+    names = rng.permutation([name for name in formation_names(n) if name != stage.name])
     if stage.swap is None:
         order = "any" if rng.random() < 0.6 else "keep"
     else:
         order = "swap" if stage.swaps_left > 0 else "keep"
-    target = stage.scale * slots(n, name)
-    stop, bulge, swapped = plan_transition(place, target, rng, order=order)
+    found = []
+    for name in names[: 1 if stage.loud is None else None].tolist():
+        stop, bulge, swapped = plan_transition(
+            place, stage.scale * slots(n, name), rng, order=order
+        )
+        way = np.linalg.norm(stop - place, axis=-1).mean()
+        found.append((float(way), name, stop, bulge, swapped))
+    if stage.loud is not None:  # quiet music carries nobody far
+        now = score.start + score.centre.shape[1]
+        far = stage.loud.far(beats, stage.loud.amount(now, now + beats))
+        found.sort(key=lambda row: abs(row[0] - far) if row[0] else np.inf)
+    _, name, stop, bulge, swapped = found[0]
     if not np.array_equal(stop, place):  # else no way is safe: the group stays
         stage.name = name
     stage.swaps_left -= swapped
@@ -179,18 +202,21 @@ def _choose(genre: Genre, free: list[Move], label: str, n: int, rng) -> Material
     )  # fmt: skip
 
 
-def _hold(score, genre, part: Material, place, beats: int, section: Section, rng) -> None:
-    n, long = len(place), genre.phrase
+def _hold(score, stage: _Stage, genre, part: Material, beats: int, section: Section, rng) -> None:
+    place, long = stage.place, genre.phrase
+    n = len(place)
     rank = np.argsort(np.argsort(place[:, 0]))
-    size = LEVELS.get(section.label, 0.95)
+    size = LEVELS.get(section.label, 0.95) if stage.loud is None else 1.0
     sizes = size * (1 + rng.uniform(-0.05, 0.03, 1 + beats // long))
     lent = _lent_arms(part, section, rng)
+    now = score.start + score.centre.shape[1]
+    moves = [_phrase(part, stage.loud, p, now + p * long, long) for p in range(len(sizes))]
     for i in range(n):
         delay, waits = _entry(part, i, int(rank[i]))
         flip = section.mirrored ^ (part.relation == "mirror" and place[i, 0] > place[:, 0].mean())
         for k in range(beats):
             phrase = max(k - delay, 0) // long
-            move = part.moves[phrase % len(part.moves)]
+            move = moves[phrase]
             if waits or k < delay:
                 count = Count(genre.rest, k % long, flip, size)
             else:
@@ -199,6 +225,13 @@ def _hold(score, genre, part: Material, place, beats: int, section: Section, rng
             score.counts[i].append(count)
     still = np.repeat(place[:, None], beats, axis=1)
     score.centre = np.concatenate([score.centre, still], axis=1)
+
+
+def _phrase(part: Material, loud: Loudness | None, phrase: int, start: int, long: int) -> Move:
+    """The move of a section's phrase: the next one, or the one that suits how loud it is."""
+    at = phrase % len(part.moves)
+    moves = part.moves[at:] + part.moves[:at]
+    return moves[0] if loud is None else loud.suiting(moves, loud.amount(start, start + long))
 
 
 def _entry(part: Material, dancer: int, rank: int) -> tuple[int, bool]:

@@ -13,6 +13,7 @@ from math import cos, sin
 
 import numpy as np
 
+from dancediff.data.choreographer.breath import HOLD
 from dancediff.data.choreographer.footsteps import PIVOT, TOES, Jump, Step
 from dancediff.data.choreographer.moves import CHANNEL, FLIP_SIGN, Footfall, Style
 from dancediff.data.choreographer.score import Count, Score
@@ -39,10 +40,15 @@ class Walk:
 
 def channels(score: Score, dancer: int) -> tuple[np.ndarray, np.ndarray]:
     """Torso channels of one dancer on every beat and between beats, (k, c) each."""
-    rows, others = [], []
+    rows: list[np.ndarray] = []
+    others: list[np.ndarray] = []
     base = last = 0.0
     before = None
     for count in score.counts[dancer]:
+        if count.move is HOLD and rows:
+            rows.append(rows[-1])
+            others.append(np.zeros_like(rows[-1]))
+            continue
         if not _follows(before, count):  # a new move begins facing front, the shorter way round
             base = 360.0 * round(last / 360)
         a, b = count.move.channels
@@ -82,7 +88,7 @@ def plan_walk(score: Score, dancer: int, style: Style, pace: np.ndarray, reach: 
     before = None
     for k, count in enumerate(counts):
         falls = _falls(count) if k > 0 else []
-        if k > 0 and not _follows(before, count):
+        if k > 0 and count.move is not HOLD and not _follows(before, count):
             _come_home(steps, place, k, counts[k : k + 3])
         for fall in falls:
             beat = k + fall.count
@@ -91,7 +97,7 @@ def plan_walk(score: Score, dancer: int, style: Style, pace: np.ndarray, reach: 
                 if not jumps or jump.start > jumps[-1].stop + 0.2:
                     jumps.append(jump)
                 beat = jumps[-1].stop
-            step = place.step(beat, fall)
+            step = place.step(beat, fall, count.stride)
             if fall.how not in FLIGHT and fall.how != "air":
                 step = place.clear(step, steps[_OTHER[fall.foot]][-1], fall.foot)
             if steps[fall.foot][-1].beat < beat - 0.2:
@@ -142,15 +148,15 @@ class _Places:
         """Where the body faces when a foot lands, radians: it is a little ahead."""
         return _read(self.face, beat + 0.2)
 
-    def step(self, beat: float, fall: Footfall) -> Step:
+    def step(self, beat: float, fall: Footfall, size: float = 1.0) -> Step:
         centre, face = self.at(beat)
-        out = np.array([fall.x, fall.z]) * self.reach
+        out = np.array([fall.x, fall.z]) * self.reach * size
         side = 1 if fall.foot == "L" else -1
         home = _turned(np.array([side * self.style.stance, 0.0]), face)
         if fall.how == "air":  # gestures turn with the body, steps stay on the stage's axes
-            out = _turned(np.array([fall.x, fall.z]), face)
+            out = _turned(np.array([fall.x, fall.z]) * size, face)
         return Step(
-            beat, centre + home + out, fall.how, fall.height,
+            beat, centre + home + out, fall.how, fall.height * size,
             self.style.lift if fall.lift is None else fall.lift, max(0.0, -0.1 - fall.z),
             np.radians(side * self.style.toe_out + fall.yaw),
         )  # fmt: skip
