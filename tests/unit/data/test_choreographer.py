@@ -279,20 +279,42 @@ def test_turns_jumps_and_levels_are_danced():
 
 
 def test_relations_are_danced(monkeypatch):
-    """In unison all do the same; a canon enters by turns; a solo leaves the others waiting."""
+    """Every relation is seen in what the dancers do in the phrase that has it."""
     seen = set()
-    for seed in range(24):
+    for seed in range(40):
         _, truth, score = plan(
             monkeypatch, beats=grid(seed, seconds=9), dancers=3, seed=seed, genre="house"
         )
         name = truth.relations[0][1]
+        counts = [row[1] for row in score.counts]
+        if counts[0].move in GENRES["house"].travel:
+            continue
         seen.add(name)
-        moves = [row[1].move for row in score.counts]
-        waiting = sum(move is GENRES["house"].rest for move in moves)
-        if moves[0] not in GENRES["house"].travel and len(truth.relations) == 1:
-            assert waiting == {"solo": 2}.get(name, waiting if name in ("canon", "call") else 0)
-            assert (name == "mirror") <= (len({row[1].flip for row in score.counts}) == 2)
-    assert seen >= {"unison", "mirror", "canon", "call"}
+        waiting = sum(count.move is GENRES["house"].rest for count in counts)
+        moves = {count.move.name for count in counts if count.move is not GENRES["house"].rest}
+        if name not in ("canon", "ripple", "call"):
+            assert waiting == (2 if name == "solo" else 0)
+        assert (name in ("mirror", "pairs")) == (len({count.flip for count in counts}) == 2)
+        assert (name == "duets") == (len(moves) == 2)
+        assert (name == "levels") == (len({count.low for count in counts}) == 2)
+    assert seen >= {"unison", "mirror", "canon", "ripple", "call", "duets", "levels"}
+
+
+def test_groups_change_formation_and_are_seldom_in_unison():
+    """In half a minute three formations; two phrases of five not in unison."""
+    apart = []
+    for seed, name in enumerate(GENRES):
+        for dancers in (2, 3, 4, 5):
+            beats = grid(seed, (90, 118), 31)
+            dance, truth = choreograph(beats, dancers=dancers, seed=seed, seconds=30, genre=name)
+            assert len({kind for _, kind, _ in truth.formations}) >= 3
+            stops = [frame for frame, _ in truth.relations[1:]] + [dance.num_frames]
+            apart += [
+                (stop - start, kind != "unison")
+                for (start, kind), stop in zip(truth.relations, stops, strict=True)
+            ]
+    frames, other = np.array(apart).T
+    assert (frames * other).sum() / frames.sum() > 0.4
 
 
 def test_minutes_of_solo_are_quick_and_hold_the_bars():

@@ -34,9 +34,13 @@ def dances():
 
 
 def planned(truth) -> int:
-    """Different formations of a plan, by the same measure."""
+    """Different formations of a plan, by the same measure; one that is left at once is none."""
     found: list[torch.Tensor] = []
-    for _, _, slots in truth.formations:
+    way = 8 * 15  # frames to the next formation
+    stops = [frame - way for frame, *_ in truth.formations[1:]] + [900]
+    for (start, _, slots), stop in zip(truth.formations, stops, strict=True):
+        if stop - start < 30:
+            continue
         shape = torch.tensor(slots - slots.mean(0))
         if all(shape_distance(shape, other) >= OTHER for other in found):
             found.append(shape)

@@ -14,7 +14,7 @@ from dancediff.data.choreographer.moves import Move, Style
 _SHARED = tomllib.loads(Path(__file__).with_name("shared.toml").read_text(encoding="utf-8"))
 BREATHS = tuple(Move(energy=1, **move) for move in _SHARED["breath"])
 WALKS = tuple(Move(energy=1, **move) for move in _SHARED["walk"])
-STROLL = WALKS[-1]  # a step on every second count
+STROLL = Move(energy=1, **_SHARED["stroll"])  # a way to another formation, to quiet music
 ACCENTS = tuple(Move(energy=3, whole=True, **move) for move in _SHARED["accent"])
 ACCENT_COUNTS = 4  # of an accent's eight, then the dance goes on
 HOLD = Move("hold", "", ".")

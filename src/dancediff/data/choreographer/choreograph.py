@@ -10,6 +10,7 @@ synthetic data.
 
 import operator
 from dataclasses import dataclass
+from typing import TypedDict, Unpack
 
 import numpy as np
 import torch
@@ -48,7 +49,7 @@ class DanceTruth:
     order_end    the same in the last frame                          (n,)
     genre        name of the genre
     sections     (start frame, stop frame, label, danced mirrored)
-    relations    (frame, name): unison, mirror, canon, call, solo; breath where there is no beat
+    relations    (frame, name) of `relations.py`, or breath where there is no beat
     turns        (dancer, start frame, stop frame, degrees to the left)
     jumps        (dancer, first, last frame with both feet off the floor)
     breaths      (start frame, stop frame) where the music has no beat
@@ -67,6 +68,13 @@ class DanceTruth:
     breaths: tuple = ()
 
 
+class Hearing(TypedDict, total=False):
+    """What else `choreograph` may be told about the music: meter, and energy (f,)."""
+
+    meter: int | None
+    energy: object
+
+
 def choreograph(
     beats,
     *,
@@ -76,8 +84,7 @@ def choreograph(
     genre: str | None = None,
     sections=None,
     swap: bool | None = None,
-    meter: int | None = None,
-    energy=None,
+    **music: Unpack[Hearing],
 ):
     """Make a group dance on a beat grid.
 
@@ -102,20 +109,14 @@ def choreograph(
     >>> dance.num_dancers, dance.num_frames, truth.contacts.shape, truth.genre
     (2, 231, torch.Size([2, 231, 4]), 'salsa')
     """
-    beats = np.asarray(beats, dtype=np.float64)
     dancers = operator.index(dancers)
     if not 1 <= dancers <= MAX_DANCERS:
         raise ValueError(f"dancers={dancers} is not in 1..{MAX_DANCERS}")
-    if beats.ndim != 1 or not np.isfinite(beats).all() or not (np.diff(beats) > 0).all():
-        raise ValueError("beats must be increasing times in seconds")
-    if seconds is None and len(beats) == 0:
-        raise ValueError("seconds=None ends with the last beat, but beats are empty; give seconds")
-    seconds = float(beats[-1]) if seconds is None else float(seconds)
-    if not seconds > 0:
-        raise ValueError(f"seconds={seconds} must be positive")
-    if meter is not None and operator.index(meter) < 1:
-        raise ValueError(f"meter={meter} must be 1 or more beats a bar, or None")
-    grid = make_grid(beats, max(1, round(seconds * FPS)), meter)
+    beats, meter = np.asarray(beats, dtype=np.float64), music.pop("meter", None)
+    energy = music.pop("energy", None)
+    if music:
+        raise TypeError(f"choreograph has no argument {next(iter(music))!r}")
+    grid = _grid(beats, seconds, meter)
     rng = np.random.default_rng(seed)
     kind = draw_genre(genre, 60 / grid.spb, rng)
     kind = in_three(kind) if grid.phrase == IN_THREE else kind
@@ -138,6 +139,20 @@ def choreograph(
     meta = {"source": "choreographer", "seed": int(seed), "genre": kind.name, "synthetic": True}
     motion = Motion(pose, root, FPS, contact=contacts, meta=meta)
     return motion, _truth(motion, kind.name, score, parts, dance, grid, beats)
+
+
+def _grid(beats: np.ndarray, seconds: float | None, meter: int | None) -> Grid:
+    """Counts of a dance, after a look at the arguments."""
+    if beats.ndim != 1 or not np.isfinite(beats).all() or not (np.diff(beats) > 0).all():
+        raise ValueError("beats must be increasing times in seconds")
+    if seconds is None and len(beats) == 0:
+        raise ValueError("seconds=None ends with the last beat, but beats are empty; give seconds")
+    seconds = float(beats[-1]) if seconds is None else float(seconds)
+    if not seconds > 0:
+        raise ValueError(f"seconds={seconds} must be positive")
+    if meter is not None and operator.index(meter) < 1:
+        raise ValueError(f"meter={meter} must be 1 or more beats a bar, or None")
+    return make_grid(beats, max(1, round(seconds * FPS)), meter)
 
 
 def _curve(energy, num_frames: int) -> np.ndarray:
@@ -195,7 +210,7 @@ def _truth(motion, name, score: Score, sections: list[Section], dance, grid: Gri
             for s in sections
             if frame(s.start) < f and frame(s.stop) > 0
         ),
-        relations=tuple((frame(at), kind) for at, kind in score.relations if frame(at) < f),
+        relations=tuple({frame(at): kind for at, kind in score.relations if frame(at) < f}.items()),
         turns=tuple(row for i, part in enumerate(dance) for row in _turns(i, part, frame, f)),
         breaths=tuple(
             (max(frame(start - 1), 0), min(frame(stop), f))
@@ -222,7 +237,8 @@ def _turns(i: int, part: DancerPart, frame, f: int):
 
 
 def _jumps(i: int, part: DancerPart, beat: np.ndarray, f: int):
+    stands = np.any([foot.planted for foot in part.feet], (0, 2))  # also just before it has landed
     for jump in part.walk.jumps:
-        inside = np.flatnonzero((beat > jump.start) & (beat < jump.stop))
+        inside = np.flatnonzero((beat > jump.start) & (beat < jump.stop) & ~stands)
         if len(inside) > 2 and inside[0] > 0 and inside[-1] < f - 1:
             yield i, int(inside[0]), int(inside[-1])

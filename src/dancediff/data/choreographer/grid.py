@@ -22,7 +22,7 @@ from dancediff.data.choreographer.structure import IN_THREE, PHRASE
 
 GAP = 2.2  # seconds; beats further apart have no beat between them
 FEWEST = 4  # beats in a row; fewer are no beat yet
-SLOW = 1.1  # seconds of a count where there is no beat: 55 a minute
+SLOW = 1.1  # seconds of a count where there is no beat
 _COUNT = (0.34, 1.05)  # seconds, the quickest and the slowest count on a beat
 CALM_SWING = 0.35  # of a genre's groove, where there is no beat
 _NEAR = 9  # beats over which the tempo is looked at

@@ -3,7 +3,7 @@ r"""How a dance follows the loudness of its music.
 A genre has its own usual speed. Loud music is danced faster than that, quiet music slower: a move
 is taken larger or smaller, so that the way its joints go on a count is the way that is wanted.
 
-$$a(E) = 0.4 + \operatorname{clip}\big((E - 0.25) / 0.55,\ 0,\ 1\big),\qquad
+$$a(E) = 0.4 + 1.1\,\operatorname{clip}\big((E - 0.25) / 0.55,\ 0,\ 1\big),\qquad
   w_\text{move}(\text{size}) = a(E)\,\bar w$$
 
 Symbols (axes: f frames · k counts)
@@ -22,14 +22,14 @@ from dancediff.data.choreographer.grid import Grid
 from dancediff.data.choreographer.moves import Genre, Move
 from dancediff.data.choreographer.structure import Section
 
-AMOUNT = (0.4, 1.4)  # of usual movement, in silence and in the loudest music
+AMOUNT = (0.4, 1.5)  # of usual movement, in silence and in the loudest music
 _QUIET, _LOUD = 0.25, 0.8  # energies of these
-_OVER = 1.3  # counts over which the movement is looked at
+_OVER = 1.0  # standard deviation in counts, over which the movement is looked at
 _GAIN = (3.0, 1.6)  # of size for way: who travels goes most of the way in any size
 _GOES = 0.02  # metres a count that a place moves, of one who travels
-_LEAST = 0.17  # metres a second: nobody freezes
+_LEAST, _MOST = 0.165, 0.75  # metres a second: nobody freezes, and nobody rushes
 _FAR = 0.11  # metres a count that a group goes when much is moved
-_SIZES = (0.3, 1.2)  # a move is never danced smaller or larger
+_SIZES = (0.25, 1.2)  # a move is never danced smaller or larger
 _EASY = (0.6, 1.1)  # a move that has this size suits the music
 _CHOICE = 4  # moves among which the music chooses
 _LEAP = 0.3  # of energy, between a quieter part and a drop, or a louder one and a break
@@ -85,7 +85,7 @@ def amount(energy: np.ndarray) -> np.ndarray:
     """How much is moved, beside the usual amount, (...,) -> (...,).
 
     >>> amount(np.array([0.0, 0.5, 1.0])).round(3).tolist()
-    [0.4, 0.855, 1.4]
+    [0.4, 0.9, 1.5]
     """
     low, high = AMOUNT
     return low + (high - low) * np.clip((energy - _QUIET) / (_LOUD - _QUIET), 0, 1)
@@ -100,23 +100,38 @@ def heard(energy: np.ndarray, grid: Grid, genre: Genre, ways: dict[str, float]):
     low, high = np.clip(at, 0, len(energy) - 1)
     total = np.concatenate([[0.0], np.cumsum(energy)])
     on_count = (total[high + 1] - total[low]) / (high + 1 - low)
-    inside = [k for k in range(grid.length) if not any(a <= k < b for a, b in grid.gaps)]
-    drops, breaks = [], []
+    inside = {k for k in range(grid.length) if not any(a <= k < b for a, b in grid.gaps)}
     rise = _rises(energy, grid)
-    for k in inside:
-        near = rise[max(k - 4, 0) : k + 5]
-        if rise[k] > _LEAP and rise[k] == near.max():
-            drops.append(k)
-        if rise[k] < -_LEAP and rise[k] == near.min():
-            quiet = on_count[k + 1 :] < on_count[k + 1] + 0.5 * _LEAP
-            long = int(quiet.argmin()) if not quiet.all() else len(quiet)
-            if 2 <= long <= _BREAK:
-                breaks.append((k, k + 1 + min(long, _HELD)))
+    drops = [k for k in _peaks(rise) if k in inside]
+    breaks = []
+    for k in _peaks(-rise):
+        quiet = on_count[k + 1 :] < on_count[min(k + 1, len(on_count) - 1)] + 0.5 * _LEAP
+        long = int(quiet.argmin()) if not quiet.all() else len(quiet)
+        if k in inside and 2 <= long <= _BREAK:
+            breaks.append((k, k + 1 + min(long, _HELD)))
     usual = float(np.median(list(ways.values())))
     longer = np.sqrt(grid.pace * (sum(genre.tempo) / 2) / 60)  # long counts: larger movements
-    wanted = np.maximum(amount(on_count) * longer * usual, _LEAST * grid.pace)
+    low, high = (end * longer * usual for end in AMOUNT)
+    low, high = np.maximum(low, _LEAST * grid.pace), np.minimum(high, _MOST * grid.pace)
+    wanted = low + (high - low) * (amount(on_count) - AMOUNT[0]) / (AMOUNT[1] - AMOUNT[0])
     loud = Loudness(wanted, tuple(drops), tuple(breaks), grid.gaps, ways)
     return loud, replace(grid, swing=grid.swing * amount(energy))
+
+
+def _peaks(rise: np.ndarray) -> list[int]:
+    """Counts on which a rise is large, and larger than on four counts before and after.
+
+    >>> _peaks(np.array([0.0, 0.2, 0.5, 0.5, 0.1, 0.0, 0.2]))
+    [2]
+    """
+    padded = np.pad(rise, 4, constant_values=-np.inf)
+    return [
+        k
+        for k, value in enumerate(rise.tolist())
+        if value > _LEAP
+        and value > padded[k : k + 4].max()
+        and value >= padded[k + 5 : k + 9].max()
+    ]
 
 
 def _rises(energy: np.ndarray, grid: Grid) -> np.ndarray:
@@ -174,7 +189,7 @@ def follow(counts: list, loud: Loudness, rng: np.random.Generator):
         for k, planned in enumerate(row):
             count, size = planned, float(wanted[k])
             if count.move.name in BREATHING and k in silent:
-                size = 0.7 + 0.45 * size
+                size = 0.85 + 0.3 * size
             elif k in accents and k not in silent:
                 move, within = accents[k]
                 count, size = replace(count, move=move, within=within, arms=None), max(size, 0.9)

@@ -156,6 +156,15 @@ class Move:
         return parse_feet(self.feet)
 
     @cached_property
+    def landings(self) -> tuple[list[tuple[Footfall, ...]], ...]:
+        """Footfalls of each count, with the time since it: of the move, and of its mirror image."""
+        of_counts = [
+            [fall.later(-k) for fall in self.falls if int(fall.count) == k] for k in range(COUNTS)
+        ]
+        mirrored = [tuple(fall.mirrored() for fall in falls) for falls in of_counts]
+        return [tuple(falls) for falls in of_counts], mirrored
+
+    @cached_property
     def channels(self) -> tuple[np.ndarray, np.ndarray]:
         """Torso on the counts and between them, (8, c) each."""
         return parse_body(self.body)

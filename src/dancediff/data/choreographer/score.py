@@ -20,15 +20,12 @@ from dancediff.data.choreographer.formations import (
 )
 from dancediff.data.choreographer.loudness import Loudness, follow
 from dancediff.data.choreographer.moves import Genre, Move
+from dancediff.data.choreographer.relations import WAITING, draw_relations, right, role_of
 from dancediff.data.choreographer.structure import LEVELS, PHRASE, PREFERRED, Section
 
-RELATIONS = {  # how dancers relate in a section, and how often
-    "verse": {"unison": 3, "canon": 3, "call": 2, "mirror": 1, "solo": 1},
-    "chorus": {"unison": 5, "mirror": 3, "canon": 1},
-    "bridge": {"solo": 4, "canon": 2, "call": 1},
-}
-_OTHER = {"unison": 3, "mirror": 1}
-_CALM = 0.75  # amount of movement with which a way takes twice as long
+_BUSY = 0.95  # amount of movement above which nobody waits
+_MIRRORED = 0.4  # of the ways to another formation
+_CALM = 0.85  # amount of movement with which a way takes twice as long
 
 
 @dataclass(frozen=True)
@@ -41,6 +38,7 @@ class Count:
     size: float = 1.0
     arms: Move | None = None  # whose arms are borrowed
     stride: float = 1.0  # size of the steps from the dancer's place
+    low: float = 0.0  # centimetres lower than the move
 
 
 @dataclass
@@ -49,14 +47,12 @@ class Score:
 
     counts[i][k] what dancer i does on beat k
     centre       where each dancer's place is on every beat, (n, k, 2) metres
-    start        number of the first beat
     formations   (beat, name, slots (n, 2) by dancer)
     relations    (beat, name)
     """
 
     counts: list[list[Count]]
     centre: np.ndarray
-    start: int = 0
     formations: list[tuple[int, str, np.ndarray]] = field(default_factory=list)
     relations: list[tuple[int, str]] = field(default_factory=list)
 
@@ -67,21 +63,8 @@ class Material:
 
     moves: list[Move]
     travel: Move
-    relation: str
-    soloist: int
+    relations: tuple[str, str]  # of its phrases, by turns
     goes: bool  # a short section, too, ends with a way to another formation
-
-
-@dataclass
-class _Stage:
-    """Where the group stands while the score is written."""
-
-    place: np.ndarray  # (n, 2) metres by dancer
-    name: str
-    scale: float
-    swap: bool | None
-    swaps_left: int
-    loud: Loudness | None
 
 
 def write_score(
@@ -93,94 +76,185 @@ def write_score(
     loud: Loudness | None = None,
 ) -> Score:
     """Draw a plan for n dancers over the given sections (beat 0 to the last section's stop)."""
-    scale = rng.uniform(1.1, 1.3)
-    name = str(rng.choice(formation_names(n)))
-    place = scale * slots(n, name)[rng.permutation(n)]
-    stage = _Stage(place, name, scale, swap, 1 if swap else 0, loud)
-    score = Score(
-        [[] for _ in range(n)], np.zeros((n, 0, 2)), sections[0].start, [(0, name, place.copy())]
-    )
+    writer = _Writer(n, genre, loud, rng, swap, sections[0].start)
     known: dict[str, Material] = {}
     free = list(genre.moves)
     for section in sections:
         if section.silent:
-            _breathe(score, stage, section, rng)
+            writer.breathe(section.stop - section.start)
             continue
         if section.label not in known:
             known[section.label] = _choose(genre, free, section.label, n, rng)
-        _dance(score, stage, genre, known[section.label], section, rng)
-    lead = -min(score.start, 0)  # beats that are over before the dance begins
+        writer.dance(section, known[section.label])
+    score = writer.score
+    lead = -min(sections[0].start, 0)  # beats that are over before the dance begins
     score.counts = [row[lead:] for row in score.counts]
     score.centre = score.centre[:, lead:]
     score.formations = [(max(at, 0), name, place) for at, name, place in score.formations]
+    score.relations = [(max(at, 0), name) for at, name in score.relations]
     score.counts = score.counts if loud is None else follow(score.counts, loud, rng)
     return score
 
 
-def _dance(score: Score, stage: _Stage, genre: Genre, part: Material, section: Section, rng):
-    """A section on the beat: phrases in one formation, then the way to the next one."""
-    beats, phrase = section.stop - section.start, genre.phrase
-    way = phrase if phrase == PHRASE else 2 * phrase  # six beats are too few to go far
-    calm = stage.loud and stage.loud.amount(section.stop - way, section.stop) < _CALM
-    way = 2 * way if calm and phrase == PHRASE else way
-    goes = part.goes or stage.swaps_left > 0
-    travel = way if beats >= way + (phrase // 2 if goes else 2 * phrase) else 0
-    hold = beats - travel - (beats % phrase if travel else 0)
-    if travel and hold <= 0:
-        hold = beats - travel
-    rest = beats - hold - travel
-    score.relations.append((max(section.start, 0), part.relation))
-    _hold(score, stage, genre, part, hold, section, rng)
-    if travel:
-        move = STROLL if calm else part.travel
-        _travel(score, stage, move, travel, section.mirrored, rng)
-    _together(score, genre.rest, np.repeat(stage.place[:, None], rest, axis=1), section.mirrored)
+class _Writer:
+    """Writes a score from its beginning to its end; knows where the group stands."""
+
+    def __init__(self, n: int, genre: Genre, loud: Loudness | None, rng, swap, start: int):
+        self.n, self.genre, self.loud, self.rng = n, genre, loud, rng
+        self.swap, self.swaps_left = swap, 1 if swap else 0
+        self.scale = rng.uniform(1.1, 1.3)
+        self.name = str(rng.choice(formation_names(n)))
+        self.place = self.scale * slots(n, self.name)[rng.permutation(n)]  # (n, 2) by dancer
+        self.start = start  # number of the first beat
+        first = [(start, self.name, self.place.copy())]
+        self.score = Score([[] for _ in range(n)], np.zeros((n, 0, 2)), first)
+
+    @property
+    def now(self) -> int:
+        """Number of the beat that is written next."""
+        return self.start + self.score.centre.shape[1]
+
+    def wanted(self, start: int, beats: int) -> float:
+        """Amount of movement that the music asks for; 1 is usual."""
+        return 1.0 if self.loud is None else self.loud.amount(start, start + beats)
+
+    def dance(self, section: Section, part: Material) -> None:
+        """A section on the beat: groups change formation every two or three phrases of it."""
+        block, left, phrase = 2 * self.genre.phrase, section.stop - section.start, 0
+        while left > 0:
+            beats = left if left < 2 * block or self.n == 1 else block
+            phrase += self.block(section, part, phrase, beats)
+            left -= beats
+
+    def block(self, section: Section, part: Material, first: int, beats: int) -> int:
+        """Phrases in one formation, then the way to the next one; returns how many phrases.
+
+        ``first`` is the number of the first phrase in its section.
+        """
+        phrase, move, way = self.genre.phrase, part.travel, self.genre.phrase
+        if phrase != PHRASE:  # six beats are too few to go far
+            way = 2 * phrase
+        elif self.wanted(self.now + beats - way, way) < _CALM:
+            move, way = STROLL, 2 * way
+        elif self.loud is not None:
+            move = self.loud.suiting(
+                [part.travel, *self.genre.travel], self.wanted(self.now + beats - way, way)
+            )
+        goes = part.goes or self.swaps_left > 0
+        travel = way if beats >= way + (phrase // 2 if goes else 2 * phrase) else 0
+        hold = beats - travel - (beats % phrase if travel else 0)
+        if travel and hold <= 0:
+            hold = beats - travel
+        sizes = 1 + self.rng.uniform(-0.05, 0.03, 1 + hold // phrase)
+        lent = _lent_arms(part, section, self.rng)
+        for k, at in enumerate(range(0, hold, phrase)):
+            size = float(sizes[k]) * (LEVELS.get(section.label, 0.95) if self.loud is None else 1.0)
+            self.phrase(part, first + k, section.mirrored, size, lent, min(phrase, hold - at))
+        if travel:
+            mirror = self.n > 1 and self.rng.random() < _MIRRORED
+            self.relate("mirror" if mirror else "unison")
+            self.travel(
+                move, travel, [section.mirrored ^ (mirror and x) for x in right(self.place)]
+            )
+        self.stay(self.genre.rest, beats - hold - travel, section.mirrored)
+        return -(-hold // phrase)
+
+    def phrase(
+        self, part: Material, number: int, flip: bool, size: float, lent: dict, beats: int
+    ) -> None:
+        """One phrase of a section, in its relation."""
+        wanted, half = self.wanted(self.now, beats), self.genre.phrase // 2
+        relation = part.relations[number % 2]
+        if self.loud is not None and wanted > _BUSY and relation in WAITING:
+            relation = "pairs"
+        self.relate(relation)
+        moves = [self.move(part, number + k, wanted) for k in (0, 1)]
+        for i, row in enumerate(self.score.counts):
+            role = role_of(relation, self.place, i, number)
+            move, side = moves[role.other], flip ^ role.flip
+            arms = None if move.whole else lent.get(move.name)
+            for k in range(beats):
+                within = k - role.delay - half * (role.half or 0)
+                if role.waits or within < 0 or (role.half is not None and k // half != role.half):
+                    row.append(Count(self.genre.rest, k, side, size))
+                else:
+                    row.append(Count(move, within, side, size, arms, low=role.low))
+        self.stand(beats)
+
+    def move(self, part: Material, number: int, wanted: float) -> Move:
+        """The move of a section's phrase: the next one, or the one that suits the loudness."""
+        at = number % len(part.moves)
+        moves = part.moves[at:] + part.moves[:at]
+        return moves[0] if self.loud is None else self.loud.suiting(moves, wanted)
+
+    def breathe(self, beats: int) -> None:
+        """A stretch without a beat: on the spot, and slowly to another formation by its end."""
+        while beats:
+            self.relate("breath")
+            walk = PHRASE if beats >= PHRASE else 0
+            rest = beats - walk if beats < 2 * PHRASE + 4 else PHRASE
+            orders = breathing(self.n, self.rng)
+            for row, order in zip(self.score.counts, orders, strict=True):
+                row.extend(Count(order[k // PHRASE], k % PHRASE, False) for k in range(rest))
+            self.stand(rest)
+            if walk:
+                self.travel(WALKS[self.rng.integers(len(WALKS))], walk, [False] * self.n)
+            beats -= rest + walk
+
+    def travel(self, move: Move, beats: int, flips: list[bool]) -> None:
+        """All go to the next formation; ``flips`` says who does it mirrored."""
+        names = [name for name in formation_names(self.n) if name != self.name]
+        seen = [name for _, name, _ in self.score.formations]
+        fewest = min(map(seen.count, names))
+        fresh = names if self.n == 1 else [name for name in names if seen.count(name) == fewest]
+        name = str(self.rng.choice(fresh))
+        if self.swap is None:
+            order = "any" if self.rng.random() < 0.6 else "keep"
+        else:
+            order = "swap" if self.swaps_left > 0 else "keep"
+        ways = [
+            (x, *plan_transition(self.place, self.scale * slots(self.n, x), self.rng, order=order))
+            for x in ([name] if self.loud is None else names)
+        ]
+        if self.loud is not None:  # quiet music carries nobody far
+            far = self.loud.far(beats, self.wanted(self.now, beats))
+            ways.sort(key=lambda way: _misses(self.place, way[1], far))
+        name, stop, bulge, swapped = ways[0]
+        if not np.array_equal(stop, self.place):  # else no way is safe: the group stays
+            self.name = name
+        self.swaps_left -= swapped
+        way = curved_paths(self.place, stop, bulge, beats + 1)[:, 1:]
+        self.together(move, flips, way)
+        self.place = stop
+        self.score.formations.append((self.now, self.name, stop.copy()))
+
+    def stay(self, move: Move, beats: int, flip: bool) -> None:
+        """All do one move where they stand."""
+        self.together(move, [flip] * self.n, np.repeat(self.place[:, None], beats, axis=1))
+
+    def together(self, move: Move, flips: list[bool], way: np.ndarray) -> None:
+        """All do one move on their ways (n, k, 2)."""
+        long = len(move.channels[0])
+        for row, flip in zip(self.score.counts, flips, strict=True):
+            row.extend(Count(move, k % long, flip) for k in range(way.shape[1]))
+        self.score.centre = np.concatenate([self.score.centre, way], axis=1)
+
+    def stand(self, beats: int) -> None:
+        """Everybody's place stays where it is."""
+        still = np.repeat(self.place[:, None], beats, axis=1)
+        self.score.centre = np.concatenate([self.score.centre, still], axis=1)
+
+    def relate(self, relation: str) -> None:
+        """From the next beat on the group has this relation."""
+        known = self.score.relations
+        if not known or known[-1][1] != relation:
+            known.append((self.now, relation))
 
 
-def _breathe(score: Score, stage: _Stage, section: Section, rng) -> None:
-    """A section without a beat: on the spot, and slowly to another formation by its end."""
-    score.relations.append((max(section.start, 0), "breath"))
-    left = section.stop - section.start
-    while left:
-        walk = PHRASE if left >= PHRASE else 0
-        rest = left - walk if left < 2 * PHRASE + 4 else PHRASE
-        orders = breathing(len(stage.place), rng)
-        for row, order in zip(score.counts, orders, strict=True):
-            row.extend(Count(order[k // PHRASE], k % PHRASE, False) for k in range(rest))
-        still = np.repeat(stage.place[:, None], rest, axis=1)
-        score.centre = np.concatenate([score.centre, still], axis=1)
-        if walk:
-            _travel(score, stage, WALKS[rng.integers(len(WALKS))], walk, False, rng)
-        left -= rest + walk
-
-
-def _travel(score: Score, stage: _Stage, move: Move, beats: int, flip: bool, rng) -> None:
-    """All go to the next formation."""
-    place, n = stage.place, len(stage.place)
-    names = rng.permutation([name for name in formation_names(n) if name != stage.name])
-    if stage.swap is None:
-        order = "any" if rng.random() < 0.6 else "keep"
-    else:
-        order = "swap" if stage.swaps_left > 0 else "keep"
-    found = []
-    for name in names[: 1 if stage.loud is None else None].tolist():
-        stop, bulge, swapped = plan_transition(
-            place, stage.scale * slots(n, name), rng, order=order
-        )
-        way = np.linalg.norm(stop - place, axis=-1).mean()
-        found.append((float(way), name, stop, bulge, swapped))
-    if stage.loud is not None:  # quiet music carries nobody far
-        now = score.start + score.centre.shape[1]
-        far = stage.loud.far(beats, stage.loud.amount(now, now + beats))
-        found.sort(key=lambda row: abs(row[0] - far) if row[0] else np.inf)
-    _, name, stop, bulge, swapped = found[0]
-    if not np.array_equal(stop, place):  # else no way is safe: the group stays
-        stage.name = name
-    stage.swaps_left -= swapped
-    way = curved_paths(place, stop, bulge, beats + 1)[:, 1:]
-    _together(score, move, way, flip)
-    stage.place = stop
-    score.formations.append((score.start + score.centre.shape[1], stage.name, stop.copy()))
+def _misses(place: np.ndarray, stop: np.ndarray, far: float) -> float:
+    """By how much a way is too long or too short; a group that cannot go misses most."""
+    way = float(np.linalg.norm(stop - place, axis=-1).mean())
+    return abs(way - far) if way > 0 else np.inf
 
 
 def _choose(genre: Genre, free: list[Move], label: str, n: int, rng) -> Material:
@@ -194,53 +268,9 @@ def _choose(genre: Genre, free: list[Move], label: str, n: int, rng) -> Material
     for move in order[:2]:
         if move in free and len(free) > 2:
             free.remove(move)
-    odds = RELATIONS.get(label, _OTHER)
-    relation = str(rng.choice(list(odds), p=np.array(list(odds.values())) / sum(odds.values())))
-    return Material(
-        order, genre.travel[rng.integers(len(genre.travel))], relation if n > 1 else "unison",
-        int(rng.integers(n)), bool(rng.random() < 0.6),
-    )  # fmt: skip
-
-
-def _hold(score, stage: _Stage, genre, part: Material, beats: int, section: Section, rng) -> None:
-    place, long = stage.place, genre.phrase
-    n = len(place)
-    rank = np.argsort(np.argsort(place[:, 0]))
-    size = LEVELS.get(section.label, 0.95) if stage.loud is None else 1.0
-    sizes = size * (1 + rng.uniform(-0.05, 0.03, 1 + beats // long))
-    lent = _lent_arms(part, section, rng)
-    now = score.start + score.centre.shape[1]
-    moves = [_phrase(part, stage.loud, p, now + p * long, long) for p in range(len(sizes))]
-    for i in range(n):
-        delay, waits = _entry(part, i, int(rank[i]))
-        flip = section.mirrored ^ (part.relation == "mirror" and place[i, 0] > place[:, 0].mean())
-        for k in range(beats):
-            phrase = max(k - delay, 0) // long
-            move = moves[phrase]
-            if waits or k < delay:
-                count = Count(genre.rest, k % long, flip, size)
-            else:
-                arms = None if move.whole else lent.get(move.name)
-                count = Count(move, (k - delay) % long, flip, float(sizes[phrase]), arms)
-            score.counts[i].append(count)
-    still = np.repeat(place[:, None], beats, axis=1)
-    score.centre = np.concatenate([score.centre, still], axis=1)
-
-
-def _phrase(part: Material, loud: Loudness | None, phrase: int, start: int, long: int) -> Move:
-    """The move of a section's phrase: the next one, or the one that suits how loud it is."""
-    at = phrase % len(part.moves)
-    moves = part.moves[at:] + part.moves[:at]
-    return moves[0] if loud is None else loud.suiting(moves, loud.amount(start, start + long))
-
-
-def _entry(part: Material, dancer: int, rank: int) -> tuple[int, bool]:
-    """Beats after which a dancer enters, and whether the dancer leaves the section to a soloist."""
-    if part.relation == "canon":
-        return 2 * (rank % 3), False
-    if part.relation == "call":
-        return 4 * (rank % 2), False
-    return 0, part.relation == "solo" and dancer != part.soloist
+    relations = draw_relations(label, n, rng)
+    travel = genre.travel[rng.integers(len(genre.travel))]
+    return Material(order, travel, relations, bool(rng.random() < 0.6) or n > 1)
 
 
 def _lent_arms(part: Material, section: Section, rng) -> dict[str, Move]:
@@ -249,10 +279,3 @@ def _lent_arms(part: Material, section: Section, rng) -> dict[str, Move]:
         return {}
     lenders = [m for m in part.moves if not m.whole]
     return {m.name: lenders[rng.integers(len(lenders))] for m in lenders if rng.random() < 0.6}
-
-
-def _together(score: Score, move: Move, way: np.ndarray, flip: bool) -> None:
-    """All do one move on their ways (n, k, 2)."""
-    for row in score.counts:
-        row.extend(Count(move, k % len(move.channels[0]), flip) for k in range(way.shape[1]))
-    score.centre = np.concatenate([score.centre, way], axis=1)

@@ -24,6 +24,7 @@ BESIDE, BEHIND = 0.13, 0.23  # metres between two standing feet: side by side, o
 NEAR = 0.7  # metres; a foot that steps further travels
 STRIDE = 0.12  # metres by which one foot may be in front of the other in a turn
 _OTHER = {"L": "R", "R": "L"}
+_SOLE = {foot: toes[[0, 2]] for foot, toes in TOES.items()}
 SINK = 0.27  # beats between the landing of a jump and the beat
 FLIGHT = {"jump": (0.46, 0.42), "leap": (1.0, 0.56)}  # beats of flight, and seconds at most
 
@@ -56,6 +57,7 @@ def channels(score: Score, dancer: int) -> tuple[np.ndarray, np.ndarray]:
         row = a[count.within] * sign * count.size
         face = a[count.within, CHANNEL["face"]] * (-1 if count.flip else 1)
         last = row[CHANNEL["face"]] = base + face
+        row[CHANNEL["level"]] += count.low
         rows.append(row)
         others.append(b[count.within] * sign * count.size)
         before = count
@@ -87,7 +89,7 @@ def plan_walk(score: Score, dancer: int, style: Style, pace: np.ndarray, reach: 
     jumps: list[Jump] = []
     before = None
     for k, count in enumerate(counts):
-        falls = _falls(count) if k > 0 else []
+        falls = _falls(count) if k > 0 else ()
         if k > 0 and count.move is not HOLD and not _follows(before, count):
             _come_home(steps, place, k, counts[k : k + 3])
         for fall in falls:
@@ -115,11 +117,9 @@ def _follows(before: Count | None, count: Count) -> bool:
     )
 
 
-def _falls(count: Count) -> list[Footfall]:
+def _falls(count: Count) -> tuple[Footfall, ...]:
     """Landings of this count, with the time since it."""
-    falls = [f for f in count.move.falls if int(f.count) == count.within]
-    falls = [f.mirrored() for f in falls] if count.flip else falls
-    return [f.later(-count.within) for f in falls]
+    return count.move.landings[count.flip][count.within]
 
 
 def _flight(how: str, beat: float, spb: float) -> Jump:
@@ -184,11 +184,13 @@ class _Places:
 
     def stands(self, beat: float, step: Step, foot: str) -> tuple[np.ndarray, np.ndarray]:
         """Ankle and middle of a foot at a later beat: in a turn it goes round on its ball."""
-        sole = TOES[foot][[0, 2]]
-        landed, now = (self.facing(b) for b in (step.beat, max(beat, step.beat)))
-        toes = step.place + _turned(sole, landed + step.yaw)
-        turned = now if abs(now - landed) > PIVOT else landed
-        heel = _turned(sole, turned + step.yaw)
+        sole = _SOLE[foot]
+        landed, now = self.facing(step.beat), self.facing(max(beat, step.beat))
+        heel = _turned(sole, landed + step.yaw)
+        if abs(now - landed) <= PIVOT:
+            return step.place, step.place + 0.5 * heel
+        toes = step.place + heel
+        heel = _turned(sole, now + step.yaw)
         return toes - heel, toes - 0.5 * heel
 
     def home(self, beat: float, foot: str) -> Step:

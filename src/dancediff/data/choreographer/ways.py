@@ -33,7 +33,9 @@ def ways_of(genre: Genre) -> dict[str, float]:
     parts = plan_parts(score, genre, grid, 1.0, [0])
     way = way_on_counts(assemble(parts, genre, grid), grid, num + 1)[0, 1:]
     return dict(
-        zip((move.name for move in moves), way.reshape(len(moves), -1).mean(1), strict=True)
+        zip(
+            (move.name for move in moves), way.reshape(len(moves), -1).mean(1).tolist(), strict=True
+        )
     )
 
 
