@@ -21,7 +21,7 @@ import numpy as np
 import torch
 import tyro
 from any_song import SHORT, correlation, in_windows, joint_speed, loudness, moves
-from hard_songs import heard_beats, liveliest
+from hard_songs import liveliest
 
 from dancediff.data.choreographer import GENRES, DanceTruth, choreograph
 from dancediff.data.choreographer.formations import min_distance
@@ -59,7 +59,7 @@ def songs(data: Path) -> list[Heard]:
         curve = energy_curve(whole.features()).numpy()
         music = whole.slice(start, start + SECONDS)
         curve = curve[round(30 * start) : round(30 * (start + SECONDS))]
-        out.append(Heard(path.stem, heard_beats(music), curve, None, None))
+        out.append(Heard(path.stem, music.beats(), curve, None, None))
     return out
 
 

@@ -25,7 +25,7 @@ from dancediff.data.choreographer.structure import LEVELS, PHRASE, PREFERRED, Se
 
 _BUSY = 0.95  # amount of movement above which nobody waits
 _MIRRORED = 0.4  # of the ways to another formation
-_CALM = 0.85  # amount of movement with which a way takes twice as long
+_CALM = 0.9  # amount of movement with which a way takes twice as long
 
 
 @dataclass(frozen=True)
@@ -185,7 +185,11 @@ class _Writer:
         """The move of a section's phrase: the next one, or the one that suits the loudness."""
         at = number % len(part.moves)
         moves = part.moves[at:] + part.moves[:at]
-        return moves[0] if self.loud is None else self.loud.suiting(moves, wanted)
+        if self.loud is None:
+            return moves[0]
+        if self.now in self.loud.drops:  # what goes on after an accent must not be a turn
+            moves = [move for move in moves if not move.whole]
+        return self.loud.suiting(moves, wanted)
 
     def breathe(self, beats: int) -> None:
         """A stretch without a beat: on the spot, and slowly to another formation by its end."""
@@ -212,9 +216,13 @@ class _Writer:
             order = "any" if self.rng.random() < 0.6 else "keep"
         else:
             order = "swap" if self.swaps_left > 0 else "keep"
+        choices = [(name, order)]
+        if self.loud is not None:
+            orders = {order, "keep"} if self.swap is None else {order}
+            choices = [(name, order) for name in names for order in sorted(orders)]
         ways = [
-            (x, *plan_transition(self.place, self.scale * slots(self.n, x), self.rng, order=order))
-            for x in ([name] if self.loud is None else names)
+            (x, *plan_transition(self.place, self.scale * slots(self.n, x), self.rng, order=how))
+            for x, how in choices
         ]
         if self.loud is not None:  # quiet music carries nobody far
             far = self.loud.far(beats, self.wanted(self.now, beats))
