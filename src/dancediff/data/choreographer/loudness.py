@@ -169,10 +169,12 @@ def cut_at_drops(sections: list[Section], drops) -> list[Section]:
     return sections
 
 
-def follow(counts: list, loud: Loudness, rng: np.random.Generator):
+def follow(counts: list, centre: np.ndarray, loud: Loudness, rng: np.random.Generator):
     """The score's counts, each as large as the music is loud, with accents and held breaks.
 
-    All dancers accent a drop in the same way.
+    All dancers accent a drop in the same way. Who is on the way to another formation holds nothing.
+
+    Shapes: centre (n, k, 2).
     """
     accents = {}
     for drop in loud.drops:
@@ -184,7 +186,7 @@ def follow(counts: list, loud: Loudness, rng: np.random.Generator):
     )
     wanted = _padded(loud.wanted, len(counts[0])) / loud.usual
     out = []
-    for row in counts:
+    for row, goes in zip(counts, _goes(centre), strict=True):
         new = []
         for k, planned in enumerate(row):
             count, size = planned, float(wanted[k])
@@ -193,7 +195,7 @@ def follow(counts: list, loud: Loudness, rng: np.random.Generator):
             elif k in accents and k not in silent:
                 move, within = accents[k]
                 count, size = replace(count, move=move, within=within, arms=None), max(size, 0.9)
-            elif k in held:
+            elif k in held and not goes[k]:
                 count = replace(count, move=HOLD, arms=None)
             else:
                 size = loud.size(count.move, size)
@@ -211,9 +213,8 @@ def corrected(counts: list, centre: np.ndarray, ways: np.ndarray, loud: Loudness
     wanted = gaussian_filter1d(_padded(loud.wanted, ways.shape[1]), _OVER, mode="nearest")
     found = gaussian_filter1d(ways.mean(0), _OVER, mode="nearest")
     change = np.log(wanted / np.maximum(found, 1e-3))
-    goes = np.linalg.norm(np.gradient(centre, axis=1), axis=-1) > _GOES
     sizes = np.array([[count.size for count in row] for row in counts])
-    sizes = np.clip(sizes * np.exp(change * np.where(goes, *_GAIN)), *_SIZES)
+    sizes = np.clip(sizes * np.exp(change * np.where(_goes(centre), *_GAIN)), *_SIZES)
     return [
         [
             replace(count, size=float(size), stride=float(size))
@@ -221,6 +222,11 @@ def corrected(counts: list, centre: np.ndarray, ways: np.ndarray, loud: Loudness
         ]
         for row, mine in zip(counts, sizes, strict=True)
     ]
+
+
+def _goes(centre: np.ndarray) -> np.ndarray:
+    """Who is on the way on which count, (n, k, 2) -> (n, k)."""
+    return np.linalg.norm(np.gradient(centre, axis=1), axis=-1) > _GOES
 
 
 def _padded(x: np.ndarray, num: int) -> np.ndarray:

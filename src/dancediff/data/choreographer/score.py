@@ -92,7 +92,7 @@ def write_score(
     score.centre = score.centre[:, lead:]
     score.formations = [(max(at, 0), name, place) for at, name, place in score.formations]
     score.relations = [(max(at, 0), name) for at, name in score.relations]
-    score.counts = score.counts if loud is None else follow(score.counts, loud, rng)
+    score.counts = score.counts if loud is None else follow(score.counts, score.centre, loud, rng)
     return score
 
 
