@@ -30,6 +30,7 @@ from dancediff.data.packed import PackedTakes
 from dancediff.data.prepare import in_one_thread, prepare
 from dancediff.data.take import DanceTake, Job
 from dancediff.genre import TEMPOS
+from dancediff.music.energy import energy_curve
 from dancediff.music.synth import synth_song
 from dancediff.music.varied import synth_varied_song
 
@@ -169,12 +170,15 @@ class SyntheticSong:
     beats: np.ndarray
     sections: list
     meter: int = 4
+    varied: bool = False  # then its loudness is danced, too
 
     def danced_by(self, n: int, again: int = 0, share: float = 0.0) -> DanceTake:
         """Dance number ``again`` of n people; ``share`` of the songs is expected in "val"."""
         seed = 10 * self.seed + n + again * 10**9
         options: dict = {"genre": self.genre, "sections": self.sections, "seconds": self.seconds}
         options["meter"] = self.meter
+        if self.varied:
+            options["energy"] = energy_curve(self.M)
         dance, _ = choreograph(self.beats, dancers=n, seed=seed, **options)
         f = min(dance.num_frames, len(self.M))
         digest = sha256(f"choreographed {self.seed}".encode()).digest()
@@ -221,5 +225,5 @@ def synthetic_song(seed: int, seconds: float, varied: bool = False) -> Synthetic
     M = torch.from_numpy(cached(key, lambda: render()[0].features().numpy()))
     sections = [tuple(section) for section in known["sections"]]
     return SyntheticSong(
-        seed, seconds, genre, tempo, M, np.array(known["beats"]), sections, known["meter"]
+        seed, seconds, genre, tempo, M, np.array(known["beats"]), sections, known["meter"], varied
     )

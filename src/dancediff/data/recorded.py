@@ -26,11 +26,13 @@ from dancediff.data.choreographer import choreograph
 from dancediff.data.song_folder import SongFile, songs_in
 from dancediff.data.take import DanceTake, Job
 from dancediff.music.augment import augment_song
+from dancediff.music.energy import energy_curve
 from dancediff.music.features import beat_times
 from dancediff.music.sections import song_sections
 from dancediff.music.song import Music
 
 SHORTEST = 6.0  # seconds of a song that can be danced to
+BEGINNINGS = 0.25  # share of the dances that take the beginning of a song, beside the first
 SHARE = 0.1  # of the songs, expected in "val"
 
 
@@ -90,13 +92,16 @@ def danced_song(
     digest = int.from_bytes(sha256(name.encode()).digest()[:8])
     rng = np.random.default_rng(digest)
     f = min(round(seconds * FPS), len(M))
-    start = 0 if k == 0 else int(rng.integers(0, len(M) - f + 1))
+    start = int(rng.integers(0, len(M) - f + 1))
+    if k == 0 or rng.random() < BEGINNINGS:
+        start = 0
     beats = beat_times(M) - start / FPS
     beats = beats[(beats >= 0) & (beats < f / FPS)]
     n, seed = SIZES[k % len(SIZES)], int(rng.integers(2**31))
     options: dict = {
         "seconds": f / FPS,
         "sections": _within(song_sections(M), start / FPS, f / FPS),
+        "energy": energy_curve(M)[start : start + f],
     }
     dance, truth = choreograph(beats, dancers=n, seed=seed, **options)
     side = int.from_bytes(sha256(f"song {song.key}".encode()).digest()[:8])
