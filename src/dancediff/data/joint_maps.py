@@ -85,7 +85,9 @@ def _named(names: list[str], which: str) -> dict[str, str]:
                 for mark in ((side, k) if "#" in word else ("",))
             ]
             tries += [word[1:] + k for word in options.split() if word[0] == "#"]
-            left = (bare[t] for t in tries if t in bare and bare[t] not in found.values())
+            left = (
+                bare[name] for name in tries if name in bare and bare[name] not in found.values()
+            )
             if first := next(left, None):
                 found[ours.replace("#", k)] = first
     return found

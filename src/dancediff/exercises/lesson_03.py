@@ -20,7 +20,7 @@ def _jump_cases() -> list[tuple]:
 
 
 def _leaks(train, test):
-    return sum(any(a == b and abs(s - t) < 150 for b, t in train) for a, s in test)
+    return sum(any(a == b and abs(s - k) < 150 for b, k in train) for a, s in test)
 
 
 def _leaks_cases() -> list[tuple]:

@@ -76,8 +76,8 @@ class WalkAlong:
         times = points[:, 0] * fps
         if (times.diff() <= 0).any() or times[0] < 0 or times[-1] > frames:
             raise ValueError(
-                f"points has the times {[round(t / fps, 2) for t in times.tolist()]}; they must "
-                f"rise from 0 or later to at most {frames / fps:g} s"
+                f"points has the times {[round(sec, 2) for sec in (times / fps).tolist()]}; they "
+                f"must rise from 0 or later to at most {frames / fps:g} s"
             )
         if not self.slack >= 0:
             raise ValueError(f"slack={self.slack} is no length; choose metres, 0 or more")

@@ -74,7 +74,7 @@ def joined(solids: list[Solid]) -> Solid:
     [True, True, True]
     """
     starts = np.cumsum([0, *(len(points) for points, _, _ in solids)])
-    triangles = [t + start for (_, _, t), start in zip(solids, starts, strict=False)]
+    triangles = [corners + start for (_, _, corners), start in zip(solids, starts, strict=False)]
     return (
         np.concatenate([points for points, _, _ in solids]).astype(np.float32),
         np.concatenate([normals for _, normals, _ in solids]).astype(np.float32),

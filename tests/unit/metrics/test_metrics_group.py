@@ -38,9 +38,9 @@ def slow_gmc(joints, dt, *, shift=-1, power=1):
                 for p in joints[d]
             ])  # fmt: skip
             values = [
-                (phi[d][s + shift] * phi[e][t + shift]).sum().item()
-                for s, t in dtw_ref(cost).tolist()
-                if 0 <= s + shift < f - 1 and 0 <= t + shift < f - 1
+                (phi[d][i + shift] * phi[e][k + shift]).sum().item()
+                for i, k in dtw_ref(cost).tolist()
+                if 0 <= i + shift < f - 1 and 0 <= k + shift < f - 1
             ]
             total, pairs = total + sum(values) / len(values), pairs + 1
     return total / pairs

@@ -50,12 +50,13 @@ def curved_paths(start: np.ndarray, stop: np.ndarray, bulge: np.ndarray, steps: 
     r"""Straight lines with a sideways bow, so that two who change places can pass.
 
     $$p_i(u) = (1-u)\,a_i + u\,b_i + \beta_i \sin(\pi u)\, d_i^\perp,\quad
-      u = t - 0.4\,\tfrac{\sin 2\pi t}{2\pi}$$
+      u = \tau - 0.4\,\tfrac{\sin 2\pi\tau}{2\pi}$$
 
+    tau is the share of the time that is over.
     Shapes: start, stop (n, 2), bulge (..., n) metres -> (..., n, steps, 2).
     """
-    t = np.linspace(0, 1, steps)[None, :, None]
-    u = t - _EASE * np.sin(2 * np.pi * t) / (2 * np.pi)
+    tau = np.linspace(0, 1, steps)[None, :, None]
+    u = tau - _EASE * np.sin(2 * np.pi * tau) / (2 * np.pi)
     way = stop - start
     length = np.linalg.norm(way, axis=-1, keepdims=True)
     square = np.stack([-way[:, 1], way[:, 0]], -1) / np.maximum(length, 1e-9)
