@@ -1,4 +1,7 @@
-"""`dancediff generate`: its options are those of `dancediff.generation.request`."""
+"""`dancediff generate`: its options are those of `dancediff.generation.request`.
+
+Read first: `dancediff.generation.request` · `dancediff.generation.option`.
+"""
 
 import contextlib
 from dataclasses import Field, dataclass, field, fields, make_dataclass

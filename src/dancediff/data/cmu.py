@@ -1,5 +1,7 @@
 r"""The CMU dances: 11 salsa duets and 6 Indian solos, from a folder of BVH files and a manifest.
 
+Read first: docs/data.md · `dancediff.data.bvh` · `dancediff.data.retarget`.
+
 ``manifest.json`` names the files of each take, the true frame rates (the salsa headers lie), the
 glitches that are known, and the split of each take.
 

@@ -1,5 +1,7 @@
 r"""Music for silent motion: songs whose beats follow the dance, instead of the other way round.
 
+Read first: `dancediff.motion.beats` · `dancediff.music.synth`.
+
 The beats of a group's motion are the moments where it comes to rest (`motion_beats`). A tempo map
 is a row of beats that meets as many of them as it can while its tempo changes only gradually; the
 synthesiser then plays on it. Such music is called "beat-aligned synthetic" in every table: it shows

@@ -1,5 +1,7 @@
 r"""`DanceTake`: a dance and its music, as readers hand it over and as training learns from it.
 
+Read first: `dancediff.motion.motion` · `dancediff.music.features`.
+
 Symbols (axes: n dancers · f frames · d motion, m music features)
     x        motion vectors, not normalised          (n, f, d)
     M        music features, raw                     (f, m)

@@ -1,4 +1,7 @@
-"""Exercises of lesson 13: Can you measure a dance?"""
+"""Exercises of lesson 13: Can you measure a dance?
+
+Read first: lesson 13 · `dancediff.exercises`.
+"""
 
 from dataclasses import replace
 

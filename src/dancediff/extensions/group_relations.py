@@ -1,5 +1,7 @@
 r"""A group that dances Lodge's solo: in unison, one after the other, or as in a mirror.
 
+Read first: `dancediff.generation.solo_dance` · `dancediff.data.choreographer.formations`.
+
 Lodge makes one dancer. Here the others repeat that dance, each from a place of a formation; no
 dancer depends on another. A model of groups is `dancediff.papers.tcdiffpp`.
 
@@ -119,9 +121,9 @@ class Group:
 def late(x: Tensor, frames: int, *, ease: int = EASE, part: slice = slice(None)) -> Tensor:
     r"""Start later, and end before the dance does.
 
-    $$\tau = \begin{cases} 0 & t \le -E \\ (t + E)^2 / 4E & -E < t < E \\ t & t \ge E \end{cases}$$
+    $$\tau = \begin{cases} 0 & i \le -E \\ (i + E)^2 / 4E & -E < i < E \\ i & i \ge E \end{cases}$$
 
-    At t frames after its turn a dancer is where the first one was in frame tau: it starts E =
+    At i frames after its turn a dancer is where the first one was in frame tau: it starts E =
     ``ease`` frames early and slowly, and is exactly ``frames`` late from E frames after on. Feet
     step where the first dancer's did. ``part``: only these frames of the result.
 
@@ -132,11 +134,12 @@ def late(x: Tensor, frames: int, *, ease: int = EASE, part: slice = slice(None))
     """
     frames = min(frames, len(x) - 1)
     ease = min(ease, frames)
-    t = torch.arange(len(x), dtype=torch.float64)[part] - frames
+    i = torch.arange(len(x), dtype=torch.float64)[part] - frames
     if ease:
-        t = torch.where(t < ease, (t + ease).clamp_min(0) ** 2 / (4 * ease), t)
-    before = t.clamp_min(0).floor().long()
-    after, w = (before + 1).clamp_max(len(x) - 1), (t.clamp_min(0) - before).to(x)[:, None]
+        i = torch.where(i < ease, (i + ease).clamp_min(0) ** 2 / (4 * ease), i)
+    tau = i.clamp_min(0)
+    before = tau.floor().long()
+    after, w = (before + 1).clamp_max(len(x) - 1), (tau - before).to(x)[:, None]
     return x[before] * (1 - w) + x[after] * w
 
 

@@ -1,5 +1,7 @@
 """Dances as files; the suffix of a path says which format.
 
+Read first: docs/export.md · `dancediff.motion.files`.
+
 | suffix | holds | read again |
 | --- | --- | --- |
 | ``.npz`` | all of a `Motion` | yes |

@@ -1,5 +1,7 @@
 r"""How often dancers run into each other: the trajectory intersection frequency (TIF).
 
+Read first: docs/metrics_collision.md · `dancediff.motion.skeleton`.
+
 Two bodies: capsules around the bones, or discs on the floor. How well capsules stand for a skinned
 mesh is measured by ``benchmarks/tif_meshes.py``.
 

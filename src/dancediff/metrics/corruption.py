@@ -1,5 +1,7 @@
 r"""Damage a good dance by a known amount, to see whether a metric notices.
 
+Read first: lesson 13 · `dancediff.motion.motion`.
+
 Every corruption takes a motion, an amount in [0, 1] and a numpy generator (`collapse` a list of
 motions, `shift_beats` beats) and returns one of the same size; amount 0 gives the same numbers
 back, bit for bit, and the same generator state gives the same damage. Another amount raises a

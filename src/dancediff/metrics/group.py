@@ -1,5 +1,7 @@
 r"""How real a group's motion is (GMR) and how much its dancers move alike (GMC).
 
+Read first: docs/metrics_group.md.
+
 Symbols (axes: n dancers · f frames · j joints)
     joints  positions, metres, y up                                        (n, f, j, 3)
     w       half width of the window that velocities are averaged over, frames

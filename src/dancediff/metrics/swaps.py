@@ -1,5 +1,7 @@
 r"""Do dancers stay who they are, and do they end where they were asked to?
 
+Read first: docs/metrics_swaps.md · `dancediff.motion.order`.
+
 Symbols (axes: n dancers · f frames)
     root   pelvis positions, metres, y up                                       (n, f, 3)
     seams  first frames of the segments a long dance was joined from, without 0

@@ -1,5 +1,7 @@
 r"""Solos for Lodge's two stages, and the primitives that the first one learns.
 
+Read first: `dancediff.papers.lodge.primitives` · `dancediff.data.windows`.
+
 Symbols (axes: f frames · w windows · d = 139 motion features)
     x      motion, metres and 6-D rotations   (f, d)
 """

@@ -1,4 +1,7 @@
-"""Tables of a TOML config: their keys must be known, and their values of the right kind."""
+"""Tables of a TOML config: their keys must be known, and their values of the right kind.
+
+Read first: docs/training.md · `dancediff.training.config`.
+"""
 
 import math
 import tomllib

@@ -1,5 +1,7 @@
 """One page that plays a dance with its song: opens from disk, needs no network, no kernel.
 
+Read first: docs/export.md · `dancediff.motion.motion`.
+
 The page's own code is ``assets/player/player.js``, bundled with three.js (`make player`). Here the
 dance is packed into it: rotations as 16-bit quaternions (turned by at most 0.01 degrees), roots as
 32-bit metres, the song as MP3.

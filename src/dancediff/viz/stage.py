@@ -1,5 +1,7 @@
 """The 3-D stage of the notebooks: turn it, zoom it, play it; no kernel is needed while it plays.
 
+Read first: `dancediff.viz.stage_scene`.
+
 The scene is built and sent once. One clip moves all that moves in it, and a conductor in the page
 sets the clip's time.
 """

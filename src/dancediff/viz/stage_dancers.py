@@ -1,5 +1,7 @@
 """The bodies on the stage, and the tracks that move them.
 
+Read first: `dancediff.motion.skeleton` · `dancediff.viz.solids` · `dancediff.viz.skin`.
+
 Every joint is a mesh inside its parent's mesh, or an empty group where it has no surface. A dancer
 is moved by one quaternion track a joint and one position track; all bodies share the same shapes.
 Of body="mesh" joints are bones, and one skin beside them follows them all.

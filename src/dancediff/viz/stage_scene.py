@@ -1,5 +1,7 @@
 """Everything that is on the stage, and the one clip that moves it.
 
+Read first: `dancediff.viz.stage_dancers`.
+
 Symbols (axes: n dancers · f frames)
     root    pelvis positions of all dancers, metres   (n, f, 3)
 """

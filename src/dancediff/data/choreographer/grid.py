@@ -1,5 +1,7 @@
 r"""Counts in time: the beats of a song, and slow counts where it has none.
 
+Read first: `dancediff.data.choreographer.structure`.
+
 Where two beats lie more than `GAP` apart, before the first and after the last one, the music has no
 beat, and slow counts lead from the one to the other. Where beats come too quickly to dance on each
 of them, every second or third one is a count; where they come too slowly, every half one is, too.

@@ -1,5 +1,8 @@
 r"""How a dance follows the loudness of its music.
 
+Read first: docs/choreographer.md · `dancediff.music.energy` ·
+`dancediff.data.choreographer.moves`.
+
 A genre has its own usual speed. Loud music is danced faster than that, quiet music slower: a move
 is taken larger or smaller, so that the way its joints go on a count is the way that is wanted.
 
