@@ -41,6 +41,7 @@ from dancediff.metrics.bootstrap import bootstrap_interval
 from dancediff.metrics.rhythm import beat_alignment
 from dancediff.motion.contact import feet_low, foot_speed
 from dancediff.motion.motion import Motion
+from dancediff.music.energy import energy_curve
 from dancediff.music.features import SAMPLE_RATE
 from dancediff.music.song import Music
 
@@ -175,7 +176,8 @@ def danced(model: str, job: Job, path: Path) -> None:
     options: dict = {"dancers": job.dancers, "seconds": SECONDS, "seed": noise}
     options |= {"genre": job.genre} if job.genre else {}
     if model == CHOREOGRAPHER:
-        dance, _ = choreograph(job.song.beats, **options)
+        energy = energy_curve(job.song.music.features())[: round(SECONDS * FPS)]
+        dance, _ = choreograph(job.song.beats, energy=energy, **options)
     else:
         dance = _loaded(model).generate(job.song.music, **options)
     dance.save(path)

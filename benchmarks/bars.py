@@ -159,6 +159,17 @@ def _loaded(name: str, _known={}):  # noqa: B006 (one a process)
     return _known[name]
 
 
+def only_one_way(folder: Path, how: dict) -> None:
+    """Refuse to mix dances made in different ways: what lies in a folder is not danced again."""
+    path, text = folder / "how.json", json.dumps(how, indent=1, default=str)
+    if path.exists() and path.read_text() != text:
+        raise SystemExit(
+            f"{str(folder)!r} holds dances made with other options ({path.name} says which); "
+            "give another --out"
+        )
+    path.write_text(text)
+
+
 def _in_processes(jobs: list, workers: int, label: str) -> list:
     run = joblib.Parallel(workers, return_as="generator")
     return list(tqdm(run(jobs), total=len(jobs), desc=label))
@@ -188,6 +199,7 @@ class Dances:
         name += "" if "synthetic" in self.kinds else "-" + "-".join(self.kinds)
         folder = self.out / name
         folder.mkdir(parents=True, exist_ok=True)
+        only_one_way(folder, asdict(self.sampling) | {"seeds": list(self.seeds)})
         files = [folder / f"{window.name}.npz" for window in todo]
         how = {"sampling": self.sampling, "naive": self.naive}
         seeds = [self.seeds[k % len(self.seeds)] for k in range(len(todo))]
