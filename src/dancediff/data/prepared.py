@@ -10,6 +10,7 @@ Files in the folder
 """
 
 import json
+import math
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields
@@ -43,6 +44,7 @@ class Entry:
     fps: float = FPS
     songs: int = 0  # to the same beats: the song itself, and others for augmentation
     made_by: str = ""
+    loudness: float | None = None
     notes: dict = field(default_factory=dict)
 
     @property
@@ -161,6 +163,8 @@ def _check(entry: Entry) -> None:
     check_words(entry)
     if not isinstance(entry.group, str) or not entry.group:
         raise ValueError("it has no group")
+    if not (entry.loudness is None or math.isfinite(entry.loudness)):
+        raise ValueError(f"loudness={entry.loudness!r} is no finite number")
     for key, least in (("dancers", 1), ("frames", 1), ("songs", 0)):
         value = getattr(entry, key)
         if type(value) is not int or value < least:

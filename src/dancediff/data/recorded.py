@@ -26,7 +26,7 @@ from dancediff.data.choreographer import choreograph
 from dancediff.data.song_folder import SongFile, songs_in
 from dancediff.data.take import DanceTake, Job
 from dancediff.music.augment import augment_song
-from dancediff.music.energy import energy_curve
+from dancediff.music.energy import energy_curve, song_loudness
 from dancediff.music.features import beat_times
 from dancediff.music.sections import song_sections
 from dancediff.music.song import Music
@@ -98,10 +98,11 @@ def danced_song(
     beats = beat_times(M) - start / FPS
     beats = beats[(beats >= 0) & (beats < f / FPS)]
     n, seed = SIZES[k % len(SIZES)], int(rng.integers(2**31))
+    loudness = song_loudness(M)
     options: dict = {
         "seconds": f / FPS,
         "sections": _within(song_sections(M), start / FPS, f / FPS),
-        "energy": energy_curve(M)[start : start + f],
+        "energy": energy_curve(M, loudness)[start : start + f],
     }
     dance, truth = choreograph(beats, dancers=n, seed=seed, **options)
     side = int.from_bytes(sha256(f"song {song.key}".encode()).digest()[:8])
@@ -116,6 +117,7 @@ def danced_song(
         M=M[start : start + f],
         beats=beats,
         genre=truth.genre,
+        loudness=loudness,
         notes={"seed": seed, "start": round(start / FPS, 3), "augmented": steps},
     )
 

@@ -66,6 +66,7 @@ class DanceTake:
     M_other: Tensor | None = field(default=None, repr=False)
     beats: np.ndarray | None = field(default=None, repr=False)
     genre: str | None = None
+    loudness: float | None = None  # dB, of the whole song where M is a part; see `song_loudness`
     period: int | None = None  # frames after which a repeated dance begins again
     notes: dict = field(default_factory=dict)  # plain JSON: repaired spikes, measured numbers
 

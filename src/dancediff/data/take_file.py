@@ -34,6 +34,7 @@ def describe(take: DanceTake, made_by: str = "") -> dict:
     Raises: ValueError or TypeError when ``notes`` are not plain JSON.
     """
     row = {name: getattr(take, name) for name in _ORIGIN}
+    row |= {} if take.loudness is None else {"loudness": take.loudness}
     row |= {
         "dancers": take.motion.num_dancers,
         "frames": take.motion.num_frames,
@@ -94,7 +95,7 @@ def read_take(path) -> DanceTake:
         tensors: dict[str, Any] = {
             k: torch.from_numpy(v).float() for k, v in arrays.items() if k != "beats"
         }
-        origin = {name: row[name] for name in _ORIGIN}
+        origin = {name: row[name] for name in _ORIGIN} | {"loudness": row.get("loudness")}
         return DanceTake(dance=Motion.load(path), beats=arrays.get("beats"), **tensors, **origin)
     except _UNREADABLE as err:
         raise ValueError(f"{str(path)!r} is no prepared take; prepare it anew: {err}") from err

@@ -275,5 +275,6 @@ class WindowSampler:
         """Energy of one of a take's songs, beside the loud parts of the whole song (f,)."""
         key = id(take), number
         if key not in self._curves:
-            self._curves[key] = energy_curve(take.songs[number])
+            loudness = take.loudness if number == 0 else None
+            self._curves[key] = energy_curve(take.songs[number], loudness)
         return self._curves[key]

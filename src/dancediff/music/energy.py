@@ -8,6 +8,7 @@ Symbols (axes: f frames at 30 fps · m = 35 features · k MFCC · b mel bands)
     E   energy, 0 for silence ... 1 for the loudest                (f,)
 """
 
+import math
 from functools import cache
 
 import torch
@@ -26,7 +27,23 @@ _SMOOTH = FPS // 2  # frames of each of two mean filters; together they reach ov
 _AT_ONCE = 9000  # frames whose spectra are in memory
 
 
-def energy_curve(M: Tensor) -> Tensor:
+def song_loudness(M: Tensor) -> float:
+    r"""How loud the loud parts of a song are, $L_{\text{song}}$ in dB; -inf of silence.
+
+    Shapes: M (f, 35), raw, of a whole song.
+
+    >>> M = torch.zeros(300, 35)
+    >>> round(song_loudness(torch.cat([M, M])) - song_loudness(M), 6)
+    0.0
+    """
+    power = _power(M)
+    sounding = power > _SILENT
+    if not sounding.any():
+        return -math.inf
+    return 10 * math.log10(power[power > _GATE * power[sounding].mean()].mean().item())
+
+
+def energy_curve(M: Tensor, loudness: float | None = None) -> Tensor:
     r"""How loud the music is now, relative to the loud parts of the whole song, within 0..1.
 
     $$E_f = \operatorname{clip}\big(0.65 + (L_f - L_{\text{song}}) / 25\,\text{dB},\ 0,\ 1\big)$$
@@ -39,7 +56,8 @@ def energy_curve(M: Tensor) -> Tensor:
     tells less than the sound itself.
 
     Source: ours; gate of ITU-R BS.1770-4.
-    Shapes: M (f, 35), raw, of a whole song -> (f,).
+    Shapes: M (f, 35), raw, of a whole song, or of a part of one with the ``loudness`` of the whole
+    -> (f,).
     Raises: ValueError when M has another shape or no frame.
 
     >>> M = torch.zeros(300, 35)
@@ -52,13 +70,11 @@ def energy_curve(M: Tensor) -> Tensor:
             f"M has shape {tuple(M.shape)}; expected (f, {NUM_FEATURES}) with f >= 1: "
             "the features of a song, as Music.features() returns them"
         )
-    power = _power(M)
-    sounding = power > _SILENT
-    if not sounding.any():
+    loudness = song_loudness(M) if loudness is None else loudness
+    if loudness == -math.inf:
         return torch.zeros(len(M))
-    song = power[power > _GATE * power[sounding].mean()].mean()
-    now = _smooth(power)
-    energy = EVEN + 10 * torch.log10(now.clamp_min(_SILENT) / song) / SLOPE
+    now = _smooth(_power(M))
+    energy = EVEN + (10 * torch.log10(now.clamp_min(_SILENT)) - loudness) / SLOPE
     return torch.where(now > _SILENT, energy, 0).clamp(0, 1).float()
 
 

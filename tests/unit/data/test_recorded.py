@@ -8,10 +8,13 @@ import torch
 
 from dancediff.cli import main
 from dancediff.data.cache import use_cache
+from dancediff.data.packed import PackedTakes
 from dancediff.data.prepare import prepare, recipe
 from dancediff.data.prepared import PreparedData
 from dancediff.data.recorded import song_jobs
 from dancediff.data.song_folder import songs_in
+from dancediff.data.windows import GroupCut, WindowSampler
+from dancediff.music.energy import energy_curve, song_loudness
 from dancediff.music.features import beat_times
 from dancediff.music.song import Music
 from dancediff.music.synth import synth_song
@@ -141,3 +144,23 @@ def test_bad_manifests_are_named(tmp_path):
         (tmp_path / "songs.toml").write_text(text)
         with pytest.raises(ValueError, match=r"songs\.toml"):
             songs_in(tmp_path)
+
+
+def test_windows_hear_a_part_as_loud_as_it_is_in_its_song(folder):
+    """A network gets the energy that the choreographer followed, not that of the part alone."""
+    jobs = song_jobs(folder, dances_per_song=6, seconds=7)
+    takes = [job.make() for job in jobs if "one" in job.name]
+    take = next(take for take in takes if take.notes["start"] > 0)
+    M = Music.load(folder / "one.ogg").features()
+    start = round(take.notes["start"] * 30)
+    heard = WindowSampler([take], GroupCut(150), energy=True).energy(take, 0)
+    inner = slice(30, -30)  # at its ends a part is smoothed over fewer frames
+    assert torch.allclose(heard[inner], energy_curve(M)[start : start + 210][inner], atol=1e-6)
+    assert take.loudness == song_loudness(M)
+
+
+def test_the_loudness_of_the_song_is_kept(folder, tmp_path):
+    prepare(song_jobs(folder, dances_per_song=1, seconds=7), tmp_path, progress=False)
+    for take in PackedTakes(tmp_path).takes() + PackedTakes(tmp_path, "val").takes():
+        assert take.loudness is not None
+        assert PreparedData(tmp_path).load(take.name).loudness == take.loudness
