@@ -24,7 +24,7 @@ from dancediff.nn.dance_network import DanceNetwork
 from dancediff.papers.edge.model import EDGE, EDGEConfig
 from dancediff.papers.tcdiffpp.losses import LossWeights
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
-from dancediff.training.checkpoint import check_free
+from dancediff.training.checkpoint import NAME, check_free
 from dancediff.training.config import GroupData, TrainConfig, TrainingExtensions
 from dancediff.training.evaluator import Evaluator
 from dancediff.training.lodge import is_lodge, train_lodge
@@ -146,9 +146,10 @@ def train_from_config(
     model = build(model_class, sizes, extensions, genres)
     if isinstance(model, EDGE):
         takes, held_out = _solos(takes), _solos(held_out)
-    fit_statistics(model, takes, settings.extensions, real=corpus.real, start=start)
-    if start is not None:
-        take_over(model, start)
+    if not (options.get("resume") and (Path(out) / NAME).exists()):  # else it holds all of this
+        fit_statistics(model, takes, settings.extensions, real=corpus.real, start=start)
+        if start is not None:
+            take_over(model, start)
     validation = _windows(held_out, corpus, model, settings) if held_out else None
     device, world = options.pop("device", "cpu"), options.get("world")
     return trainer(
