@@ -9,7 +9,7 @@ CPU    ?= https://download.pytorch.org/whl/cpu
 TORCH  := $(shell sed -n 's/^\(torch==[0-9.]*\).*/\1/p' requirements.txt)
 export MPLBACKEND ?= Agg
 
-.PHONY: setup dance quick test trust bench lint lab docs player clean
+.PHONY: setup dance quick test trust mutants bench lint lab docs player clean
 setup: $(READY)
 
 # The stamp is written last, so an interrupted set-up is done again. PyPI's PyTorch for Linux brings
@@ -58,6 +58,11 @@ trust: export DANCEDIFF_TRUST = long
 trust: $(READY)
 	$(BIN)/python -m pytest -n 2 --dist worksteal --timeout=1200 tests/trust tests/fuzz tests/properties \
 	  tests/structure/test_licences.py tests/structure/test_packaging.py tests/packaged/test_doctor.py
+
+# Does a test fail where the code is wrong? Minutes on two cores; goes on if it is stopped.
+mutants: $(READY)
+	$(BIN)/python benchmarks/mutants.py --json-file docs/results/mutants.json
+	$(BIN)/python docs/site/tables.py
 
 lint: $(READY)
 	$(BIN)/ruff check .

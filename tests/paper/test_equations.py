@@ -91,6 +91,11 @@ def test_tcdiffpp_eq10_the_adaptor_reads_motion_and_velocity():
     torch.testing.assert_close(other, usual.flip(1))  # each dancer alone
     assert (usual - without)[:, :, 1:].abs().max() > 1e-3
     torch.testing.assert_close(usual[:, :, 0], without[:, :, 0])  # frame 0 has no velocity
+    h = x
+    for k, layer in enumerate(fa.layers):  # all three are told
+        h = layer.linear(h) * torch.sigmoid(layer.gate(v)) + layer.shift(v)
+        h = h if k == 2 else torch.nn.functional.leaky_relu(h)
+    torch.testing.assert_close(usual, h)
 
 
 def test_tcdiffpp_eq11_legs_of_the_adapted_and_the_rest_of_the_raw_motion():

@@ -6,7 +6,9 @@ import torch
 from dancediff.data.choreographer.structure import Section
 from dancediff.extensions.smooth_primitives import smooth_primitives
 from dancediff.generation import solo_dance
+from dancediff.generation.request import LodgeRequest
 from dancediff.generation.solo_dance import LodgeSampler
+from dancediff.hub import packaged_song
 from dancediff.motion.representation import LODGE
 from dancediff.papers.lodge.parallel import LOCALS, ParallelSampler
 from dancediff.papers.lodge.segments import segments_of
@@ -54,6 +56,22 @@ def test_each_addition_changes_the_dance(model, name):
 def test_autoguidance_changes_the_dance(model):
     usual, pushed = (dance(model, n, autoguidance=w) for w in (1.0, 1.3))
     assert not torch.allclose(usual, pushed, atol=1e-4)
+
+
+def test_the_packaged_preset_pushes_guesses_away_from_the_linear_one(model):
+    """The paper's takes them as they are."""
+    song, stage = packaged_song(), model.local_stage
+    x_t, M = torch.randn(2, n, 139), music(n).expand(2, -1, -1)
+    away = {}
+    for preset in ("paper", "packaged"):
+        asked = LodgeRequest(preset=preset, genre="hiphop", guidance=1.0).resolve(model, song)
+        steps = LodgeSampler(model.global_stage, stage, asked)
+        conditions = steps.conditions(stage, M, 0)
+        linear = stage.linear_guess(x_t, torch.full((2,), 500), conditions)
+        with torch.no_grad():
+            away[preset] = steps.guess(stage, conditions)(x_t, 500) - linear
+    rest = slice(LODGE.root.stop, None)
+    assert away["packaged"][..., rest].norm() > 1.05 * away["paper"][..., rest].norm()
 
 
 def test_primitives_are_smooth_if_asked_for(model):
