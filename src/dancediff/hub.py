@@ -88,13 +88,13 @@ def packaged_song() -> Music:
     return Music.load(ASSETS / "songs" / f"{SONG}.ogg")
 
 
-def load(name, *, device: str = "cpu") -> Pipeline:
-    """Load a packaged model by name, or a model folder by path; ``.model`` is the network.
+def model_folder(name) -> Path:
+    """Where a packaged model lies, or the model folder itself.
 
-    Raises: ValueError naming what is wrong with it and which names there are.
+    Raises: ValueError naming the packaged ones when it is neither.
 
-    >>> load("tcdiffpp").config.max_dancers
-    5
+    >>> model_folder("tcdiffpp").name
+    'tcdiffpp'
     """
     folder = ASSETS / "models" / str(name) if str(name) in packaged_models() else Path(name)
     if not (folder / "config.json").is_file():
@@ -103,6 +103,18 @@ def load(name, *, device: str = "cpu") -> Pipeline:
             f"model {str(name)!r} is neither packaged ({known}) nor a model folder; "
             "choose one of these names or a folder with a config.json"
         )
+    return folder
+
+
+def load(name, *, device: str = "cpu") -> Pipeline:
+    """Load a packaged model by name, or a model folder by path; ``.model`` is the network.
+
+    Raises: ValueError naming what is wrong with it and which names there are.
+
+    >>> load("tcdiffpp").config.max_dancers
+    5
+    """
+    folder = model_folder(name)
     try:
         model = _read(folder)
     except (OSError, ValueError, KeyError, TypeError, RuntimeError, SafetensorError) as err:

@@ -32,6 +32,8 @@ class Prepare:
     """How many takes are prepared at once."""
     backend: Literal["loky", "dask", "ray"] = "loky"
     """Processes of this machine, or a Dask or Ray cluster."""
+    scheduler: str | None = None
+    """Address of a running cluster; default: one on this machine."""
     seconds: float | None = None
     """Length of a choreographed dance; default: 10, for songs 30."""
     seed: int | None = None
@@ -56,6 +58,7 @@ class Prepare:
             self.dst,
             workers=self.workers,
             backend=self.backend,
+            scheduler=self.scheduler,
             progress=not self.json,
             seconds=self.seconds,
             seed=self.seed,

@@ -3,6 +3,7 @@
 import contextlib
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import tyro
 
@@ -24,6 +25,10 @@ class Evaluate:
     """Cut every dance into windows of so many frames; 0 leaves it whole."""
     workers: int = 0
     """How many processes; 0 for one on each core."""
+    backend: Literal["loky", "dask", "ray"] = "loky"
+    """Processes of this machine, or a Dask or Ray cluster."""
+    scheduler: str | None = None
+    """Address of a running cluster; default: one on this machine."""
     seed: int = 0
     """Of the bootstrap draws."""
     drift: Path | None = None
@@ -50,9 +55,11 @@ class Evaluate:
             reference=self.reference,
             song=song,
             window=self.window or None,
-            workers=self.workers or joblib.cpu_count(),
             seed=self.seed,
             progress=not self.json,
+            workers=self.workers or joblib.cpu_count(),
+            backend=self.backend,
+            scheduler=self.scheduler,
         )
         if self.out is not None:
             report.save(self.out)
@@ -65,6 +72,10 @@ class Evaluate:
         if report.is_empty:
             why = next(row.reason for row in report.rows)
             raise RuntimeError(f"no metric could be computed; {report.rows[0].name}: {why}")
+        if report.skipped:
+            raise RuntimeError(
+                f"{len(report.skipped)} dances could not be read and are left out, see above"
+            )
 
     def _draw_drift(self):
         """The mean over readable dances of five seconds or more, drawn into the file."""

@@ -2,17 +2,11 @@
 
 import re
 from types import UnionType
-from typing import Annotated, Literal, Union, get_args, get_origin
+from typing import Annotated, Union, get_args, get_origin
 
 from dancediff.cli.commands import COMMANDS
+from dancediff.cli.options import in_words
 from dancediff.generation.request import RENAMED
-
-KINDS: dict[object, str] = {
-    bool: "True or False",
-    int: "a whole number",
-    float: "a number",
-    tuple[int, ...]: "whole numbers, such as 1 0 2",
-}
 
 
 def explain(args: list[str], words: str) -> str:
@@ -54,9 +48,7 @@ def _kind(annotation) -> str:
     """What an option wants, in words."""
     while get_origin(annotation) in (Annotated, Union, UnionType):
         annotation = get_args(annotation)[0]
-    if get_origin(annotation) is Literal:
-        return f"one of {', '.join(get_args(annotation))}"
-    return KINDS.get(annotation, "another value")
+    return in_words(annotation)
 
 
 def _value_of(option: str, args: list[str]) -> str:

@@ -1,12 +1,11 @@
-"""`dancediff generate`: its options are those of `dancediff.generation.request`.
+"""`dancediff generate`: one song, or many.
 
-Read first: `dancediff.generation.request` · `dancediff.generation.option`.
+Read first: `dancediff.cli.options` · `dancediff.cli.one_song` · `dancediff.cli.many_songs`.
 """
 
-import contextlib
-from dataclasses import Field, dataclass, field, fields, make_dataclass
+from dataclasses import dataclass, make_dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_args
+from typing import Literal
 
 import tyro
 
@@ -15,119 +14,76 @@ from dancediff.cli.files import (
     check_folder,
     check_formats,
     check_targets,
-    file_of,
-    save_dance,
     song_named,
     tell,
-    write_all,
 )
-from dancediff.generation.option import kinds_of
-from dancediff.generation.presets import PRESETS
-from dancediff.generation.request import REQUESTS, default_of
-
-NOT_HERE = ("start", "end", "constraints")  # more than a word can say
-WORDS = {bool: "True|False", int: "INT", float: "FLOAT", str: "STR", tuple[int, ...]: "INT INT ..."}
-OTHER_TYPES: dict[str, Any] = {
-    "swap": tuple[int, ...],
-    "dtype": Literal["float32", "bfloat16", "fastest"],
-    "device": str,
-    "energy": str,
-}
+from dancediff.cli.options import FIELDS, command_option
 
 
 @dataclass
 class _Generate:
     """What there is beside the options of a request."""
 
-    song: tyro.conf.Positional[str]
-    """A wav, flac, ogg or mp3 file; 'packaged' for the song that comes with dancediff."""
+    songs: tyro.conf.Positional[tuple[str, ...]]
+    """A wav, flac, ogg or mp3 file; 'packaged' for the song that comes with dancediff. Or many: a
+    list, a folder, or a manifest.csv with a row a dance; each gets a folder of its own in OUT."""
     model: str = "tcdiffpp"
     """A packaged model's name, or a model folder."""
     out: Path = Path("out")
     """Folder for the results."""
     formats: str = ",".join(USUAL)
     """Which files to write, of npz, mp4, png, html (a player), glb; bvh, smpl (one a dancer)."""
+    workers: int | None = None
+    """For many songs: how many are danced to at once; default: 1."""
+    backend: Literal["loky", "dask", "ray"] | None = None
+    """For many songs: loky, processes of this machine, or a Dask or Ray cluster."""
+    scheduler: str | None = None
+    """Address of a running cluster; default: one on this machine."""
     json: bool = False
     """Print one line of JSON instead of text."""
 
     def run(self) -> None:
-        """Check what is cheap to check, dance, then write all files or none."""
-        import torch
-
+        """Check what is cheap to check, dance, then write all files of a dance or none."""
         from dancediff import hub
-        from dancediff.io.pieces import save_pieces
+        from dancediff.cli.one_song import dance_to
+        from dancediff.cli.song_list import are_many
 
+        if not self.songs:
+            raise ValueError(
+                "generate what? give a wav, flac, ogg or mp3 file, several, a folder or a "
+                "manifest; see `dancediff generate --help`"
+            )
         formats = check_formats(self.formats)
         check_folder(self.out)
+        options = {name: value for name in FIELDS if (value := getattr(self, name)) is not None}
+        how = {name: getattr(self, name) for name in ("workers", "backend", "scheduler")}
+        how = {name: value for name, value in how.items() if value is not None}
+        if how or are_many(self.songs):
+            self._run_many(options, formats, how)
+            return
         check_targets(self.out, formats)
-        song = song_named(self.song)
+        song = song_named(self.songs[0])
         model = hub.load(self.model)
-        options = {name: value for name in OPTIONS if (value := getattr(self, name)) is not None}
-        options["dtype"] = getattr(torch, options.get("dtype", ""), options.get("dtype"))
-        options["progress"] = not self.json
-        if formats == ["npz"]:
-            # nothing else is asked of the dance, so no more than a piece of it is held in memory
-            with contextlib.closing(model.stream(song, **options)) as dancing:  # and its bar
-                pieces = Counted(dancing)
-                files = write_all(self.out, lambda to: save_pieces(pieces, to / file_of("npz")))
-        else:
-            pieces = Counted([model.generate(song, **options)])
-            files = write_all(
-                self.out, lambda to: save_dance(to, formats, next(iter(pieces)), song)
+        facts, dance = dance_to(
+            song, model, options | {"progress": not self.json}, formats, self.out
+        )
+        length = f"{facts['frames'] / dance.fps:.1f} s"
+        lines = [f"{dance.people}, {length}, to {song.name!r}:"]
+        tell(self.json, facts, lines + [f"  {file}" for file in facts["files"]])
+
+    def _run_many(self, options: dict, formats: list[str], how: dict) -> None:
+        from dancediff.cli.many_songs import dance_to_many
+        from dancediff.cli.song_list import song_list
+
+        rows = song_list(self.songs, self.model, options)
+        summary = dance_to_many(rows, self.out, formats, progress=not self.json, **how)
+        tell(self.json, summary.facts(), [str(summary), f"dances: {self.out}"])
+        if summary.failed:
+            raise RuntimeError(
+                f"{len(summary.failed)} of {len(rows)} songs failed, see above; the same command "
+                "tries them again, and keeps what is made"
             )
-        dance, frames = pieces.last, pieces.frames
-        facts = {"files": files, "dancers": dance.num_dancers, "frames": frames}
-        length = f"{frames / dance.fps:.1f} s"
-        lines = [f"{dance.people}, {length}, to {song.name!r}:", *(f"  {file}" for file in files)]
-        tell(self.json, facts | dance.meta, lines)
 
 
-class Counted:
-    """Pieces of a dance, of which the last and the number of frames are remembered."""
-
-    def __init__(self, pieces):
-        self.pieces, self.frames, self.last = pieces, 0, None
-
-    def __iter__(self):
-        for piece in self.pieces:
-            self.last, self.frames = piece, self.frames + piece.num_frames
-            yield piece
-
-
-def _option(one: Field) -> tuple[str, Any, Any]:
-    """A field of the command: None unless it is given, so that the preset can decide."""
-    kind = OTHER_TYPES.get(one.name)
-    if choices := one.metadata["choices"]:
-        kind = Literal[choices]
-    kind = kind or next(kind for kind in (bool, int, float, str) if kind in kinds_of(one))
-    of = WORDS.get(kind) or "|".join(map(str, get_args(kind)))
-    shown = tyro.conf.arg(
-        help=one.metadata["help"], metavar=of, help_behavior_hint=_defaults(one.name)
-    )
-    return one.name, Annotated[kind | None, shown], field(default=None)
-
-
-def _defaults(name: str) -> str:
-    """Which models have an option, and its defaults.
-
-    >>> _defaults("steps")
-    '(default: tcdiffpp 12, lodge 20, edge 20; paper: 50)'
-    >>> _defaults("soft")
-    '(lodge; default: 1.0)'
-    """
-    families = [family for family, request in REQUESTS.items() if name in request.names()]
-    words = [", ".join(families)] if len(families) < len(REQUESTS) else []
-    for preset in PRESETS:
-        values = {family: default_of(family, name, preset) for family in families}
-        shown = dict.fromkeys(str(value) for value in values.values())
-        text = ", ".join(f"{family} {v}" for family, v in values.items() if v is not None)
-        text = next(iter(shown)) if len(shown) == 1 else text
-        if text != "None" and not (words and words[-1].endswith(f": {text}")):
-            words.append(f"{'default' if preset == 'packaged' else preset}: {text}")
-    return f"({'; '.join(words)})" if words else ""
-
-
-_FIELDS = {one.name: one for request in REQUESTS.values() for one in fields(request)}
-OPTIONS = [name for name in _FIELDS if name not in NOT_HERE]
-Generate = make_dataclass("Generate", [_option(_FIELDS[n]) for n in OPTIONS], bases=(_Generate,))
-Generate.__doc__ = "Make a group dance to a song."
+Generate = make_dataclass("Generate", map(command_option, FIELDS.values()), bases=(_Generate,))
+Generate.__doc__ = "Make a group dance to a song, or to many."

@@ -24,10 +24,11 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from dancediff.backends import run_jobs
 from dancediff.data.cache import cached, code_digest, content_key
 from dancediff.data.choreographer import choreograph
 from dancediff.data.packed import PackedTakes
-from dancediff.data.prepare import in_one_thread, prepare
+from dancediff.data.prepare import prepare
 from dancediff.data.take import DanceTake, Job
 from dancediff.genre import TEMPOS
 from dancediff.music.energy import energy_curve
@@ -129,14 +130,8 @@ def choreographed_corpus(
     seeds, sizes = list(song_seeds), tuple(sizes)
     if cache is None:
         make = partial(choreographed_takes, seconds=seconds, sizes=sizes, varied=varied)
-        if workers < 2 or len(seeds) < 2:
-            songs = [make(seed) for seed in seeds]
-        else:
-            import joblib
-
-            each = joblib.delayed(in_one_thread)
-            songs = joblib.Parallel(n_jobs=workers)(each(make, seed) for seed in seeds)
-        return list(itertools.chain.from_iterable(songs))
+        songs = dict(run_jobs(make, seeds, workers=max(1, workers)))
+        return list(itertools.chain.from_iterable(songs[k] for k in range(len(seeds))))
     options: dict = {"seconds": float(seconds), "share": 0.0, "varied": bool(varied)}
     jobs = [_job(seed, n, 0, **options) for seed in seeds for n in sizes]
     if not jobs:

@@ -11,10 +11,8 @@ number of workers, nor on how often the run was stopped.
 import contextlib
 import errno
 import json
-import operator
 import shutil
 from collections import Counter
-from collections.abc import Iterator
 from dataclasses import is_dataclass
 from functools import partial
 from hashlib import sha256
@@ -24,26 +22,31 @@ from tqdm.auto import tqdm
 
 from dancediff.atomic import atomic_write, sweep
 from dancediff.axes import FPS
+from dancediff.backends import WorkerDied, check_backend, run_jobs
 from dancediff.data.cache import code_digest, use_cache
 from dancediff.data.prepared import FOLDERS, FORMAT, NAME, read_index
 from dancediff.data.summary import Summary
 from dancediff.data.take import Job
 from dancediff.data.take_file import SCRATCH, describe, read_row, write_take
 
-BACKENDS = {"loky": None, "dask": "dask[distributed]", "ray": "ray"}
 MADE, KEPT = "made", "kept"
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)  # nobody's take is to blame
-_MODULES = {"dask": "distributed", "ray": "ray"}
 
 
 def prepare(
-    jobs: list[Job], out, *, workers: int = 1, backend: str = "loky", progress: bool = True
+    jobs: list[Job],
+    out,
+    *,
+    workers: int = 1,
+    backend: str = "loky",
+    scheduler: str | None = None,
+    progress: bool = True,
 ) -> Summary:
     """Make the takes of ``jobs`` that the folder ``out`` lacks, and write its index.
 
     What the folder already holds from other jobs stays in it. One run at a time may write to a
-    folder. With ``backend`` "dask" or "ray" all machines must see the folder under the same path; a
-    Dask client or Ray cluster that is already connected is used, else a local one is started.
+    folder. ``workers``, ``backend``, ``scheduler``: see `dancediff.backends.run_jobs`; all machines
+    of a cluster must see the folder under the same path.
 
     A job that raises is skipped, and reported in the summary and the index; the next run tries it
     again. Takes are written by the workers, so memory does not grow with their number.
@@ -51,7 +54,8 @@ def prepare(
     Raises: ValueError naming the argument; OSError when ``out`` cannot be written.
     """
     jobs, out = list(jobs), Path(out).absolute()
-    workers = _check(jobs, workers, backend)
+    _check(jobs)
+    check_backend(workers, backend, scheduler)
     for folder in FOLDERS:
         (out / folder).mkdir(parents=True, exist_ok=True)
     for left in out.glob(f"{SCRATCH}*"):  # of a run that was killed
@@ -59,31 +63,22 @@ def prepare(
     sweep(out / "cache")
     summary = Summary(out)
     bar = partial(tqdm, total=len(jobs), desc="preparing", unit="take", disable=not progress)
-    for name, outcome in bar(_outcomes(jobs, out, workers, backend)):
-        if outcome == MADE:
+    make = partial(run_job, out=out)
+    outcomes = run_jobs(make, jobs, workers=workers, backend=backend, scheduler=scheduler)
+    for k, outcome in bar(outcomes):
+        if isinstance(outcome, WorkerDied):
+            summary.skipped[jobs[k].name] = str(outcome)
+        elif outcome == MADE:
             summary.made += 1
         elif outcome == KEPT:
             summary.kept += 1
         else:
-            summary.skipped[name] = outcome.removeprefix("skipped: ")
+            summary.skipped[jobs[k].name] = outcome.removeprefix("skipped: ")
     _write_index(out, [job.name for job in jobs], summary)
     return summary
 
 
-def _check(jobs: list[Job], workers: int, backend: str) -> int:
-    workers = operator.index(workers)
-    if workers < 1:
-        raise ValueError(f"workers={workers} must be at least 1")
-    if backend not in BACKENDS:
-        raise ValueError(f"backend={backend!r} is not one of {', '.join(BACKENDS)}")
-    if backend != "loky":
-        try:
-            __import__(_MODULES[backend])
-        except ImportError as err:
-            raise ValueError(
-                f'backend={backend!r} is not installed; pip install "{BACKENDS[backend]}", or '
-                "leave it out"
-            ) from err
+def _check(jobs: list[Job]) -> None:
     if not jobs:
         raise ValueError("there are no takes to prepare: the list of jobs is empty")
     for name, count in Counter(job.name for job in jobs).items():
@@ -91,86 +86,16 @@ def _check(jobs: list[Job], workers: int, backend: str) -> int:
             raise ValueError(f"{count} takes are called {name!r}; give each its own name")
         if not NAME.fullmatch(name):
             raise ValueError(f"take {name!r}: use letters, digits and _ . + - in names")
-    return workers
 
 
-def _outcomes(jobs: list[Job], out: Path, workers: int, backend: str) -> Iterator[tuple[str, str]]:
-    """(name, "made" or "kept" or the reason why not) for every job, in any order."""
-    if workers == 1 and backend == "loky":
-        with _one_thread():
-            yield from (run_job(job, out) for job in jobs)
-        return
-    import joblib
-
-    # the pool of Ray cannot hand results out one by one
-    how = "list" if backend == "ray" else "generator_unordered"
-    with _connected(workers, backend) as options, joblib.parallel_config(backend, **options):
-        parallel = joblib.Parallel(n_jobs=workers, return_as=how)
-        yield from parallel(joblib.delayed(in_one_thread)(run_job, job, out) for job in jobs)
-
-
-@contextlib.contextmanager
-def _connected(workers: int, backend: str) -> Iterator[dict]:
-    """Options of joblib's backend, with a local Dask or Ray cluster if none is connected."""
-    if backend == "loky":
-        yield {"inner_max_num_threads": 1}
-    elif backend == "dask":
-        import distributed
-
-        try:
-            distributed.get_client()
-        except ValueError:
-            size = {"n_workers": workers, "threads_per_worker": 1}
-            with distributed.Client(**size, dashboard_address=None):
-                yield {}
-        else:
-            yield {}
-    else:
-        import ray
-        from ray.util.joblib import register_ray
-
-        started = not ray.is_initialized()
-        if started:
-            ray.init(num_cpus=workers, include_dashboard=False, log_to_driver=False)
-        register_ray()
-        try:
-            yield {}
-        finally:
-            if started:
-                ray.shutdown()
-
-
-@contextlib.contextmanager
-def _one_thread() -> Iterator[None]:
-    """Sums over several threads round differently: one thread gives the same bytes everywhere."""
-    import torch
-    from threadpoolctl import threadpool_limits
-
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        with threadpool_limits(1):
-            yield
-    finally:
-        torch.set_num_threads(threads)
-
-
-def in_one_thread(function, *given):
-    """What a function makes of its arguments, in a process of its own."""
-    import torch
-
-    torch.set_num_threads(1)
-    return function(*given)
-
-
-def run_job(job: Job, out: Path) -> tuple[str, str]:
-    """Make one take and write it, unless it is there: (name, "made" or "kept" or the reason)."""
+def run_job(job: Job, out: Path) -> str:
+    """Make one take and write it, unless it is there: "made", "kept" or "skipped: " and why."""
     made_by = recipe(job)
     path = _find(out, job.name)
     if path is not None:
         with contextlib.suppress(ValueError):
             if read_row(path)["made_by"] == made_by:
-                return job.name, KEPT
+                return KEPT
     try:
         with use_cache(out / "cache" / "features"):
             take = job.make()
@@ -187,12 +112,12 @@ def run_job(job: Job, out: Path) -> tuple[str, str]:
         if path is not None:
             path.unlink()  # the take has become bad: no old version shall pass for it
         kind = "" if isinstance(err, ValueError) else f"{type(err).__name__}: "
-        return job.name, f"skipped: {kind}{' '.join(str(err).split())}"
+        return f"skipped: {kind}{' '.join(str(err).split())}"
     folder = FOLDERS[take.kind == "composed"]
     new = write_take(out / folder / f"{job.name}.npz", take, made_by)
     if path not in (None, new):  # the old one was of the other kind
         path.unlink()
-    return job.name, MADE
+    return MADE
 
 
 def recipe(job: Job) -> str:

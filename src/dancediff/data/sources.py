@@ -63,6 +63,7 @@ def prepare_source(
     *,
     workers: int = 1,
     backend: str = "loky",
+    scheduler: str | None = None,
     progress: bool = True,
     **options,
 ) -> Summary:
@@ -72,7 +73,8 @@ def prepare_source(
 
     Raises: ValueError naming the argument; OSError when ``out`` cannot be written.
     """
-    how: dict = {"workers": workers, "backend": backend, "progress": progress}
+    how: dict = {"workers": workers, "backend": backend, "scheduler": scheduler}
+    how["progress"] = progress
     jobs = source_jobs(name, src, **options)
     if name != "cmu":
         return prepare(jobs, out, **how)

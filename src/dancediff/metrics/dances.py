@@ -73,7 +73,9 @@ def read_dance(source: Source, name: str = "dance") -> Dance:
         kind, genre = (_kind(row), _genre(row)) if isinstance(row, dict) else (kind, genre)
     if beats is not None and beats.dtype.kind not in "fiu":
         raise ValueError(f"{str(source)!r}: beats holds {beats.dtype}, not times in seconds")
-    return Dance(source.stem, kind, motion, beats, genre)
+    # `dancediff generate` calls all its files "dance"; of many each has a folder of its own
+    name = source.parent.name if source.stem == "dance" else source.stem
+    return Dance(name, kind, motion, beats, genre)
 
 
 def _kind(meta: dict) -> str:

@@ -10,16 +10,15 @@ Symbols (axes: n dancers · f frames · j joints · w windows of a dance, 1 when
     rows    feature vectors: kinetic (w n, 72), geometric (w n, 32), group (w, 72)
 """
 
-import contextlib
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
 import numpy as np
-import torch
 from torch import Tensor
 
+from dancediff.backends import run_jobs
 from dancediff.metrics.collision import tif
 from dancediff.metrics.dances import Source, read_dance
 from dancediff.metrics.drift import Drift, drift
@@ -79,6 +78,7 @@ def measure(
 
     Raises: ValueError or OSError when the dance cannot be read.
 
+    >>> import torch
     >>> still = Motion(torch.eye(3).expand(2, 30, 24, 3, 3), torch.zeros(2, 30, 3))
     >>> found = measure(still, beats=[0.5])
     >>> found.numbers["TIF"], found.numbers["BAS"], found.rows["kinetic"][0].shape
@@ -163,6 +163,7 @@ def joint_speed(joints: Tensor, *, fps: float) -> float:
 
     Raises: ValueError for fewer than 2 frames or NaN.
 
+    >>> import torch
     >>> along_x = torch.arange(4.0)[None, :, None, None] * torch.tensor([0.5, 0, 0])
     >>> joint_speed(along_x.expand(1, 4, 24, 3), fps=30.0)
     15.0
@@ -204,60 +205,50 @@ def measure_all(
     label: str,
     *,
     window: int | None = None,
-    workers: int = 1,
     progress: bool = False,
+    **how,
 ) -> tuple[list[Measured], dict[str, str]]:
     """What `measure` returns for every dance, and why some could not be read.
 
-    ``beats`` has those of each dance, or None. The results do not depend on ``workers``.
+    ``beats`` has those of each dance, or None. ``how``: who computes, see
+    `dancediff.backends.run_jobs`; the results do not depend on it.
 
     Raises: ValueError when not one dance can be read; ``label`` says of what.
     """
     from tqdm.auto import tqdm
 
-    found: list[Measured] = []
-    skipped: dict[str, str] = {}
-    jobs: list[Callable] = [
-        partial(_measure_or_reason, source, f"dance {k}", times, window)
+    jobs = [
+        partial(
+            _measure_or_reason,
+            source.absolute() if isinstance(source, Path) else source,
+            f"dance {k}",
+            times,
+            window,
+        )
         for k, (source, times) in enumerate(zip(sources, beats, strict=False))
     ]
-    outcomes = _run(jobs, min(workers, len(jobs)))
-    for outcome in tqdm(outcomes, total=len(jobs), desc=label, unit="dance", disable=not progress):
-        if isinstance(outcome, Measured):
-            found.append(outcome)
+    outcomes = run_jobs(_called, jobs, **how)
+    bar = partial(tqdm, total=len(jobs), desc=label, unit="dance", disable=not progress)
+    measured = dict(bar(outcomes))
+    found: list[Measured] = []
+    skipped: dict[str, str] = {}
+    for k, source in enumerate(sources):
+        if isinstance(measured[k], Measured):
+            found.append(measured[k])
         else:
-            skipped |= outcome
+            skipped[str(source) if isinstance(source, Path) else f"dance {k}"] = str(measured[k])
     if not found:
         name, why = next(iter(skipped.items()))
         raise ValueError(f"none of the {len(skipped)} {label} can be read; {name}: {why}")
     return found, skipped
 
 
-def _run(jobs: list[Callable], workers: int) -> Iterator[Measured | dict[str, str]]:
-    if workers == 1:
-        return (job() for job in jobs)
-    import joblib
-
-    with joblib.parallel_config("loky", inner_max_num_threads=1):
-        return joblib.Parallel(n_jobs=workers, return_as="generator")(
-            joblib.delayed(job)() for job in jobs
-        )
+def _called(job: Callable):
+    return job()
 
 
-def _measure_or_reason(source, name: str, beats, window: int | None) -> Measured | dict[str, str]:
-    with _one_thread():
-        try:
-            return measure(source, name=name, beats=beats, window=window)
-        except (ValueError, OSError, RecursionError) as err:  # the last: JSON in JSON in JSON ...
-            return {str(source) if isinstance(source, Path) else name: " ".join(str(err).split())}
-
-
-@contextlib.contextmanager
-def _one_thread():
-    """Small tensors gain nothing from threads, and sums over several of them round differently."""
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
+def _measure_or_reason(source, name: str, beats, window: int | None) -> Measured | str:
     try:
-        yield
-    finally:
-        torch.set_num_threads(threads)
+        return measure(source, name=name, beats=beats, window=window)
+    except (ValueError, OSError, RecursionError) as err:  # the last: JSON in JSON in JSON ...
+        return " ".join(str(err).split())

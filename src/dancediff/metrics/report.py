@@ -9,7 +9,6 @@ import math
 import operator
 from collections import Counter
 from dataclasses import asdict, dataclass, field
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -168,9 +167,9 @@ def evaluate_dances(
     reference=None,
     song=None,
     window: int | None = None,
-    workers: int = 1,
     seed: int = 0,
     progress: bool = False,
+    **how,
 ) -> Report:
     r"""Every metric of many dances, with a 95 % bootstrap interval over dances.
 
@@ -181,7 +180,8 @@ def evaluate_dances(
     - ``window``: cut every dance (the reference's too) into pieces of so many frames. Values are
       then over windows. The bootstrap still draws whole dances: windows of one dance are alike,
       and drawing them singly would make the intervals too narrow.
-    - ``workers``: so many processes; the numbers do not depend on it.
+    - ``how``: ``workers``, ``backend`` and ``scheduler`` of `dancediff.backends.run_jobs`; the
+      numbers do not depend on them.
 
     The reference is taken as it is, so intervals do not tell how it would vary.
     A dance that cannot be read is skipped and named; a metric that cannot be computed is nan, with
@@ -193,14 +193,12 @@ def evaluate_dances(
     others = None if reference is None else find_dances(reference)
     if window is not None and operator.index(window) < SHORTEST_WINDOW:
         raise ValueError(f"window={window} must be at least {SHORTEST_WINDOW} frames")
-    if operator.index(workers) < 1:
-        raise ValueError(f"workers={workers} must be at least 1")
-    how = partial(measure_all, window=window, workers=workers, progress=progress)
-    measured, skipped = how(sources, _beats(song, len(sources)), "dances")
+    how |= {"window": window, "progress": progress}
+    measured, skipped = measure_all(sources, _beats(song, len(sources)), "dances", **how)
     real: list[Measured] | None = None
     notes = [] if window is None else [f"dances are cut into windows of {window} frames"]
     if others is not None:
-        real, lost = how(others, itertools.repeat(None), "reference")
+        real, lost = measure_all(others, itertools.repeat(None), "reference", **how)
         skipped |= {f"reference {name}": why for name, why in lost.items()}
         if both := len(_identities(sources) & _identities(others)):
             notes.append(f"{both} dances are in the reference too: distances to it are too small")

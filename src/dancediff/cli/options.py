@@ -1,0 +1,109 @@
+"""The options of `dancediff generate` and the columns of a manifest: those of all requests.
+
+Read first: `dancediff.generation.request` · `dancediff.generation.option`.
+"""
+
+from dataclasses import Field, field, fields
+from typing import Annotated, Any, Literal, get_args, get_origin
+
+import tyro
+
+from dancediff.generation.option import kinds_of
+from dancediff.generation.presets import PRESETS
+from dancediff.generation.request import REQUESTS, default_of
+
+NOT_HERE = ("start", "end", "constraints")  # more than a word can say
+WORDS = {bool: "True|False", int: "INT", float: "FLOAT", str: "STR", tuple[int, ...]: "INT INT ..."}
+OTHER_TYPES: dict[str, Any] = {
+    "swap": tuple[int, ...],
+    "dtype": Literal["float32", "bfloat16", "fastest"],
+    "device": str,
+    "energy": str,
+}
+KINDS: dict[object, str] = {
+    bool: "True or False",
+    int: "a whole number",
+    float: "a number",
+    tuple[int, ...]: "whole numbers, such as 1 0 2",
+}
+
+
+def kind_of(one: Field) -> Any:
+    """The type of an option where it is given as text."""
+    if choices := one.metadata["choices"]:
+        return Literal[choices]
+    known = OTHER_TYPES.get(one.name)
+    return known or next(kind for kind in (bool, int, float, str) if kind in kinds_of(one))
+
+
+def command_option(one: Field) -> tuple[str, Any, Any]:
+    """A field of the command: None unless it is given, so that the preset can decide."""
+    kind = kind_of(one)
+    of = WORDS.get(kind) or "|".join(map(str, get_args(kind)))
+    shown = tyro.conf.arg(
+        help=one.metadata["help"], metavar=of, help_behavior_hint=_defaults(one.name)
+    )
+    return one.name, Annotated[kind | None, shown], field(default=None)
+
+
+def in_words(kind) -> str:
+    """What values of a type look like.
+
+    >>> in_words(int), in_words(Literal["a", "b"])
+    ('a whole number', 'one of a, b')
+    """
+    if get_origin(kind) is Literal:
+        return f"one of {', '.join(get_args(kind))}"
+    return KINDS.get(kind, "another value")
+
+
+def read_option(name: str, text: str):
+    """The value of an option that stands in a cell of a table.
+
+    Raises: ValueError saying what it must be.
+
+    >>> read_option("swap", "1 0 2"), read_option("seconds", "7.5"), read_option("genre", "salsa")
+    ((1, 0, 2), 7.5, 'salsa')
+    >>> read_option("dancers", "three")
+    Traceback (most recent call last):
+    ValueError: dancers 'three': give a whole number
+    """
+    kind = kind_of(FIELDS[name])
+    try:
+        if kind is bool:
+            return {"true": True, "false": False}[text.lower()]
+        if get_origin(kind) is Literal:
+            return get_args(kind)[get_args(kind).index(text)]
+        if get_origin(kind) is tuple:
+            return tuple(map(int, text.replace(",", " ").split()))
+        return kind(text)
+    except (ValueError, KeyError):
+        raise ValueError(f"{name} {text!r}: give {in_words(kind)}") from None
+
+
+def _defaults(name: str) -> str:
+    """Which models have an option, and its defaults.
+
+    >>> _defaults("steps")
+    '(default: tcdiffpp 12, lodge 20, edge 20; paper: 50)'
+    >>> _defaults("soft")
+    '(lodge; default: 1.0)'
+    """
+    families = [family for family, request in REQUESTS.items() if name in request.names()]
+    words = [", ".join(families)] if len(families) < len(REQUESTS) else []
+    for preset in PRESETS:
+        values = {family: default_of(family, name, preset) for family in families}
+        shown = dict.fromkeys(str(value) for value in values.values())
+        text = ", ".join(f"{family} {v}" for family, v in values.items() if v is not None)
+        text = next(iter(shown)) if len(shown) == 1 else text
+        if text != "None" and not (words and words[-1].endswith(f": {text}")):
+            words.append(f"{'default' if preset == 'packaged' else preset}: {text}")
+    return f"({'; '.join(words)})" if words else ""
+
+
+FIELDS = {
+    one.name: one
+    for request in REQUESTS.values()
+    for one in fields(request)
+    if one.name not in NOT_HERE
+}
