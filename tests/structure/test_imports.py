@@ -10,7 +10,19 @@ import pytest
 from places import SOURCE
 
 ORDER = [  # lowest first; a module imports its own part and lower ones
-    *["atomic", "arrays", "axes", "backends", "lookup", "genre", "music", "motion", "data", "diffusion", "nn"],
+    *[
+        "atomic",
+        "arrays",
+        "axes",
+        "backends",
+        "lookup",
+        "genre",
+        "music",
+        "motion",
+        "data",
+        "diffusion",
+        "nn",
+    ],
     *["metrics", "papers", "extensions", "generation", "viz", "export", "io", "training", "hub"],
     *["exercises", "grading", "nb", "cli"],
 ]

@@ -1,6 +1,7 @@
 """The parser's complaints as one plain line."""
 
 import re
+from dataclasses import fields
 from types import UnionType
 from typing import Annotated, Union, get_args, get_origin
 
@@ -26,7 +27,8 @@ def explain(args: list[str], words: str) -> str:
     ]
     if bad := re.search(r"(?:parsing |argument ')(--[\w-]+)", " ".join(bare)):
         option = bad[1]
-        kind = _kind(COMMANDS[command].__annotations__.get(option[2:].replace("-", "_")))
+        types = {one.name: one.type for one in fields(COMMANDS[command])}
+        kind = _kind(types.get(option[2:].replace("-", "_")))
         return f"{option} {_value_of(option, args)!r}: give {kind}{see}"
     for old, (new, values) in RENAMED.items() if command == "generate" else ():
         if (value := _value_of(f"--{old}", args)) or f"--{old}" in args:

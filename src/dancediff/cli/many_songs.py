@@ -24,7 +24,7 @@ from tqdm.auto import tqdm
 from dancediff import hub
 from dancediff.atomic import atomic_write
 from dancediff.axes import FPS
-from dancediff.backends import run_jobs
+from dancediff.backends import check_backend, run_jobs
 from dancediff.cli.files import HIDDEN, check_targets, file_of, song_named
 from dancediff.cli.one_song import dance_to
 from dancediff.cli.song_list import PACKAGED, SongRow
@@ -98,17 +98,25 @@ class DanceJob:
 
 
 def dance_to_many(
-    rows: list[SongRow], out, formats: list[str], *, progress: bool = True, **how
+    rows: list[SongRow],
+    out,
+    formats: list[str],
+    *,
+    workers: int = 1,
+    backend: str = "loky",
+    scheduler: str | None = None,
+    progress: bool = True,
 ) -> ManySongs:
     """Make the dances of ``rows`` that the folder ``out`` lacks.
 
-    ``how``: see `dancediff.backends.run_jobs`. One run at a time may make a dance. Every process
-    loads a model once. A song that cannot be danced to is told in the result, and no reason to
-    stop.
+    ``workers``, ``backend``, ``scheduler``: see `dancediff.backends.run_jobs`. One run
+    at a time may make a dance. Every process loads a model once. A song that cannot be danced to is
+    told in the result, and no reason to stop.
 
     Raises: ValueError naming an unknown model or the argument; RuntimeError when a machine of a
     cluster has another version of dancediff, or no such folder.
     """
+    check_backend(workers, backend, scheduler)
     out = Path(out).absolute()
     models = {row.model: hub.model_folder(row.model) for row in rows}
     code = code_digest(CODE)
@@ -121,8 +129,9 @@ def dance_to_many(
         jobs.append(DanceJob(whole, out / row.name, out, formats, code))
     out.mkdir(parents=True, exist_ok=True)
     summary = ManySongs(rows)
+    outcomes = run_jobs(make_dance, jobs, workers=workers, backend=backend, scheduler=scheduler)
     with tqdm(total=len(jobs), desc="dancing", unit="song", disable=not progress) as bar:
-        for k, outcome in run_jobs(make_dance, jobs, **how):
+        for k, outcome in outcomes:
             name = rows[k].name
             if isinstance(outcome, tuple):
                 summary.outcomes[name], summary.facts_of[name] = outcome

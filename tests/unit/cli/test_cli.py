@@ -42,6 +42,7 @@ def songs(tmp_path):
         b"OggS" + bytes(rng.integers(0, 256, 400, dtype=np.uint8))
     )
     (tmp_path / "file").write_text("in the way")
+    (tmp_path / "hollow").mkdir()
     return tmp_path
 
 
@@ -69,8 +70,13 @@ def songs(tmp_path):
         (["noise.wav", "--feet", "planted"], ["--feet planted is now --foot-contact True"]),
         (["noise.wav", "--sampler", "euler"], ["--sampler 'euler'", "one of dpm, ddim, ddpm"]),
         (["noise.wav", "--preset", "best"], ["--preset 'best'", "one of packaged, paper"]),
-        (["noise.wav", "more.wav"], ["more.wav", "generate --help"]),
-        (["."], ["folder", "wav, flac"]),
+        (["hollow"], ["'hollow'", "wav, flac"]),
+        (["noise.wav", "noise.wav"], ["2 dances", "'noise'", "manifest"]),
+        (["list.csv"], ["list.csv", "does not exist"]),
+        (["noise.wav", "--workers", "0"], ["workers=0"]),
+        (["noise.wav", "--workers", "2", "--model", "nobody"], ["'nobody'", "tcdiffpp"]),
+        (["noise.wav", "--backend", "spark"], ["--backend 'spark'", "loky, dask"]),
+        (["noise.wav", "--scheduler", "host:1"], ["scheduler='host:1'", "dask and ray only"]),
         (["noise.wav", "--steps", "0"], ["steps=0"]),
         (["noise.wav", "--model", "nobody"], ["'nobody'", "tcdiffpp"]),
         (["noise.wav", "--formats", "npz,exe"], ["'exe'", "npz,mp4,png,html,glb,bvh,smpl"]),

@@ -265,29 +265,3 @@ def test_bad_arguments_are_named(tmp_path, jobs, options, words):
     with pytest.raises(ValueError, match=words):
         prepare(jobs, tmp_path / "out", progress=False, **options)
     assert not (tmp_path / "out").exists()
-
-
-@pytest.mark.parametrize(("backend", "package"), [("dask", "dask"), ("ray", "ray")])
-def test_missing_backend_says_what_to_install(tmp_path, monkeypatch, backend, package):
-    monkeypatch.setitem(sys.modules, module._MODULES[backend], None)
-    with pytest.raises(ValueError, match=f'pip install "{package}'):
-        prepare(jobs_of(1), tmp_path, backend=backend, progress=False)
-
-
-@pytest.mark.parametrize("backend", ["dask", "ray"])
-def test_other_backends_give_the_same_bytes(tmp_path, backend):
-    pytest.importorskip(module._MODULES[backend])
-    code = (
-        f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r})\n"
-        "from test_prepare import jobs_of, prepare\n"
-        "if __name__ == '__main__':\n"
-        "    prepare(jobs_of(3), sys.argv[1], workers=int(sys.argv[2]), backend=sys.argv[3])"
-    )
-    (tmp_path / "run.py").write_text(code)
-    environment = os.environ | {
-        "PYTHONPATH": os.pathsep.join([str(Path(__file__).parent), *sys.path])
-    }
-    for folder, workers, name in (("a", "1", "loky"), ("b", "2", backend)):
-        command = [sys.executable, tmp_path / "run.py", tmp_path / folder, workers, name]
-        subprocess.run(command, check=True, env=environment, capture_output=True)
-    assert content(tmp_path / "a") == content(tmp_path / "b")

@@ -1,0 +1,92 @@
+"""Jobs on the processes of this machine; the clusters are in tests/cluster."""
+
+import os
+import signal
+import sys
+import time
+from functools import partial
+
+import pytest
+import torch
+
+from dancediff.backends import TRIES, WorkerDied, check_backend, run_jobs
+
+
+def square(x):
+    return x * x, os.getpid(), torch.get_num_threads()
+
+
+def dies(x, folder, often):
+    """Kill the process that computes job 2, so many times."""
+    time.sleep(0.05)
+    if x == 2 and len(list(folder.iterdir())) < often:
+        (folder / f"{time.time_ns()}").touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return x
+
+
+def fails(x):
+    if x == 2:
+        raise OSError(28, "No space left on device")
+    return x
+
+
+def test_results_come_with_the_numbers_of_their_jobs():
+    alone = dict(run_jobs(square, range(5)))
+    assert {k: value[0] for k, value in alone.items()} == {0: 0, 1: 1, 2: 4, 3: 9, 4: 16}
+    assert {value[1:] for value in alone.values()} == {(os.getpid(), 1)}
+
+
+def test_threads_are_as_before_afterwards():
+    before = torch.get_num_threads()
+    torch.set_num_threads(2)
+    try:
+        assert dict(run_jobs(square, [1]))[0][2] == 1
+        assert torch.get_num_threads() == 2
+    finally:
+        torch.set_num_threads(before)
+
+
+def test_functions_of_a_notebook_run_in_other_processes():
+    found = dict(run_jobs(lambda x: (x + 1, os.getpid()), range(4), workers=2))
+    assert [found[k][0] for k in range(4)] == [1, 2, 3, 4]
+    assert os.getpid() not in {pid for _, pid in found.values()}
+
+
+@pytest.mark.skipif(os.name == "nt", reason="SIGKILL is of Unix")
+@pytest.mark.parametrize("often", [1, TRIES])
+def test_a_killed_process_costs_no_other_job(tmp_path, often):
+    found = dict(run_jobs(partial(dies, folder=tmp_path, often=often), range(6), workers=2))
+    two = found.pop(2)
+    assert found == {k: k for k in (0, 1, 3, 4, 5)}
+    assert isinstance(two, WorkerDied) if often == TRIES else two == 2
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_what_a_job_raises_ends_the_run(workers):
+    with pytest.raises(OSError, match="No space left"):
+        list(run_jobs(fails, range(6), workers=workers))
+
+
+def test_a_job_may_run_jobs():
+    assert dict(run_jobs(lambda x: dict(run_jobs(abs, [x])), [-3]))[0] == {0: 3}
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ((0, "loky"), "workers=0 must be at least 1"),
+        ((1, "spark"), "backend='spark' is not one of loky, dask, ray"),
+        ((1, "loky", "host:1"), "scheduler='host:1' goes with"),
+    ],
+)
+def test_bad_arguments_are_named(options, words):
+    with pytest.raises(ValueError, match=words):
+        check_backend(*options)
+
+
+@pytest.mark.parametrize(("backend", "module"), [("dask", "distributed"), ("ray", "ray")])
+def test_a_missing_backend_says_what_to_install(monkeypatch, backend, module):
+    monkeypatch.setitem(sys.modules, module, None)
+    with pytest.raises(ValueError, match=r'pip install "dancediff\[cluster\]"'):
+        check_backend(1, backend)
