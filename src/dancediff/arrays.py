@@ -4,15 +4,21 @@ import io
 import math
 import struct
 import zipfile
+import zlib
 from pathlib import Path
 
 import numpy as np
 
+_BROKEN = (
+    OSError, zipfile.BadZipFile, zlib.error, EOFError, SyntaxError, RuntimeError, struct.error,
+)  # fmt: skip
 
-def read_arrays(path, names: tuple[str, ...] = ()) -> dict[str, np.ndarray]:
-    """The arrays of an uncompressed .npz, all or those with the ``names`` that are there.
 
-    No memory is taken for more than the file holds, whatever its headers promise.
+def read_arrays(path, names: tuple[str, ...] = (), *, expand: int = 0) -> dict[str, np.ndarray]:
+    """The arrays of an .npz, all or those with the ``names`` that are there.
+
+    No memory is taken for more than the file holds, whatever its headers promise; for more than
+    ``expand`` bytes if its arrays are compressed.
 
     Raises: FileNotFoundError, or ValueError telling what is broken.
     """
@@ -21,14 +27,15 @@ def read_arrays(path, names: tuple[str, ...] = ()) -> dict[str, np.ndarray]:
     try:
         with zipfile.ZipFile(path) as archive:
             members = archive.infolist()
-            if sum(max(m.file_size, m.compress_size) for m in members) > size or any(
-                m.compress_type != zipfile.ZIP_STORED for m in members
-            ):
+            kinds = {m.compress_type for m in members} - {zipfile.ZIP_STORED}
+            known = {zipfile.ZIP_DEFLATED} if expand else set()
+            total = sum(max(m.file_size, m.compress_size) for m in members)
+            if kinds - known or total > (max(size, expand) if kinds else size):
                 raise ValueError("its arrays are compressed, or larger than the file itself")
             named = {m.filename.removesuffix(".npy"): m for m in members}
             keys = [name for name in named if name in names] if names else named
             return {name: _array(archive.read(named[name])) for name in keys}
-    except (OSError, zipfile.BadZipFile, EOFError, SyntaxError, RuntimeError, struct.error) as err:
+    except _BROKEN as err:
         # a broken zip may even ask for a place before the file's first byte (OSError)
         raise ValueError(f"{type(err).__name__}: {err}") from err
 

@@ -21,9 +21,10 @@ class Prepare:
     """Turn a data set into one folder of takes that training reads; a stopped run goes on."""
 
     source: tyro.conf.Positional[
-        Literal["aioz", "finedance", "aistpp", "cmu", "choreograph", "songs"]
+        Literal["aioz", "finedance", "aistpp", "cmu", "choreograph", "songs", "folder"]
     ]
-    """Which data set; choreograph makes synthetic dances to synthetic songs, songs to your own."""
+    """Which data set; folder: your own BVH, glTF, SMPL or .npz files. choreograph makes synthetic
+    dances to synthetic songs, songs to your own."""
     src: tyro.conf.Positional[str]
     """The folder that holds the data set or the songs; for choreograph: how many dances."""
     dst: tyro.conf.Positional[Path]
@@ -43,13 +44,22 @@ class Prepare:
     augment: int | None = None
     """For songs: how many changed versions of each are danced to as well; default: 0."""
     licence: str | None = None
-    """For songs: the licence of those that no songs.toml and no copyright file tells about."""
+    """For songs and folder: the licence of what no file beside it tells about."""
+    group: str | None = None
+    """For folder: how files of one group are named, such as "{take}_{dancer}"."""
+    fps: float | None = None
+    """For folder: the true frame rate where the files' own is wrong."""
+    up: Literal["x", "y", "z", "-x", "-y", "-z"] | None = None
+    """For folder: the axis that points up; default: found from the bodies."""
+    unit: float | None = None
+    """For folder: metres to one unit of the files; default: found from the bodies."""
     json: bool = False
     """Print one line of JSON instead of text."""
 
     def run(self) -> None:
         """Prepare, then say what the folder holds and what was skipped."""
         from dancediff.data.sources import prepare_source
+        from dancediff.viz.source_and_result import draw_source_and_result
 
         check_folder(self.dst, "DST")
         summary = prepare_source(
@@ -65,8 +75,16 @@ class Prepare:
             dances_per_song=self.dances_per_song,
             augment=self.augment,
             licence=self.licence,
+            group=self.group,
+            fps=self.fps,
+            up=self.up,
+            unit=self.unit,
+            draw=draw_source_and_result,
         )
-        tell(self.json, summary.facts(), [str(summary), f"prepared data: {self.dst}"])
+        lines = [str(summary), f"prepared data: {self.dst}"]
+        if self.source == "folder":
+            lines.append(f"check {self.dst / 'report.md'}, folder.toml and pictures/ beside it")
+        tell(self.json, summary.facts(), lines)
         if not summary.prepared:
             reason = next(iter(summary.skipped.values()))
             raise RuntimeError(

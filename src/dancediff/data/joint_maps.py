@@ -10,6 +10,7 @@ import re
 import tomllib
 from collections.abc import Iterable
 from itertools import pairwise
+from os.path import commonprefix
 from pathlib import Path
 
 from dancediff.motion.skeleton import SMPL24
@@ -73,8 +74,9 @@ def bones(mapped: Iterable[str]) -> list[tuple[str, str]]:
 
 def _named(names: list[str], which: str) -> dict[str, str]:
     bare: dict[str, str] = {}
+    shared = len(commonprefix(names))  # noqa: RUF071  names such as "dancer 1 lhip", no paths
     for name in names:
-        bare.setdefault(_bare(name), name)
+        bare.setdefault(_bare(name[shared:]), name)
     found: dict[str, str] = {}
     for ours, options in MAPS[which].items():
         for k, side in (("l", "left"), ("r", "right")) if "#" in ours else (("", ""),):
@@ -84,7 +86,9 @@ def _named(names: list[str], which: str) -> dict[str, str]:
                 for word in options.split()
                 for mark in ((side, k) if "#" in word else ("",))
             ]
-            tries += [word[1:] + k for word in options.split() if word[0] == "#"]
+            tries += [
+                word[1:] + mark for word in options.split() if word[0] == "#" for mark in (k, side)
+            ]
             left = (
                 bare[name] for name in tries if name in bare and bare[name] not in found.values()
             )

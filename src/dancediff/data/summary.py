@@ -21,6 +21,7 @@ class Summary:
     skipped: dict[str, str] = field(default_factory=dict)  # name: reason
     counts: dict[tuple, Counter] = field(default_factory=dict)  # by (kind, music, dancers)
     measured: dict[str, list[float]] = field(default_factory=dict)  # of retargeted takes
+    doubts: dict[str, list[str]] = field(default_factory=dict)  # what a person should look at
 
     @property
     def prepared(self) -> int:
@@ -34,6 +35,8 @@ class Summary:
         count.update({"takes": 1, "frames": row["frames"], row["split"]: 1})
         if set(MEASURED) <= set(row["notes"]):
             self.measured[row["name"]] = [row["notes"][key] for key in MEASURED]
+        if doubts := row["notes"].get("doubts"):
+            self.doubts[row["name"]] = doubts
 
     def then(self, later: "Summary") -> "Summary":
         """Both runs as one, which leave the folder as the later one does."""
@@ -51,6 +54,7 @@ class Summary:
             for key, count in sorted(self.counts.items())
         ]
         facts = {"folder": str(self.folder), "made": self.made, "kept": self.kept}
+        facts |= {"doubts": self.doubts} if self.doubts else {}
         return facts | {"skipped": self.skipped, "takes": rows, "measured": self.measured}
 
     def __str__(self) -> str:
@@ -67,6 +71,8 @@ class Summary:
             lines.append(
                 f"{name:20} {off:11.2f} {source:16.1%} {ours:5.1%} {below:8.3f} m {low:5.3f} m"
             )
+        lines += ["", "in doubt:"] if self.doubts else []
+        lines += [f"    {name}: {'; '.join(why)}" for name, why in sorted(self.doubts.items())]
         lines += ["", f"made {self.made}, kept {self.kept}, skipped {len(self.skipped)}"]
         lines += [f"    {name}: {reason}" for name, reason in sorted(self.skipped.items())]
         return "\n".join(lines)

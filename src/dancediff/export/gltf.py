@@ -7,7 +7,6 @@ parts, or move the skin of ``dancer 1 body``; one animation turns them all. glTF
 and quaternions (x, y, z, w), as we do.
 """
 
-import json
 import struct
 from pathlib import Path
 
@@ -17,6 +16,8 @@ import torch
 
 from dancediff import __version__
 from dancediff.atomic import atomic_write
+from dancediff.data.folder.gltf import OWN_FORMAT as FORMAT
+from dancediff.data.folder.gltf import chunks
 from dancediff.motion.motion import Motion
 from dancediff.motion.skeleton import SMPL24
 from dancediff.viz.mannequin import lighter, steady_quaternions
@@ -24,7 +25,6 @@ from dancediff.viz.palette import dancer_color
 from dancediff.viz.skin import body_skin, rest_joints
 from dancediff.viz.solids import body_solids
 
-FORMAT = "dancediff-gltf-1"
 FLOAT, UINT16 = 5126, 5123
 VERTICES, TRIANGLES = 34962, 34963  # what a buffer view is for
 BODIES = ("mannequin", "mesh")
@@ -70,7 +70,7 @@ def load_glb(path) -> Motion:
     path = Path(path)
     content = path.read_bytes()
     try:
-        book, blob = _chunks(content)
+        book, blob = chunks(content)
         extras = book["asset"].get("extras", {})
         if extras.get("format") != FORMAT:
             raise ValueError(f"format is {extras.get('format')!r}, not {FORMAT!r}")
@@ -223,20 +223,6 @@ def _animate(file: _File, motion: Motion, roots: list[int]) -> None:
         for j in range(SMPL24.num_joints):
             follow(root + j, "rotation", np.ascontiguousarray(turns[k, :, j]))
     file.book.animations.append(dance)
-
-
-def _chunks(content: bytes) -> tuple[dict, bytes]:
-    """The JSON and the binary part of a .glb.
-
-    pygltflib, which writes our files, would build an object for every entry of a stranger's JSON:
-    a hundred times slower.
-    """
-    magic, version, _ = struct.unpack_from("<4sII", content)
-    length, kind = struct.unpack_from("<I4s", content, 12)
-    if (magic, version, kind) != (b"glTF", 2, b"JSON"):
-        raise ValueError("it does not begin as a glTF 2.0 file does")
-    book = json.loads(content[20 : 20 + length])
-    return book, content[28 + length :]  # behind the header of the second chunk
 
 
 def _read(book: dict, blob: bytes, extras: dict) -> Motion:

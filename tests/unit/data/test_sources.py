@@ -64,8 +64,10 @@ def test_nothing_prepared_is_exit_status_one(tmp_path, capsys):
 
 
 def test_every_source_has_a_reader(tmp_path):
-    assert set(SOURCES) == {"aioz", "finedance", "aistpp", "cmu", "choreograph", "songs"}
-    for name in set(SOURCES) - {"choreograph"}:
+    assert set(SOURCES) == {"aioz", "finedance", "aistpp", "cmu", "choreograph", "songs", "folder"}
+    with pytest.raises(ValueError, match=str(tmp_path)):
+        sources.prepare_source("folder", tmp_path, tmp_path / "out")
+    for name in set(SOURCES) - {"choreograph", "folder"}:
         with pytest.raises(ValueError, match=str(tmp_path)):
             source_jobs(name, tmp_path)  # an empty folder
     with pytest.raises(ValueError, match="source='edge'"):

@@ -1,0 +1,1 @@
+"""Anybody's motion: what `dancediff prepare folder` reads, finds out, and reports."""

@@ -1,0 +1,221 @@
+r"""A take from files of motion capture of any kind.
+
+Read first: `dancediff.data.folder.posture` · `dancediff.data.retarget`.
+
+Dancers of one take share a world: one scale for all, and one shift that brings the middle of the
+whole take to the middle of the stage. Only heights are fitted for each dancer alone.
+"""
+
+import contextlib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from hashlib import sha256
+from pathlib import Path
+
+import torch
+from torch import Tensor
+
+from dancediff.arrays import read_arrays
+from dancediff.data.bvh import read_bvh
+from dancediff.data.folder.gltf import read_gltf
+from dancediff.data.folder.posture import UPS, Found, Given, settle
+from dancediff.data.folder.smpl import COMPRESSED, read_smpl
+from dancediff.data.folder.takes import TakePlan
+from dancediff.data.folder.tree import tree_of_motion
+from dancediff.data.formats import make_take, on_the_floor
+from dancediff.data.resample import resample_motion
+from dancediff.data.retarget import leg_scale, retarget
+from dancediff.data.soundtrack import with_soundtrack
+from dancediff.data.summary import MEASURED
+from dancediff.data.take import DanceTake
+from dancediff.motion.motion import Motion
+from dancediff.motion.rotation import rotation_about
+from dancediff.motion.skeleton import SMPL24
+from dancediff.music.song import Music
+
+VAL_SHARE = 0.1
+SLIDES = 0.7  # share of the frames with a foot down; real dancers stay below 0.55
+FAR_OFF = 6.0  # degrees of mean direction error; recordings that fit stay below 3
+REPAIRED = 0.1  # share of frames in which something was replaced
+UNKNOWN = "unknown"
+Draw = Callable[[str, list[tuple[Tensor, tuple[int, ...], float]], Motion, Path], None]
+
+
+@dataclass
+class Dancer:
+    """One dancer of a take: the dance, and the source's joints in metres, y up."""
+
+    motion: Motion
+    source: tuple[Tensor, tuple[int, ...], float]  # (f, j, 3), parents, frames a second
+    numbers: dict = field(default_factory=dict)
+    skeleton: dict | None = None  # what was found of a joint tree; SMPL needs none
+    repaired: list[str] = field(default_factory=list)
+    doubts: list[str] = field(default_factory=list)
+
+
+def make_folder_take(
+    plan: TakePlan, givens: tuple[Given, ...], *, draw: Draw | None = None, pictures: Path | None,
+) -> DanceTake:  # fmt: skip
+    """Read, turn upright, repair and retarget the dancers of a take, and look what is in doubt.
+
+    Raises: ValueError naming the file and what is wrong with it.
+    """
+    read: list[tuple[str, Found | Dancer]] = []
+    for path, label, given in zip(plan.files, plan.labels, givens, strict=True):
+        with _named(label):
+            read += [(label, one) for one in read_file(path, given)]
+    scales = [leg_scale(one.bvh, one.joints) for _, one in read if isinstance(one, Found)]
+    scale = sum(scales) / max(len(scales), 1)
+    dancers = []
+    for label, one in read:
+        with _named(label):
+            dancers.append(_retargeted(one, label, scale) if isinstance(one, Found) else one)
+    motion = _on_one_stage([dancer.motion for dancer in dancers])
+    doubts = [doubt for dancer in dancers for doubt in dancer.doubts]
+    if plan.song is not None:
+        doubts += _length_doubts(motion, Music.load(plan.song))
+    notes = {
+        "files": list(plan.labels),
+        "skeletons": [dancer.skeleton for dancer in dancers if dancer.skeleton],
+        "repaired": list(dict.fromkeys(one for d in dancers for one in d.repaired)),
+        "doubts": list(dict.fromkeys(doubts)),
+        **_mean_numbers([dancer.numbers for dancer in dancers if dancer.numbers]),
+    }
+    group = plan.name if plan.song is None else f"song {plan.song.name}"
+    take = make_take(
+        plan.name,
+        motion,
+        plan.song,
+        notes=notes,
+        source=plan.source or f"files {', '.join(plan.labels)}"[:200],
+        licence=plan.licence or UNKNOWN,
+        split=plan.split or _split(group),
+        group=group,
+        genre=plan.genre,
+    )
+    if draw is not None and pictures is not None:
+        draw(plan.name, [dancer.source for dancer in dancers], take.motion, pictures)
+    return with_soundtrack(take) if take.M is None else take
+
+
+@contextlib.contextmanager
+def _named(label: str) -> Iterator[None]:
+    try:
+        yield
+    except (OSError, ValueError) as err:
+        raise ValueError(f"{label}: {err}") from err
+
+
+def read_file(path: Path, given: Given) -> list[Found | Dancer]:
+    """All dancers of a file: joint trees made upright, or dancers that need no retargeting.
+
+    Raises: OSError or ValueError telling what is wrong with it.
+    """
+    kind = path.suffix.lower()
+    if kind == ".bvh":
+        trees = [read_bvh(path, fps=given.fps, scale=1.0)]
+    elif kind in (".glb", ".gltf"):
+        trees = read_gltf(path)
+    elif kind == ".npz" and "rot6d" in read_arrays(path, ("rot6d",), expand=COMPRESSED):
+        motion = Motion.load(path)
+        if motion.skeleton.names == SMPL24.names:
+            return [*_as_they_are(resample_motion(motion))]
+        trees = [tree_of_motion(motion, k) for k in range(motion.num_dancers)]
+    else:
+        return [*_smpl_dancers(path, given)]
+    return [settle(tree, given) for tree in trees]
+
+
+def _retargeted(found: Found, label: str, scale: float) -> Dancer:
+    bvh = found.bvh
+    motion, numbers = retarget(bvh, found.joints, scale=scale)
+    repairs = numbers.pop("repairs")
+    repaired = list(found.repaired)
+    if repairs:
+        frames = sum(row["last"] - row["first"] + 1 for row in repairs if row["joint"] == "body")
+        joints = sorted({row["joint"] for row in repairs})
+        repaired.append(f"{len(repairs)} stretches of {', '.join(joints[:6])}")
+        if frames > REPAIRED * bvh.num_frames:
+            found.doubts.append(
+                f"the whole body was replaced in {frames} of {bvh.num_frames} frames"
+            )
+    if numbers["skating"] > SLIDES:
+        found.doubts.append(
+            f"feet slide in {numbers['skating']:.0%} of the frames: fps or the unit may be wrong"
+        )
+    if numbers["direction_error"] > FAR_OFF:
+        found.doubts.append(f"limbs are {numbers['direction_error']:.0f} degrees off: check joints")
+    source = (bvh.world()[0].float(), bvh.parents, bvh.fps)
+    skeleton = {"file": label, "joints": found.joints, **found.facts}
+    return Dancer(motion, source, numbers, skeleton, repaired, found.doubts)
+
+
+def _as_they_are(motion: Motion) -> list[Dancer]:
+    """Dancers that need no retargeting."""
+    points = motion.joints()
+    return [
+        Dancer(motion.dancer(k), (points[k], SMPL24.parents, motion.fps))
+        for k in range(motion.num_dancers)
+    ]
+
+
+def _smpl_dancers(path: Path, given: Given) -> list[Dancer]:
+    """Dancers of a file of SMPL arrays, turned upright and put on the floor."""
+    motion, tells_rate = read_smpl(path)
+    motion = replace(motion, fps=given.fps or motion.fps, root=motion.root * (given.unit or 1.0))
+    points = motion.joints()
+    at = SMPL24.index
+    body = points[:, :, at("neck")] - points[:, :, [at("lankle"), at("rankle")]].mean(2)
+    mean = torch.nn.functional.normalize(body, dim=-1).mean((0, 1))
+    axis = int(mean.abs().argmax())
+    up = given.up or ("-" if mean[axis] < 0 else "") + "xyz"[axis]
+    letter, degrees = UPS[up]
+    turn = rotation_about(letter, torch.deg2rad(torch.tensor(degrees)))
+    pose = motion.pose.clone()
+    pose[:, :, 0] = turn @ pose[:, :, 0]
+    motion = replace(motion, pose=pose, root=motion.root @ turn.T)
+    motion, floors = on_the_floor(resample_motion(motion))
+    dancers = _as_they_are(motion)
+    for dancer, floor in zip(dancers, floors, strict=True):
+        if not tells_rate and given.fps is None:
+            dancer.doubts.append("it tells no frame rate; 30 was taken, else give fps")
+        if mean[axis].abs() < 0.7 and given.up is None:
+            dancer.doubts.append(f"the body is seldom upright; {up} was taken as up")
+        if abs(floor) > 0.01:
+            dancer.repaired.append(f"{up} up; moved {-floor:+.2f} m to the floor")
+    return dancers
+
+
+def _on_one_stage(solos: list[Motion]) -> Motion:
+    """Stack dancers of one world, cut to the shortest, the take's middle over the stage's."""
+    f = min(solo.num_frames for solo in solos)
+    pose, root = (torch.cat([getattr(one, part)[:, :f] for one in solos]) for part in _PARTS)
+    middle = root.mean((0, 1)) * root.new_tensor([1.0, 0.0, 1.0])
+    return Motion(pose, root - middle, solos[0].fps)
+
+
+_PARTS = ("pose", "root")
+
+
+def _length_doubts(motion: Motion, song: Music) -> list[str]:
+    """A song of half or twice the length tells of a wrong frame rate."""
+    ratio = motion.duration / song.duration
+    for times in (0.5, 2.0, 4.0):
+        if abs(ratio / times - 1) < 0.02:
+            return [f"the motion lasts {ratio:.2f} times as long as its song: fps may be wrong"]
+    return []
+
+
+def _mean_numbers(rows: list[dict]) -> dict:
+    """Of what was measured the mean over dancers, of penetration the worst."""
+    rows = [row for row in rows if set(MEASURED) <= set(row)]
+    if not rows:
+        return {}
+    mean = {key: sum(row[key] for row in rows) / len(rows) for key in MEASURED}
+    return mean | {"penetration_p95": max(row["penetration_p95"] for row in rows)}
+
+
+def _split(group: str) -> str:
+    """Train or val, by the group's name."""
+    side = int.from_bytes(sha256(f"folder {group}".encode()).digest()[:8])
+    return "val" if side < VAL_SHARE * 2**64 else "train"

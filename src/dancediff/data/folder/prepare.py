@@ -1,0 +1,89 @@
+"""A folder of motion capture as prepared takes: what `dancediff prepare folder` runs.
+
+Read first: `dancediff.data.folder.make`.
+
+Files in the prepared folder, beside the takes
+    folder.toml       what was found out about skeletons, to be checked
+    report.md         a row for each take: what was repaired, refused or doubtful
+    pictures/         source and result side by side
+"""
+
+from functools import partial
+from pathlib import Path
+
+from dancediff.atomic import atomic_write
+from dancediff.data.folder.make import Draw, make_folder_take
+from dancediff.data.folder.posture import Given
+from dancediff.data.folder.settings import read_checked, with_checked, write_settings
+from dancediff.data.folder.takes import takes_in
+from dancediff.data.prepare import prepare
+from dancediff.data.prepared import Entry, PreparedData
+from dancediff.data.summary import Summary
+from dancediff.data.take import Job
+
+PICTURES, REPORT = "pictures", "report.md"
+
+
+def prepare_folder(
+    src, out, *, group: str | None = None, given: Given | None = None, licence: str = "",
+    draw: Draw | None = None, **how,
+) -> Summary:  # fmt: skip
+    """Prepare the motion files of a folder, whatever their kind and skeleton.
+
+    ``group`` and ``given`` are those of `takes_in`; ``licence`` holds for takes of which no table
+    tells one; ``draw`` makes the picture of a take; ``how`` is passed to `prepare`.
+
+    Raises: ValueError naming the argument, the file or the entry that is wrong; OSError when
+    ``out`` cannot be written.
+    """
+    out = Path(out)
+    if not Path(src).is_dir():
+        raise ValueError(f"src={str(src)!r} is no folder; name the one that holds the motion")
+    checked = read_checked(out)
+    pictures = out / PICTURES
+    jobs, files = [], {}
+    for plan in takes_in(src, group=group, given=given):
+        bare, givens = with_checked(plan, checked)
+        more = {"draw": draw, "pictures": pictures}
+        jobs.append(Job(plan.name, partial(make_folder_take, bare, givens, **more)))
+        files[plan.name] = plan.labels
+    if draw is not None:
+        pictures.mkdir(parents=True, exist_ok=True)
+    summary = prepare(jobs, out, **how)
+    entries = [entry for entry in PreparedData(out) if entry.name in files]
+    rows = [row for entry in entries for row in entry.notes.get("skeletons", [])]
+    write_settings(out, rows, checked)
+    with atomic_write(out / REPORT) as part:
+        part.write_text(report(entries, summary.skipped, files), encoding="utf-8")
+    return summary
+
+
+def report(entries: list[Entry], skipped: dict[str, str], files: dict) -> str:
+    """The table of a folder's takes, in Markdown: repaired, refused, doubtful.
+
+    >>> print(report([], {"a": "a.bvh: it is cut off"}, {"a": ["a.bvh"]}).splitlines()[-1])
+    | a | a.bvh |  | refused | a.bvh: it is cut off |  |
+    """
+    lines = [
+        "| take | files | s, dancers | map, up, unit, fps, rest | repaired, refused | doubt |",
+        "| --- | --- | --- | --- | --- | --- |",
+    ]
+    for entry in entries:
+        notes = entry.notes
+        kinds = {
+            f"{s['map']}, {s['up']}, {s['unit']:.4g}, {s['fps']:.4g}, {s['rest']}"
+            for s in notes.get("skeletons", [])
+        }
+        cells = [
+            entry.name,
+            ", ".join(notes.get("files", [])),
+            f"{entry.frames / entry.fps:.1f}, {entry.dancers}",
+            "; ".join(sorted(kinds)) or "SMPL",
+            "; ".join(notes.get("repaired", [])),
+            "; ".join(notes.get("doubts", [])),
+        ]
+        lines.append(f"| {' | '.join(cells)} |")
+    for name, reason in sorted(skipped.items()):
+        where = ", ".join(files.get(name, []))
+        lines.append(f"| {name} | {where} |  | refused | {reason} |  |")
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,101 @@
+r"""SMPL arrays of any common layout: AMASS's .npz, and pickles of AIST++'s or AIOZ-GDance's kind.
+
+    poses, or smpl_poses             axis-angle, 22 joints or more     (f, 66+) or (n, f, 66+)
+    root_orient and pose_body        the same in two parts             (f, 3), (f, 63)
+    trans, smpl_trans or root_trans  metres                            (f, 3) or (n, f, 3)
+    smpl_scaling                     trans is divided by it            one number, may be missing
+    mocap_framerate, mocap_frame_rate or fps                           one number, may be missing
+
+Body shapes are not used: everybody dances on the SMPL-24 skeleton.
+"""
+
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from dancediff.arrays import read_arrays
+from dancediff.data.formats import pad_hands, plain_array
+from dancediff.data.safe_pickle import load_pickle
+from dancediff.motion.motion import Motion
+from dancediff.motion.rotation import axis_angle_to_matrix
+
+BODY = 22  # joints that SMPL, SMPL-H and SMPL-X share
+COMPRESSED = 2**28  # bytes that a compressed .npz may become
+_POSES = ("poses", "smpl_poses")
+_TRANS = ("trans", "smpl_trans", "root_trans", "transl")
+_RATES = ("mocap_framerate", "mocap_frame_rate", "fps", "framerate")
+_PARTS = ("root_orient", "global_orient", "pose_body", "body_pose")
+_SCALE = "smpl_scaling"
+
+
+def read_smpl(path) -> tuple[Motion, bool]:
+    """A dance as the file has it, its up axis not yet turned, and whether it tells its frame rate.
+
+    Without a rate 30 is taken.
+
+    Raises: OSError for no such file; ValueError naming the array that is missing or has another
+    shape.
+    """
+    path = Path(path)
+    if path.suffix.lower() == ".npz":
+        keys = (*_POSES, *_TRANS, *_RATES, *_PARTS, _SCALE)
+        data = read_arrays(path, keys, expand=COMPRESSED)
+    else:
+        data = load_pickle(path)
+    if not isinstance(data, dict):
+        raise ValueError(f"it holds a {type(data).__name__}, not a dict with poses and trans")
+    poses, trans = _poses(data), _one_of(data, _TRANS, "trans")
+    trans = _stacked(trans, "trans", 3) / _number(data, (_SCALE,), 1.0)
+    if len(poses) != len(trans):
+        raise ValueError(f"there are poses of {len(poses)} dancers and paths of {len(trans)}")
+    f = min(poses.shape[1], trans.shape[1])
+    joints = 24 if poses.shape[2] == 72 else BODY  # SMPL-H and SMPL-X go on with other joints
+    v = torch.from_numpy(poses[:, :f, : 3 * joints]).float().unflatten(-1, (joints, 3))
+    rate = _number(data, _RATES, 0.0)
+    pose = pad_hands(axis_angle_to_matrix(v))
+    return Motion(pose, torch.from_numpy(trans[:, :f]), rate or 30.0), rate > 0
+
+
+def _poses(data: dict) -> np.ndarray:
+    if not any(name in data for name in _POSES) and any(name in data for name in _PARTS):
+        turn = _stacked(_one_of(data, _PARTS[:2], _PARTS[0]), _PARTS[0], 3)
+        body = _stacked(_one_of(data, _PARTS[2:], _PARTS[2]), _PARTS[2], None)
+        if turn.shape[:2] != body.shape[:2]:
+            raise ValueError(f"root_orient {turn.shape} and pose_body {body.shape} do not fit")
+        poses = np.concatenate([turn, body], axis=-1)
+    else:
+        poses = _stacked(_one_of(data, _POSES, "poses"), "poses", None)
+    if poses.shape[2] < 3 * BODY or poses.shape[2] % 3:
+        raise ValueError(
+            f"poses have {poses.shape[2]} numbers a frame; expected 66, 72, 156 or 165"
+        )
+    return poses
+
+
+def _one_of(data: dict, names: tuple[str, ...], label: str):
+    found = next((data[name] for name in names if name in data), None)
+    if found is None:
+        raise ValueError(
+            f"it lacks {label}; it has {', '.join(map(str, list(data)[:12])) or 'none'}"
+        )
+    return found
+
+
+def _stacked(value, name: str, width: int | None) -> np.ndarray:
+    """An array (n, f, width) of finite numbers; one dancer may come without n."""
+    dims = getattr(value, "ndim", 2)
+    shape = (None, None, width) if dims == 3 else (None, width)
+    array = plain_array(value, name, shape)
+    return array if dims == 3 else array[None]
+
+
+def _number(data: dict, names: tuple[str, ...], default: float) -> float:
+    """The first of these fields, which must be one positive number."""
+    for name in names:
+        if name in data:
+            value = np.asarray(data[name])
+            if value.dtype.kind not in "fiu" or value.size != 1 or not 1e-3 < value.item() < 1e6:
+                raise ValueError(f"{name} is no single positive number")
+            return float(value.item())
+    return default

@@ -1,0 +1,152 @@
+r"""Which files of a folder are one take: by their names, or by ``takes.toml`` beside them.
+
+    [[take]]                                 # all but files may be left out
+    files = ["duo/anna.bvh", "duo/ben.bvh"]  # of one take, relative to the folder
+    name = "duo"
+    song = "songs/duo.ogg"
+    genre, split, source, licence            # words
+    fps, up, unit, rest, joints              # see `dancediff.data.folder.posture.Given`
+
+A song is else the sound file of the take's name, beside it or in a folder ``songs`` or ``music``.
+"""
+
+import re
+import tomllib
+from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
+
+from dancediff.data.folder.posture import Given
+from dancediff.data.formats import find_song
+from dancediff.data.take import SPLITS
+
+MANIFEST = "takes.toml"
+SUFFIXES = (".bvh", ".npz", ".pkl", ".glb", ".gltf")
+_GIVEN = tuple(f.name for f in fields(Given))
+_WORDS = ("name", "song", "genre", "split", "source", "licence")
+
+
+@dataclass(frozen=True)
+class TakePlan:
+    """A take that is to be made: its files, and what is known of it."""
+
+    name: str
+    files: tuple[Path, ...]
+    given: Given = field(default_factory=Given)
+    song: Path | None = None
+    genre: str | None = None
+    split: str | None = None
+    source: str = ""
+    licence: str = ""
+    labels: tuple[str, ...] = field(default=())  # the files as seen from the folder
+
+
+def takes_in(src, *, group: str | None = None, given: Given | None = None) -> list[TakePlan]:
+    """The takes of a folder, sorted by name.
+
+    ``group`` tells how files of one take are named, such as "{take}_{dancer}"; without it every
+    file that ``takes.toml`` does not name is a take. ``given`` holds for all of them.
+
+    Raises: ValueError naming the folder, the file or the entry that is wrong.
+    """
+    src = Path(src)
+    paths = [path for path in sorted(src.rglob("*")) if _is_motion(path, src)]
+    if not paths:
+        raise ValueError(f"{str(src)!r} holds no {', '.join(SUFFIXES)} file, nor do its folders")
+    given = given or Given()
+    plans = [_planned(row, k, src, given) for k, row in enumerate(_rows(src), 1)]
+    named = {file for plan in plans for file in plan.files}
+    rows: dict[str, list[Path]] = {}
+    called: dict[str, str] = {}  # without the folders
+    left = [path for path in paths if path not in named]
+    stems = [path.relative_to(src).with_suffix("") for path in left]
+    pattern = None if group is None else _pattern(group)
+    for path, stem in zip(left, stems, strict=True):
+        match = None if pattern is None else pattern.fullmatch(stem.name)
+        short = match["take"] if match else stem.name
+        name = "_".join([*stem.parts[:-1], short])
+        if stems.count(stem) > 1:  # one dance in two formats
+            name += f"_{path.suffix[1:].lower()}"
+        rows.setdefault(name, []).append(path)
+        called[name] = short
+    plans += [
+        TakePlan(_plain(name), tuple(files), given, _song(src, files[0], [called[name], name]))
+        for name, files in rows.items()
+    ]
+    labelled = [
+        replace(plan, labels=tuple(file.relative_to(src).as_posix() for file in plan.files))
+        for plan in plans
+    ]
+    return sorted(labelled, key=lambda plan: plan.name)
+
+
+def _is_motion(path: Path, src: Path) -> bool:
+    inside = path.relative_to(src)
+    hidden = any(part.startswith(".") for part in inside.parts)
+    prepared = any((src / above / "index.json").is_file() for above in [*inside.parents])
+    return path.suffix.lower() in SUFFIXES and path.is_file() and not (hidden or prepared)
+
+
+def _plain(name: str) -> str:
+    """A name that a file of the prepared folder can have.
+
+    >>> _plain("Salsa no. 1 (live)"), _plain(".")
+    ('Salsa_no._1_live', 'take')
+    """
+    return re.sub(r"[^A-Za-z0-9_.+-]+", "_", name).strip("_.+-")[:120] or "take"
+
+
+def _pattern(group: str) -> re.Pattern:
+    r"""What matches names of files of a group.
+
+    >>> _pattern("{take}_p{dancer}").fullmatch("my_waltz_p2")["take"]
+    'my_waltz'
+    """
+    if group.count("{take}") != 1 or group.count("{dancer}") != 1:
+        raise ValueError(f'group={group!r} must name both, such as "{{take}}_{{dancer}}"')
+    text = re.escape(group)
+    text = text.replace(r"\{take\}", "(?P<take>.+)")
+    return re.compile(text.replace(r"\{dancer\}", "(?P<dancer>[A-Za-z0-9]+)"))
+
+
+def _song(src: Path, file: Path, names: list[str]) -> Path | None:
+    folders = [file.parent, *(src / place for place in ("songs", "music")), src]
+    return find_song(folders, [*names, file.stem])
+
+
+def _rows(src: Path) -> list[dict]:
+    path = src / MANIFEST
+    if not path.is_file():
+        return []
+    try:
+        rows = tomllib.loads(path.read_text(encoding="utf-8"))["take"]
+        if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
+            raise TypeError("take is no table")
+    except (OSError, ValueError, KeyError, TypeError) as err:
+        raise ValueError(f"{str(path)!r} must hold [[take]] tables with files: {err}") from err
+    return rows
+
+
+def _planned(row: dict, number: int, src: Path, given: Given) -> TakePlan:
+    where = f"{str(src / MANIFEST)!r}, take {number}"
+    known = ("files", *_WORDS, *_GIVEN)
+    if wrong := [key for key in row if key not in known]:
+        raise ValueError(f"{where}: {wrong[0]!r} is unknown; use {', '.join(known)}")
+    names = row.get("files")
+    if not isinstance(names, list) or not names or not all(isinstance(n, str) for n in names):
+        raise ValueError(f"{where}: files={names!r} must be a list of files")
+    if odd := [key for key in _WORDS if not isinstance(row.get(key, ""), str)]:
+        raise ValueError(f"{where}: {odd[0]}={row[odd[0]]!r} must be text")
+    files, song = [src / name for name in names], row.get("song")
+    for file in [*files, *([src / song] if song else [])]:
+        if not file.is_file():
+            raise ValueError(f"{where}: {str(file)!r} is not there")
+    if row.get("split", "train") not in SPLITS:
+        raise ValueError(f"{where}: split={row['split']!r} is not one of {', '.join(SPLITS)}")
+    name = row.get("name", "_".join(Path(names[0]).with_suffix("").parts))
+    try:
+        given = replace(given, **{key: row[key] for key in _GIVEN if key in row})
+    except (TypeError, ValueError) as err:
+        raise ValueError(f"{where}: {err}") from err
+    words = {key: row[key] for key in ("genre", "split", "source", "licence") if key in row}
+    song = src / song if song else _song(src, files[0], [name])
+    return TakePlan(_plain(name), tuple(files), given, song, **words)

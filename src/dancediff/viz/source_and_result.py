@@ -1,0 +1,53 @@
+"""A recording and the dance that was made of it, one below the other, at the same moments.
+
+Read first: `dancediff.data.folder.make`.
+"""
+
+from pathlib import Path
+
+import numpy as np
+from torch import Tensor
+
+from dancediff.atomic import atomic_write
+from dancediff.motion.motion import Motion
+from dancediff.viz.palette import INK, MUTED, dancer_color
+
+COUNT = 6
+Source = tuple[Tensor, tuple[int, ...], float]  # joints (f, j, 3) metres, parents, frames a second
+
+
+def draw_source_and_result(name: str, sources: list[Source], motion: Motion, folder: Path) -> None:
+    """Write FOLDER/NAME.png: the source's own bones above, the retargeted dance below.
+
+    Both are seen from the front, floor and sides cut to what is there, at ``COUNT`` moments.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(1.6 * COUNT, 5.2), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots(2, COUNT)
+    seconds = (np.arange(COUNT) + 0.5) / COUNT * motion.num_frames / motion.fps
+    joints, parents = motion.joints(), motion.skeleton.parents
+    results = [(points, parents, motion.fps) for points in joints]
+    for row, (label, dancers) in enumerate((("source", sources), ("result", results))):
+        for ax, second in zip(axes[row], seconds, strict=True):
+            _draw(ax, dancers, second)
+            ax.set_title(f"{second:.1f} s", fontsize=8, color=MUTED)
+        axes[row, 0].set_ylabel(label, color=INK)
+    figure.suptitle(name, fontsize=10, color=INK)
+    with atomic_write(folder / f"{name}.png") as part, part.open("wb") as file:
+        figure.savefig(file, format="png", dpi=80, metadata={"Software": None})
+
+
+def _draw(ax, dancers: list[Source], second: float) -> None:
+    """The bones of all dancers at one moment, from the front."""
+    for k, (points, parents, fps) in enumerate(dancers):
+        p = points[min(int(second * fps), len(points) - 1)].numpy()
+        bones = [(j, parent) for j, parent in enumerate(parents) if parent >= 0]
+        x, y = (np.array([[p[a, c], p[b, c], np.nan] for a, b in bones]).ravel() for c in (0, 1))
+        ax.plot(x, y, color=dancer_color(k), linewidth=1.5)
+    ax.set_aspect("equal", adjustable="datalim")
+    ax.set(xticks=[], yticks=[])
+    for side in ("left", "right", "top"):
+        ax.spines[side].set_visible(False)
