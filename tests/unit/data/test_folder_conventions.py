@@ -6,8 +6,9 @@ import pytest
 
 from dancediff.cli import main
 from dancediff.data.bvh import read_bvh
-from dancediff.data.folder.make import read_file
+from dancediff.data.folder.make import make_folder_take, read_file
 from dancediff.data.folder.posture import Given, settle
+from dancediff.data.folder.takes import TakePlan
 from dancediff.data.prepared import PreparedData
 from dancediff.data.retarget import retarget
 from recordings import ASF, BLENDER, DAZ, MIXAMO, ROKOKO, UNNAMED, in_convention, write_bvh
@@ -92,7 +93,7 @@ def test_what_was_found_is_told(folder):
     assert "guessed" in doubts["blender_0"] and not doubts["daz_0"]
     repaired = {entry.name: " ".join(entry.notes["repaired"]) for entry in data}
     assert "its rest pose is no upright body; that of frame 0 is taken" in repaired["asf_0"]
-    assert "the T-pose of the first 1 frames is left out" in repaired["asf_0"]
+    assert "the first 0.008 s are left out" in repaired["asf_0"]
 
 
 def test_no_upright_pose_at_all_is_told(take):
@@ -136,10 +137,26 @@ def test_a_checked_table_is_used_and_kept(folder, tmp_path, capsys):
 
 def test_a_t_pose_put_before_the_take_is_left_out(take, real_data):
     (found,) = read_file(real_data / "cmu" / "salsa" / "06.bvh", Given(fps=60.0))
-    lead = take.num_frames - found.bvh.num_frames
-    assert 1 <= lead <= 15 and any("T-pose" in one for one in found.repaired)
+    assert 1 <= found.lead <= 15 and found.bvh.num_frames == take.num_frames
     later = settle(read_bvh(real_data / "cmu" / "salsa" / "06.bvh", scale=1).frames(100), Given())
-    assert not any("T-pose" in one for one in later.repaired)
+    assert later.lead == 0
+
+
+def test_partners_stay_in_step(real_data, tmp_path):
+    """Whatever is cut from one of them is cut from both."""
+    salsa = [real_data / "cmu" / "salsa" / name for name in ("06.bvh", "21.bvh")]
+    plan = TakePlan("duo", tuple(salsa), labels=("a", "b"))
+    take = make_folder_take(plan, (Given(fps=60.0),) * 2, pictures=None)
+    alone = [read_file(path, Given(fps=60.0))[0] for path in salsa]
+    assert len({one.lead for one in alone}) == 2
+    lead = max(one.lead for one in alone) // 2
+    f = take.num_frames - 1
+    hips = [one.bvh.world()[0][2 * lead :: 2, one.bvh.index("hip")][:f] for one in alone]
+    apart = (hips[0] - hips[1]).norm(dim=-1).float()
+    root = take.motion.root[:, :f]
+    off = (root[0] - root[1]).norm(dim=-1) - apart
+    steady = off - off.mean()  # pelvis and hip are not the same joint
+    assert steady.abs().mean() < 0.02
 
 
 def test_exchanged_sides_are_told(take):

@@ -16,7 +16,8 @@ import torch
 from torch import Tensor
 
 from dancediff.arrays import read_arrays
-from dancediff.data.bvh import read_bvh
+from dancediff.axes import FPS
+from dancediff.data.bvh import BVH, read_bvh
 from dancediff.data.folder.gltf import read_gltf
 from dancediff.data.folder.posture import UPS, Found, Given, settle
 from dancediff.data.folder.smpl import COMPRESSED, read_smpl
@@ -64,12 +65,13 @@ def make_folder_take(
     for path, label, given in zip(plan.files, plan.labels, givens, strict=True):
         with _named(label):
             read += [(label, one) for one in read_file(path, given)]
+    lead = max((one.lead / one.bvh.fps for _, one in read if isinstance(one, Found)), default=0.0)
     scales = [leg_scale(one.bvh, one.joints) for _, one in read if isinstance(one, Found)]
     scale = sum(scales) / max(len(scales), 1)
     dancers = []
     for label, one in read:
         with _named(label):
-            dancers.append(_retargeted(one, label, scale) if isinstance(one, Found) else one)
+            dancers.append(_dancer(one, label, scale, lead))
     motion = _on_one_stage([dancer.motion for dancer in dancers])
     doubts = [doubt for dancer in dancers for doubt in dancer.doubts]
     if plan.song is not None:
@@ -86,6 +88,7 @@ def make_folder_take(
         plan.name,
         motion,
         plan.song,
+        skip=round(lead * FPS),
         notes=notes,
         source=plan.source or f"files {', '.join(plan.labels)}"[:200],
         licence=plan.licence or UNKNOWN,
@@ -126,8 +129,18 @@ def read_file(path: Path, given: Given) -> list[Found | Dancer]:
     return [settle(tree, given) for tree in trees]
 
 
-def _retargeted(found: Found, label: str, scale: float) -> Dancer:
-    bvh = found.bvh
+def _dancer(one: Found | Dancer, label: str, scale: float, lead: float) -> Dancer:
+    """The dancer without so many seconds at the start, which nobody of the take may keep."""
+    if isinstance(one, Dancer):
+        motion, (points, parents, fps) = one.motion, one.source
+        one.motion = motion.frames(round(lead * motion.fps), motion.num_frames)
+        return replace(one, source=(points[round(lead * fps) :], parents, fps))
+    if lead > 0:
+        one.repaired.append(f"the first {lead:.3f} s are left out: they begin in a T-pose")
+    return _retargeted(one, one.bvh.frames(round(lead * one.bvh.fps)), label, scale)
+
+
+def _retargeted(found: Found, bvh: BVH, label: str, scale: float) -> Dancer:
     motion, numbers = retarget(bvh, found.joints, scale=scale)
     repairs = numbers.pop("repairs")
     repaired = list(found.repaired)

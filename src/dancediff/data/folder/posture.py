@@ -69,6 +69,7 @@ class Found:
     bvh: BVH
     joints: dict[str, str]
     facts: dict = field(default_factory=dict)  # joints, up, unit, fps, rest: as `Given` takes them
+    lead: int = 0  # frames of a T-pose that was put before the take, and that fade from it
     repaired: list[str] = field(default_factory=list)
     doubts: list[str] = field(default_factory=list)
 
@@ -87,7 +88,7 @@ def settle(bvh: BVH, given: Given) -> Found:
     found.bvh = _turned(found.bvh, turn)
     found.facts |= {"up": up, "fps": fps, "rest": _rest(found, given)}
     found.bvh = _scaled(found, given)
-    found.bvh = _without_lead(found)
+    found.lead = _lead(found)
     _check_sides(found)
     return found
 
@@ -293,11 +294,10 @@ def _scaled(found: Found, given: Given) -> BVH:
     return replace(bvh, offsets=bvh.offsets * unit, translations=bvh.translations * unit)
 
 
-def _without_lead(found: Found) -> BVH:
-    """The recording without a T-pose that was put before it, and the frames that fade from it."""
+def _lead(found: Found) -> int:
     bvh, most = found.bvh, round(MOST_LEAD * found.bvh.fps)
     if bvh.num_frames < 4 * most:
-        return bvh
+        return 0
     first = bvh.frames(0, most + 2)
     used = [bvh.index(name) for name in found.joints.values()]
     R = first.rotations[:, used]
@@ -305,10 +305,8 @@ def _without_lead(found: Found) -> BVH:
     speed = ((trace - 1) / 2).clamp(-1, 1).acos().mean(1) * bvh.fps
     fast = (speed > LEAD_SPEED).nonzero()[:, 0]
     if len(fast) == 0 or _t_likeness(_at(found, first.world()[0][:1]))[0] < 0.9:
-        return bvh
-    lead = int(fast.max()) + 1
-    found.repaired.append(f"the T-pose of the first {lead} frames is left out")
-    return bvh.frames(lead)
+        return 0
+    return int(fast.max()) + 1
 
 
 def _check_sides(found: Found) -> None:
