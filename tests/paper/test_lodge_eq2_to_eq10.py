@@ -81,6 +81,10 @@ def test_lodge_eq08_sum():
     t = lodge_losses(x, y, norm, weights=weights)
     total = t["recon"] + 2 * t["joint"] + 3 * t["jvel"] + 4 * t["jacc"] + 5 * t["contact"]
     torch.testing.assert_close(t["total"], total)
+    guess, true = norm.unnormalize(x), norm.unnormalize(y)
+    J, J_0 = joints_of(guess, LODGE), joints_of(true, LODGE)
+    by_hand = l_recon(x, y) + 2 * l_joint(J, J_0) + 3 * l_jvel(J, J_0) + 4 * l_jacc(J, J_0)
+    torch.testing.assert_close(total, by_hand + 5 * l_contact(J, guess[:, :4]))
 
 
 def test_lodge_eq09_genre():

@@ -271,3 +271,32 @@ def test_dpm_asks_no_more_often_than_it_has_steps():
 
     sample(count, SHAPE, SamplerOptions(ABAR, "dpm", 12, eta=1.0), generator=gen())
     assert asked == logsnr_times(12, ABAR)[:-1] and len(asked) == 12
+
+
+class Higher:
+    """A hook that leaves the range of the guesses."""
+
+    def apply(self, x0_hat, abar):
+        return x0_hat + 5
+
+
+@pytest.mark.parametrize("how", ["dpm", "ddim", "ddpm"])
+def test_hooks_have_the_last_word_about_a_guess(how):
+    """What they change is not cut again."""
+    options = SamplerOptions(cosine_abar(40), how, 3, eta=0.0, clamp=1.0)
+    x = sample(lambda x_t, t: torch.full_like(x_t, 9.0), SHAPE, options, hooks=[Higher()])
+    assert torch.equal(x, torch.full(SHAPE, 6.0))
+
+
+def test_the_first_input_is_pinned_as_are_all_others():
+    class Zeros:
+        def start(self, x_T):
+            return 0 * x_T
+
+        def __call__(self, x_next, t_next):
+            return 0 * x_next
+
+    seen = []
+    denoise = lambda x_t, t: seen.append(x_t) or x_t + 1  # noqa: E731
+    sample(denoise, SHAPE, SamplerOptions(ABAR, "ddim", 3, eta=0.0), pin=Zeros())
+    assert len(seen) == 3 and not any(x.any() for x in seen)

@@ -65,3 +65,16 @@ def test_errors():
         check_shapes(M=(None, (2,)))
     with pytest.raises(ValueError, match=r"style has shape \(2,\); expected None"):
         check_shapes(style=(torch.zeros(2), None))
+
+
+def test_only_music_tokens_have_frames_and_the_memory_counts_in_no_unit():
+    decoder, seen = make(pool=4), []
+    decoder.layers[0].register_forward_pre_hook(lambda layer, args: seen.append(args))
+    h, cond, frames = torch.randn(1, 6, 16), torch.randn(1, 16), torch.arange(6)
+    music, steps = torch.randn(1, 6, 16), torch.randn(1, 2, 16)
+    y = decoder(h, [music, steps], cond, frames)
+    _, _, _, own, theirs = seen[0]
+    assert own.tolist() == [0, 1, 2, 3, 4, 5]
+    assert theirs.tolist() == [1.5, 5.5, 9.5, 13.5, 17.5, 21.5, 0, 0]
+    other = decoder(h, [3 * music + 2, 3 * steps + 2], cond, frames)
+    torch.testing.assert_close(other, y, atol=1e-4, rtol=1e-4)

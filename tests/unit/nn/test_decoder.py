@@ -1,7 +1,7 @@
 import torch
 
 from dancediff.nn.attention import FeedForward
-from dancediff.nn.conditioning import MusicEncoder
+from dancediff.nn.conditioning import MusicEncoder, cached_music
 from dancediff.nn.decoder import DecoderLayer
 
 
@@ -38,3 +38,17 @@ def test_music_encoder_mixes_frames():
 def test_feed_forward_works_on_each_token_alone():
     think, x = FeedForward(8, 16), torch.randn(2, 5, 8)
     torch.testing.assert_close(think(x)[:, 3], think(x[:, 3]))
+
+
+def test_a_token_of_several_frames_is_a_map_of_neighbours_side_by_side():
+    encoder = MusicEncoder(35, 16, num_heads=2, ff_dim=32, pool=3, num_layers=0)
+    M = torch.randn(2, 9, 35)
+    torch.testing.assert_close(encoder(M)[:, 1], encoder.linear(M[:, 3:6].flatten(1)))
+
+
+def test_cached_music_is_that_of_the_song_at_hand():
+    encoder = MusicEncoder(35, 16, num_heads=2, ff_dim=32)
+    first, second = torch.randn(2, 1, 9, 35)
+    with cached_music(encoder):
+        encoder(first)
+        torch.testing.assert_close(encoder(second), encoder._encode(second))

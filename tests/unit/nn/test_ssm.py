@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from dancediff.extensions.ssd import SSDBlock, segsum, ssd_scan, ssd_scan_ref
-from dancediff.nn.ssm import MambaBlock, selective_scan, selective_scan_ref
+from dancediff.nn.ssm import MambaBlock, init_delta, selective_scan, selective_scan_ref
 
 BLOCKS = pytest.mark.parametrize("make", [MambaBlock, partial(SSDBlock, head_dim=8)])
 
@@ -136,6 +136,18 @@ def test_block_starts_with_delta_in_range(make):
     bias = block.dt_bias if isinstance(block, SSDBlock) else block.dt_proj.bias
     delta = torch.nn.functional.softplus(bias)
     assert delta.min() > 0.99e-3 and delta.max() < 0.101
+
+
+def test_frames_last_from_a_thousandth_to_a_tenth_log_uniformly():
+    bias = torch.empty(4000)
+    init_delta(bias)
+    decades = torch.nn.functional.softplus(bias).log10()
+    torch.testing.assert_close(
+        decades.quantile(torch.tensor([0.0, 0.25, 0.5, 0.75, 1.0])),
+        torch.tensor([-3.0, -2.5, -2.0, -1.5, -1.0]),
+        atol=0.05,
+        rtol=0,
+    )
 
 
 @BLOCKS

@@ -100,3 +100,12 @@ def test_a_foot_is_heard_in_its_own_frame_first():
     x, memory = torch.zeros(1, 30, 64), torch.zeros(1, 30, 64)
     weights = attention.weights(x, memory, torch.arange(30), torch.arange(30))[0]
     assert (weights[0].argmax(-1) == torch.arange(30)).all()
+
+
+def test_feet_carry_the_frames_of_the_motion_and_steps_none():
+    refine, seen = FootRefine(16, num_heads=2, ff_dim=32), []
+    refine.layer.register_forward_pre_hook(lambda layer, args: seen.append(args[3:]))
+    refine(*(torch.randn(1, *k) for k in ((5, 139), (5, 48), (2, 16), (16,))))
+    frames, memory_frames = seen[0]
+    assert frames.tolist() == [0, 1, 2, 3, 4]
+    assert memory_frames.tolist() == [0, 1, 2, 3, 4, 0, 0]

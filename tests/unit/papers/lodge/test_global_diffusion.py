@@ -139,3 +139,11 @@ def test_errors():
             model(*arguments)
     with pytest.raises(ValueError, match=r"^style has shape"):
         make(())(x_t, t, c)
+
+
+@pytest.mark.parametrize("extensions", [(), OURS], ids=str)
+def test_layers_know_where_tokens_are_danced(extensions):
+    model, seen = make(extensions), []
+    model.decoder.layers[0].register_forward_pre_hook(lambda layer, args: seen.append(args[3]))
+    model(*inputs(model))
+    assert torch.equal(seen[0], token_frames(model.config))

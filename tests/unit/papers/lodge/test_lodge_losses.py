@@ -5,10 +5,14 @@ from dancediff.motion.representation import Normalizer, pack
 from dancediff.motion.rotation import axis_angle_to_matrix
 from dancediff.papers.lodge.losses import (
     LodgeWeights,
+    l_contact,
     l_critic,
     l_diversity,
     l_focus,
+    l_foot,
     l_genre,
+    l_joint,
+    l_vel,
     lodge_losses,
 )
 
@@ -98,3 +102,28 @@ def test_focus_likes_the_genre_and_no_other():
     made, other = torch.zeros(2, requires_grad=True), torch.zeros(2, requires_grad=True)
     l_focus(made, other).backward()
     assert (made.grad < 0).all() and (other.grad > 0).all()
+
+
+def test_contact_is_that_of_the_frame_that_a_foot_leaves():
+    joints, contact = torch.zeros(2, 24, 3), torch.zeros(2, 4)
+    joints[1, 7, 0] = 1.0  # the left ankle slides
+    for loss in (l_foot, l_contact):
+        late, soon = contact.clone(), contact.clone()
+        late[1, 0], soon[0, 0] = 1.0, 1.0
+        assert loss(joints, late) == 0 and loss(joints, soon) > 0
+
+
+def test_contacts_have_no_velocity():
+    x = torch.zeros(2, 3, 139)
+    flickers = x.clone()
+    flickers[:, 1, :4] = 1
+    assert l_vel(flickers, x) == 0
+    flickers[:, 1, 4] = 1
+    assert l_vel(flickers, x) > 0
+
+
+def test_relative_joints_are_seen_from_the_root():
+    joints = torch.randn(3, 24, 3)
+    hand = joints.clone()
+    hand[:, 23] += 1
+    torch.testing.assert_close(l_joint(hand, joints, relative=True), l_joint(hand, joints))

@@ -153,3 +153,8 @@ def test_rows_draw_their_own_noise():
 def test_an_unknown_genre_is_refused(model):
     with pytest.raises(ValueError, match="genre='polka' is unknown"):
         sampler(model, genre="polka").style(model.local_stage, 1)
+
+
+def test_each_purpose_has_noise_of_its_own():
+    drawn = [gaussian((1, 4), generator=row_generators(7, purpose, 1)) for purpose in range(4)]
+    assert torch.cat(drawn).unique(dim=0).shape == (4, 4)

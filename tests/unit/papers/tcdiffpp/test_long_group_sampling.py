@@ -293,3 +293,34 @@ def test_errors():
             run(network, 2, **options)
     with pytest.raises(ValueError, match="music has no segment"):
         run(network, 0)
+
+
+class Watching:
+    """A hook that changes nothing and keeps the segments that it was made for."""
+
+    def __init__(self):
+        self.segments = []
+
+    def for_segment(self, segment):
+        self.segments.append(segment)
+
+
+def test_resampled_frames_are_not_kept_from_the_segment_before():
+    hook = Watching()
+    sampler(lambda x_t, t, M, S: x_t, 2, resampled=30, hooks=[hook]).dance()
+    kept = hook.segments[1].mask.all(-1).all(0)
+    assert kept.tolist() == [True] * 45 + [False] * 105
+    assert hook.segments[1].context.shape[1] == 45
+
+
+def test_what_is_fixed_belongs_to_a_dancer_in_whichever_row():
+    hook, mask = Watching(), torch.zeros(4, 225, 2, dtype=torch.bool)
+    mask[0, 100:200] = True
+    order = torch.tensor([2, 0, 1, 3])  # dancer 0 stands second
+    static = torch.stack([PLACES, FACES], -1)[:, None].expand(4, 150, 2)[None]
+    sampler(lambda x_t, t, M, S: static, 2, mask=mask, initial_order=order, hooks=[hook]).dance()
+    first, second = (segment.mask.any(-1) for segment in hook.segments)
+    assert first[1].nonzero().flatten().tolist() == list(range(100, 150))
+    assert not first[[0, 2, 3]].any()
+    # behind the context, which is fixed for everybody
+    assert second[1, 75:125].all() and not second[[0, 2, 3], 75:].any()

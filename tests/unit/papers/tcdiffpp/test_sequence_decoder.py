@@ -69,3 +69,10 @@ def test_listens_to_memory_and_condition():
     y = decoder(h, memory, cond)
     assert not torch.allclose(y, decoder(h, memory.roll(1, 1), cond))
     assert not torch.allclose(y, decoder(h, memory, -cond))
+
+
+def test_the_memory_counts_in_no_unit():
+    decoder, h = make(), torch.randn(1, 2, 4, 16)
+    memory, cond = torch.randn(1, 7, 16), torch.randn(1, 16)
+    y = decoder(h, memory, cond)
+    torch.testing.assert_close(decoder(h, 3 * memory + 2, cond), y, atol=1e-4, rtol=1e-4)
