@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from dancediff.extensions.border_smoothing import smooth_borders
+from dancediff.extensions.border_smoothing import BorderSmoothing, smooth_borders
 from dancediff.extensions.smooth_primitives import smooth_primitives
 from dancediff.motion.representation import LODGE
 from dancediff.motion.rotation import matrix_to_rot6d, rot6d_to_matrix
@@ -53,6 +53,26 @@ def test_without_a_border_nothing_is_moved(mask):
 def test_rows_do_not_know_of_each_other():
     x, fixed = torch.cat([wave(), 2 * wave()]), torch.arange(64).expand(2, 64) < 4
     assert torch.equal(smooth_borders(x, fixed)[:1], smooth_borders(x[:1], fixed[:1]))
+
+
+def test_guesses_that_are_more_signal_than_noise_are_smoothed_towards_their_cues():
+    x, frames = wave(), torch.arange(64)[None] < 4
+    hard, y = frames[..., None].expand(x.shape), wave() + 0.3
+    hook = BorderSmoothing(hard, y, frames)
+    assert torch.equal(hook.apply(x, 0.4), x)
+    met = hook.apply(x, 0.6)
+    torch.testing.assert_close(met[:, :4], y[:, :4])
+    torch.testing.assert_close(met, smooth_borders(torch.where(hard, y, x), frames))
+
+
+def test_a_primitive_keeps_its_acceleration():
+    """Directions that go along a parabola are fitted exactly, and only their length changes."""
+    tau = torch.linspace(-1, 1, 8)
+    x = torch.zeros(2, 8, 139)
+    x[..., LODGE.rot6d] = matrix_to_rot6d(torch.eye(3).expand(22, 3, 3)).flatten()
+    x[..., LODGE.rot6d.start + 1] = 0.4 * tau**2 - 0.3 * tau
+    R = rot6d_to_matrix(x[..., LODGE.rot6d].unflatten(-1, (-1, 6)))
+    torch.testing.assert_close(smooth_primitives(x)[..., 7:], matrix_to_rot6d(R).flatten(-2))
 
 
 def test_a_parabola_stays_and_jitter_goes():

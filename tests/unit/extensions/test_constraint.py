@@ -8,6 +8,7 @@ from dancediff.diffusion.pinning import Pinning
 from dancediff.diffusion.samplers import SamplerOptions, sample
 from dancediff.diffusion.schedule import abar_at, cosine_abar, gaussian
 from dancediff.extensions.constraint import Constraint, ConstraintHook, covariance
+from dancediff.extensions.initial_frames import InitialFrames
 from dancediff.extensions.preconditioning import Preconditioning, dct_matrix
 
 ABAR = cosine_abar()
@@ -171,3 +172,12 @@ def test_errors():
         Constraint(mask, torch.zeros(1, 4, 1))
     with pytest.raises(ValueError, match="not finite"):
         Constraint(mask, torch.full((1, 5, 1), torch.nan))
+
+
+def test_a_segment_starts_from_the_last_frames_of_its_context():
+    shape, context = (2, 150, 3), torch.rand(2, 75, 3)
+    segment = Segment(1, 75, shape, torch.arange(2), torch.zeros(shape), context)
+    begun = InitialFrames().for_segment(segment)
+    assert begun.mask.all(-1).all(0).nonzero().flatten().tolist() == list(range(67, 75))
+    assert torch.equal(begun.value[:, 67:75], context[:, 67:])
+    assert InitialFrames().for_segment(Segment(0, 0, shape, torch.arange(2), segment.mask)) is None

@@ -65,6 +65,16 @@ def test_left_and_right_are_alike():
     assert torch.allclose(one.std, other.std, atol=1e-4)
 
 
+def test_left_and_right_vary_alike_even_where_the_windows_do_not():
+    paths, S = walks(3, 200)
+    paths[:, 0] += torch.randn(200, 1, 2, generator=torch.Generator().manual_seed(4))
+    one = FormationPrior(3, FRAMES)
+    one.fit([(paths, S)])
+    U, std = one.basis[2, 0], one.std[2, 0]  # of frequency 0
+    cov = U @ torch.diag_embed(std**2) @ U.mT
+    torch.testing.assert_close(cov, cov.flip(-1, -2), atol=1e-4, rtol=1e-3)
+
+
 def test_the_guess_is_the_conditional_mean_of_the_gaussian(prior):
     """Reference: condition all entries of a whole group at once, with one large matrix."""
     n, k = 3, 0  # root x

@@ -1,9 +1,12 @@
 """Order: who was asked to change places is helped there, and nobody else is moved."""
 
+from dataclasses import replace
+
 import pytest
 import torch
 
 import dancediff as dd
+from dancediff.diffusion.long_sampling import Segment
 from dancediff.extensions.collision_avoidance import SLACK
 from dancediff.extensions.constraint import Constraint, ConstraintHook
 from dancediff.extensions.order_constraint import GAP, OrderConstraint, X, in_order
@@ -83,3 +86,13 @@ def test_arguments():
     with pytest.raises(ValueError, match="order_constraint=True is not possible"):
         model.generate(song, long_sampling="naive", order_constraint=True)
     assert model.generate(song, seconds=5, steps=1).meta["order_constraint"] is True
+
+
+def test_an_order_is_asked_of_the_rows_that_dancers_have_in_a_segment():
+    norm, shape = Normalizer(-torch.ones(151), torch.ones(151)), (3, F, 151)
+    segment = Segment(1, 75, shape, order=torch.tensor([2, 0, 1]), mask=torch.zeros(shape))
+    rule = OrderConstraint(norm)
+    assert rule.for_segment(segment) is None
+    asked = rule.for_segment(replace(segment, target=torch.tensor([1, 2, 0])))
+    rows = asked.at(ending_at(0.0, 0.0, 0.0)[0], 0.5).value[:, -1, X]
+    assert segment.order[rows.argsort()].tolist() == [1, 2, 0]

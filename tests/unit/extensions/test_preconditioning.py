@@ -42,6 +42,13 @@ def test_unfitted_it_is_the_scalar_form_of_edm():
     assert torch.allclose(p(F, guess, abar), skip * x_t + scale * F, atol=1e-5)
 
 
+def test_the_networks_part_of_slow_movements_stays_in_the_units_of_motion():
+    p, F = Preconditioning(20, 4), torch.randn(1, 1, 20, 4)
+    p.std.fill_(3.0)  # only noise is left: the linear guess misses all of it
+    made = p(F, torch.zeros_like(F), torch.zeros(1))
+    torch.testing.assert_close(made, 0.5 * F, atol=1e-5, rtol=0)
+
+
 def test_the_linear_guess_is_as_good_as_it_says():
     """Its error is c_out squared at every noise level, and far below that of one std."""
     x = smooth()

@@ -50,6 +50,18 @@ def test_angles_of_a_known_turn():
     torch.testing.assert_close(turn_angles(R)[:, 0], steps.diff(), atol=1e-3, rtol=0)
 
 
+def test_who_turns_round_and_round_goes_on_doing_so(dance):
+    """Quaternions have two signs for one rotation; only frames about the jump may change."""
+    contact, root, pose = unpack(dance[:1].clone())
+    spin = torch.stack([about((0.0, 1.0, 0.0), 0.2 * k) for k in range(pose.shape[1])])
+    spin[100:] = about((0.0, 1.0, 0.0), 2.0) @ spin[100:]
+    pose[0, :, 0] = spin
+    x = pack(contact, root, pose)
+    found = unpack(limit_turns(x))[2][0, :, 0]
+    torch.testing.assert_close(found[:80], spin[:80], atol=0.01, rtol=0)
+    torch.testing.assert_close(found[120:], spin[120:], atol=0.01, rtol=0)
+
+
 def test_a_dance_keeps_its_bits(dance):
     assert limit_turns(dance) is dance
     assert steps(dance).max() < LONGEST

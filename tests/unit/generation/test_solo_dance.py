@@ -74,6 +74,28 @@ def test_the_packaged_preset_pushes_guesses_away_from_the_linear_one(model):
     assert away["packaged"][..., rest].norm() > 1.05 * away["paper"][..., rest].norm()
 
 
+def test_a_mix_of_genres_is_that_of_their_styles(model):
+    style, z = model.local_stage.style, torch.randn(1, 64)
+    hiphop, salsa, mixed = (
+        sampler(model, genre=genre).token(style, z)
+        for genre in ("hiphop", "salsa", {"hiphop": 0.25, "salsa": 0.75})
+    )
+    torch.testing.assert_close(mixed, 0.25 * hiphop + 0.75 * salsa)
+
+
+def test_each_segment_gets_its_own_energy():
+    listens = tiny_lodge(("preconditioning", "energy_condition"))
+    made = sampler(listens)
+    made.energy, made.segments = torch.rand(8 * n), segments_of(8 * n, layout(listens))
+    for stage, length in ((listens.local_stage, n), (listens.global_stage, 4 * n)):
+        given = made.conditions(stage, torch.zeros(1, length, 35), first=1).energy
+        assert torch.equal(given[0], made.energy[length : 2 * length])
+
+
+def layout(model):
+    return model.config.global_stage.layout
+
+
 def test_primitives_are_smooth_if_asked_for(model):
     segments = segments_of(4 * n, model.config.global_stage.layout)
     raw, smooth = (

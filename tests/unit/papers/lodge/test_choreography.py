@@ -148,6 +148,15 @@ def test_a_section_that_returns_gets_the_mirrored_cues():
     assert torch.equal(unmirrored.value[4, 28:36], once.value[0, 28:36])
 
 
+def test_what_returns_has_the_cues_of_its_first_time_wherever_that_began():
+    p, primitives = segments_of(2048), random_primitives(2)
+    sections = [Section(0, 512, "intro", 0), Section(512, 1024, "a", 0)]
+    made = arrange(primitives, p, mirror=True)
+    again = repeat_sections(made, p, [*sections, Section(1024, 1536, "a", 2)], mirror=True).soft
+    assert torch.equal(again[4:6], made.soft[2:4])
+    assert torch.equal(again[[0, 1, 2, 3, 6, 7]], made.soft[[0, 1, 2, 3, 6, 7]])
+
+
 def test_a_longer_return_starts_the_material_again_and_an_empty_section_gives_none():
     soft = random_primitives()[:, 1:3].flatten(0, 1)[None].repeat(4, 1, 1, 1)
     soft = soft + torch.arange(8.0).view(4, 2, 1, 1)

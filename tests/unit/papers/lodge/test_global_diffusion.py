@@ -147,3 +147,11 @@ def test_layers_know_where_tokens_are_danced(extensions):
     model.decoder.layers[0].register_forward_pre_hook(lambda layer, args: seen.append(args[3]))
     model(*inputs(model))
     assert torch.equal(seen[0], token_frames(model.config))
+
+
+def test_a_token_gets_the_energy_of_the_frame_that_it_stands_for():
+    model = make(("preconditioning", "energy_condition"))
+    x_t, t, conditions = inputs(model)
+    curve = torch.rand(2, model.config.music_frames)
+    run = model.prepare(x_t, t, Conditions(conditions.music, energy=curve))
+    assert torch.equal(run.conditions.energy, curve[:, token_frames(model.config).long()])

@@ -168,6 +168,8 @@ def test_canon_is_late_by_four_beats_and_has_more_seams(model):
 def test_mirror_is_a_mirror_image(model):
     group = make(model, dancers=2, relation="mirror").features("lodge")
     left, right = group
+    solo = make(model).features("lodge")[0]
+    assert torch.allclose(left[:, LODGE.rot6d], solo[:, LODGE.rot6d], atol=1e-6)
     image = mirror_features(left, LODGE)
     image[:, LODGE.root] = right[:, LODGE.root]
     assert torch.allclose(right, image, atol=1e-5)

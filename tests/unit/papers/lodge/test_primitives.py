@@ -11,7 +11,9 @@ from dancediff.papers.lodge.primitives import (
     primitive_frames,
     primitives_of,
     spread_evenly,
+    thinned_primitives,
 )
+from dancediff.papers.lodge.segments import segments_of
 
 
 def swinging(frames=1024, period=40, f0=0, walk=0.0):
@@ -121,3 +123,17 @@ def test_each_clip_of_a_batch_is_moved_by_itself():
     assert (y[:, 0, [4, 6]] == 0).all() and torch.equal(y[..., 7:], x[..., 7:])
     steps = y[..., LODGE.root].diff(dim=1)
     assert torch.allclose(steps, x[..., LODGE.root].diff(dim=1), atol=1e-6)
+
+
+def test_primitives_of_a_thinned_dance_are_on_its_beats():
+    x = swinging(256, f0=7)  # at rest in frames 7, 27, 47, ...
+    x[:, 0] = torch.arange(256)
+    middles = thinned_primitives(x)[:, 4, 0]
+    assert all((m - 7) % 20 == 0 for k, m in enumerate(middles.tolist()) if k % 3)
+
+
+def test_behind_the_end_of_a_song_it_starts_again():
+    M = torch.arange(300.0)[:, None]
+    segments = segments_of(300)
+    assert torch.equal(segments.local_music(M).flatten(), torch.arange(512.0) % 300)
+    assert torch.equal(segments.global_music(M).flatten(), torch.arange(1024.0) % 300)
