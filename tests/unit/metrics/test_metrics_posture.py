@@ -200,3 +200,9 @@ def test_the_command_prints_and_draws_the_drift(dance, tmp_path, capsys):
     dance.frames(0, 60).save(tmp_path / "short.npz")  # too short for a window: left out
     main(["evaluate", str(tmp_path), "--drift", str(tmp_path / "d.png")])
     assert "15-20" in capsys.readouterr().out
+
+
+def test_drift_compares_the_first_third_with_the_last():
+    one = Drift(np.tile(np.arange(6.0) ** 2, (len(POSTURE), 1)), np.arange(6))
+    assert one.thirds("turning") == (0.5, 20.5)
+    assert one.ends("turning") == (0.0, 25.0)

@@ -137,6 +137,21 @@ def test_primitives_are_those_of_the_clip(solos):
     assert torch.equal(thin[0], x[::4])
 
 
+def test_primitives_of_a_window_are_where_the_body_rests_in_it():
+    x, frames = torch.zeros(400, 139), torch.arange(400)
+    x[:, LODGE.rot6d] = torch.tensor([1.0, 0, 0, 0, 1, 0]).repeat(22)
+    angle = torch.cos((frames - 7) * torch.pi / 20)  # at rest in frames 7, 27, ...
+    arm = LODGE.joint_channels([16])
+    x[:, arm[:2]] = torch.stack([angle.cos(), angle.sin()], 1)
+    x[:, arm[3:5]] = torch.stack([-angle.sin(), angle.cos()], 1)
+    x[:, 0] = frames  # a contact that says which frame it is
+    take = DanceTake("swings", with_hands(x)[None], M=torch.rand(400, 35), genre="salsa")
+    for start in (0, 31):
+        primitives = PrimitiveCut(SMALL, GENRES)(take, start).unflatten(0, (13, 8))
+        middles = [m for k, m in enumerate(primitives[:, 4, 0].tolist()) if k % 3]
+        assert all((m - 7) % 20 in (0, 1, 19) for m in middles), (start, middles)
+
+
 def test_the_first_stage_meets_short_solos_too(solos):
     """A take of 300 frames is no 1024, but its genre must not stay unknown: it is repeated."""
     data = windows(solos[1:2], num_frames=1024, layout=LAYOUT)
@@ -284,6 +299,15 @@ def test_the_discriminator_learns_every_second_time_and_only_from_its_own_loss()
     assert terms["critic"] < 0.5, "black from white must be told apart; it starts near 1"
     with torch.no_grad():
         assert (c.D(x_0, M, genre) > c.D(x_hat, M, genre)).all(), "true dances are the real ones"
+
+
+def test_focus_compares_with_another_genre():
+    c = critic()
+    c.D.logits = lambda x, M: torch.tensor([[1.0, 9.0]]).expand(len(x), 2)
+    x, g = torch.zeros(3, 20, 139), torch.Generator().manual_seed(0)
+    for genre, focus in ((0, 0.5 * (9 - 1)), (1, 0.5 * (1 - 9))):
+        terms = c.terms(x, x, torch.zeros(3, 20, 35), torch.full((3,), genre), 0, g)
+        assert terms["focus"].item() == focus
 
 
 def test_the_generator_gains_by_what_the_discriminator_calls_real(solos):

@@ -51,6 +51,7 @@ NEAR_MISSES = {
         lambda first: first.flip(1)[:, :20],  # too short
         lambda first: first[:, -1:] + (first[:, -1:] - first[:, -2:-1]) * torch.arange(30)[:, None],
         lambda first: first[:, -1:].expand(-1, 30, -1) + 0.5,  # elsewhere
+        lambda first: EXERCISES["10.2"].spec(first) + 0.05,  # right, but for 5 cm at the seam
         lambda first: one_way(first, 6.0),  # runs
         lambda first: first[:1, -1:] + 0 * first[:, -30:],  # all on one place
     ],

@@ -2,6 +2,14 @@
 
 import torch
 
+from dancediff.exercises import EXERCISES
+
+
+def slowly_astray(paths):
+    """Right, and 5 cm further off at the end: every step is a little longer."""
+    right = EXERCISES["12.4"].spec(paths)
+    return right + torch.linspace(0, 0.05, len(right))
+
 
 def added_up(paths, *, meet=False, fade=False):
     """Steps added up; at a seam none, the mean of both sides, or (all along a walk) a slow fade."""
@@ -59,6 +67,7 @@ NEAR_MISSES = {
     ],
     "12.4": [
         lambda paths: paths.flatten(),  # glued
+        slowly_astray,
         shifted,  # no jump, but one step of nothing, and a kink
         added_up,  # the same
         lambda paths: added_up(paths, meet=True),  # half a kink, twice
