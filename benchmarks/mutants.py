@@ -88,8 +88,9 @@ class Fault:
 
     def key(self) -> str:
         """Changes with the fault, its file, its tests and what tests share."""
-        files = [test.split("::")[0] for test in self.covering()]
-        files += sorted(str(one.relative_to(ROOT)) for one in (ROOT / "tests").glob("*.py"))
+        files: list[str | Path] = [test.split("::")[0] for test in self.covering()]
+        shared = sorted((ROOT / "tests").rglob("*.py"))
+        files += [one for one in shared if not one.name.startswith("test_")]
         parts = [repr(self), *((ROOT / file).read_text(encoding="utf-8") for file in files)]
         return sha256("\0".join(parts).encode()).hexdigest()[:16]
 
