@@ -284,7 +284,8 @@ def _knock(backend: str, address: str) -> None:
 
 def _unreachable(backend: str, address: str | None, err: Exception) -> ValueError:
     why = " ".join(str(err).split()) or type(err).__name__
+    token = ", and set RAY_AUTH_MODE=token if it asks for a token" if backend == "ray" else ""
     return ValueError(
-        f"scheduler={address!r} cannot be reached ({why}); start the {backend} cluster first, and "
-        f"give the address that it prints, such as {EXAMPLES[backend]}"
+        f"scheduler={address!r} cannot be reached ({why}); start the {backend} cluster first, "
+        f"give the address that it prints, such as {EXAMPLES[backend]}{token}"
     )
