@@ -37,9 +37,11 @@ def fit_statistics(
         model.normalizer.load_state_dict(start.normalizer.state_dict())
         model.music_normalizer.load_state_dict(start.music_normalizer.state_dict())
     else:
-        x = torch.cat([take.x.flatten(0, 1) for take in takes])
+        ends = torch.cat(
+            [torch.stack([take.x.amin((0, 1)), take.x.amax((0, 1))]) for take in takes]
+        )  # all frames at once would take gigabytes
         unit = extensions.metre_unit
-        model.normalizer = metre_unit_normalizer(x, TCDIFFPP) if unit else Normalizer.fit(x)
+        model.normalizer = metre_unit_normalizer(ends, TCDIFFPP) if unit else Normalizer.fit(ends)
         songs = {M.data_ptr(): M for M in (take.songs[0] for take in takes)}
         model.music_normalizer = MusicNormalizer.fit(list(songs.values()))
     model.music_normalizer = model.music_normalizer.without(extensions.masked_music)
