@@ -22,7 +22,7 @@ from dancediff.training.muon import MuonAdamW
 
 NAME = "checkpoint.safetensors"
 _ERRORS = (SafetensorError, OSError, AttributeError, RuntimeError, KeyError, ValueError, TypeError)
-_MAY_CHANGE = {"steps", "save_every", "evaluate_every", "preview_every"}
+_MAY_CHANGE = {"steps", "save_every", "evaluate_every", "preview_every", "metrics_every"}
 
 
 @dataclass

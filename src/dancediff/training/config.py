@@ -126,6 +126,7 @@ class TrainConfig:
     save_every: int = 500  # steps
     evaluate_every: int = 0  # steps; 0: never
     preview_every: int = 0  # steps; 0: never
+    metrics_every: int = 0  # steps; 0: never
     weights: LossWeights | LodgeWeights = field(default_factory=LossWeights)
     extensions: TrainingExtensions = field(default_factory=TrainingExtensions)
 
@@ -139,7 +140,8 @@ class TrainConfig:
                 raise ValueError(f"{name}={getattr(self, name)} must be above 0")
         for name in ("steps", "save_every", "accumulate"):
             _check_least(name, getattr(self, name), 1)
-        for name in ("warmup", "weight_decay", "clip", "evaluate_every", "preview_every"):
+        every = ("evaluate_every", "preview_every", "metrics_every")
+        for name in ("warmup", "weight_decay", "clip", *every):
             _check_least(name, getattr(self, name), 0)
         _check_share("decay", self.decay)
         if not 0 <= self.ema < 1:

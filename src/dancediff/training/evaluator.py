@@ -10,6 +10,7 @@ from dancediff.nn.dance_network import DanceNetwork
 from dancediff.training.checkpoint import read_facts, save_average
 from dancediff.training.config import TrainConfig
 from dancediff.training.objective import Objective
+from dancediff.training.validation_metrics import ValidationMetrics
 
 BEST = "best.safetensors"
 BATCHES = 8  # that the validation loss is a mean of
@@ -21,11 +22,18 @@ class Evaluator:
     Every ``config.evaluate_every`` steps the averaged model is evaluated on the same
     `BATCHES` batches of ``data`` with the same noise; the best one so far is kept
     in the folder as ``best.safetensors``. Every ``config.preview_every`` steps
-    ``preview(model, step)`` is called.
+    ``preview(model, step)`` is called; every ``config.metrics_every`` steps ``metrics``, if there
+    are any, score its dances.
     """
 
-    def __init__(self, data, config: TrainConfig, preview: Callable | None = None):
-        self.data, self.config, self.preview = data, config, preview
+    def __init__(
+        self,
+        data,
+        config: TrainConfig,
+        preview: Callable | None = None,
+        metrics: ValidationMetrics | None = None,
+    ):
+        self.data, self.config, self.preview, self.metrics = data, config, preview, metrics
 
     @property
     def evaluates(self) -> bool:

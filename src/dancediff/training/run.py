@@ -31,6 +31,7 @@ from dancediff.training.lodge import is_lodge, train_lodge
 from dancediff.training.statistics import fit_statistics, take_over
 from dancediff.training.tables import check_all, check_sizes, read_training
 from dancediff.training.trainer import Trainer, name_of
+from dancediff.training.validation_metrics import ValidationMetrics
 
 MODELS: dict[str, tuple[type[TCDiffPP] | type[EDGE], type]] = {
     "TCDiffPP": (TCDiffPP, TCDiffPPConfig),
@@ -140,7 +141,7 @@ def train_from_config(
     sizes = config_class(**tables["model"])
     held_out: list[DanceTake] = []
     if takes is None:
-        evaluates = settings.evaluate_every > 0
+        evaluates = settings.evaluate_every > 0 or settings.metrics_every > 0
         takes, held_out = takes_for(corpus, data, sizes, evaluates=evaluates)
     torch.manual_seed(settings.seed)
     model = build(model_class, sizes, extensions, genres)
@@ -151,13 +152,14 @@ def train_from_config(
         if start is not None:
             take_over(model, start)
     validation = _windows(held_out, corpus, model, settings) if held_out else None
+    metrics = ValidationMetrics(validation, Path(out) / "metrics.csv") if validation else None
     device, world = options.pop("device", "cpu"), options.get("world")
     return trainer(
         model.to(device if world is None else world.device),
         _windows(takes, corpus, model, settings),
         settings,
         out,
-        evaluator=Evaluator(validation, settings, preview),
+        evaluator=Evaluator(validation, settings, preview, metrics),
         data_name=name_of(takes, tables["data"]),
         **options,
     ).run()

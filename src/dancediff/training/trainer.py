@@ -179,6 +179,10 @@ class Trainer(Generic[Network]):
             if self.world.first:
                 self.evaluator.preview(self.ema.model, step)
             self.world.wait()
+        if self.evaluator.metrics and self.evaluator.due(step, self.config.metrics_every):
+            if self.world.first:
+                self.evaluator.metrics.row(self.ema.model, self.objective, step)
+            self.world.wait()
 
 
 def name_of(takes: Sequence, corpus: dict) -> str:
