@@ -42,3 +42,10 @@ def test_update_leaves_the_model_alone():
     net, ema = constant(0.25), EMA(constant(1.0))
     ema.update(net)
     assert net.weight.item() == 0.25 and net.weight.requires_grad
+
+
+def test_the_average_has_no_graph_that_grows_with_every_update():
+    net = torch.nn.Linear(2, 2)
+    ema = EMA(net)
+    ema.update(net)
+    assert not any(weights.requires_grad for weights in ema.model.parameters())

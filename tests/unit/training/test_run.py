@@ -8,8 +8,10 @@ import torch
 
 from dancediff import hub
 from dancediff.data.choreographed import choreographed_takes
+from dancediff.data.take import DanceTake
 from dancediff.data.windows import GroupCut, WindowSampler
 from dancediff.extensions.build import build
+from dancediff.extensions.preconditioning import preconditioning_of
 from dancediff.music.features import CHROMA
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 from dancediff.training.config import TrainConfig, TrainingExtensions
@@ -178,3 +180,24 @@ def read_sizes(path):
     sizes = read_config(path)["model"]
     del sizes["extensions"]
     return TCDiffPPConfig(**sizes)
+
+
+def test_the_spectrum_is_that_of_what_the_formation_prior_leaves():
+    """Dancers who stand in their places leave nothing on the floor."""
+    x = torch.rand(2, 60, 151, generator=torch.Generator().manual_seed(0))
+    x[:, :, [4, 6]] = torch.tensor([[-1.0, 0.0], [1.0, 0.0]])[:, None]
+    take = DanceTake("row", x, M=torch.rand(60, 35))
+    sizes = TCDiffPPConfig(**TINY | {"num_frames": 20})
+    spread = {}
+    for prior in ((), ("formation_prior",)):
+        model = build(TCDiffPP, sizes, ["preconditioning", *prior])
+        fit_statistics(model, [take])
+        spread[prior] = preconditioning_of(model).std[0, 4].item() / 20**0.5
+    assert spread[()] > 0.5 and spread[("formation_prior",)] < 0.01
+
+
+def test_only_weights_of_the_same_shape_are_taken_over():
+    small = torch.nn.Sequential(torch.nn.Linear(2, 3), torch.nn.Linear(3, 1))
+    large = torch.nn.Sequential(torch.nn.Linear(2, 3), torch.nn.Linear(3, 2))
+    assert take_over(large, small) == ["1.weight", "1.bias"]
+    assert torch.equal(large[0].weight, small[0].weight)

@@ -17,7 +17,7 @@ from dancediff.training.config import TrainConfig, TrainingExtensions
 from dancediff.training.evaluator import BATCHES, Evaluator
 from dancediff.training.logger import Logger
 from dancediff.training.objective import GroupObjective
-from dancediff.training.optimizer import make_optimizer
+from dancediff.training.optimizer import make_optimizer, set_learning_rate
 from dancediff.training.trainer import Trainer
 
 
@@ -162,6 +162,46 @@ def test_fusion_projection_takes_smaller_steps():
     assert len(moved) == sum(len(group["params"]) for group in optimizer.param_groups)
 
 
+def test_every_group_gets_its_share_of_the_learning_rate():
+    model = nn.Sequential(nn.Linear(8, 8), FusionProjection(2, 4, 6))
+    optimizer = make_optimizer(model, TrainConfig(fusion_lr=0.1))
+    set_learning_rate(optimizer, 0.5)
+    assert [group["lr"] for group in optimizer.param_groups] == [0.5, 0.05]
+
+
+def test_a_step_forgets_the_gradients_of_the_one_before():
+    config, gradients = TrainConfig(warmup=0, lr=1e-12, clip=1e9), []
+    for first in (0, 1):
+        model = Toy()
+        trainer = Trainer(model, Data(), config)
+        for step in range(first, 2):
+            trainer.step(step)
+        gradients.append(model.gain.grad.item())
+    assert gradients[0] == pytest.approx(gradients[1], rel=1e-5)
+
+
+def test_the_average_follows_every_step():
+    model = Toy()
+    trainer = Trainer(model, Data(), TrainConfig(warmup=0, ema=0.0))
+    for step in range(2):
+        trainer.step(step)
+        assert trainer.ema.model.gain.item() == model.gain.item() != 0.5
+
+
+def test_the_log_has_what_a_checkpoint_has(tmp_path):
+    """Or the rows in between would be missing after a kill."""
+    trainer = Trainer(Toy(), Data(), TrainConfig(steps=5, save_every=2), tmp_path)
+    save, logged = trainer.checkpointer.save, []
+
+    def saving(step, extra):
+        logged.append((step, len(rows(tmp_path))))
+        save(step, extra)
+
+    trainer.checkpointer.save = saving
+    trainer.run()
+    assert logged == [(2, 2), (4, 4), (5, 5)]
+
+
 def test_gradient_is_clipped():
     model, config = Toy(), TrainConfig(warmup=0, clip=1e-3, lr=1.0)
     before = model.gain.item()
@@ -223,10 +263,10 @@ def test_previews_see_the_averaged_model_at_their_steps(tmp_path):
     seen = []
     config = TrainConfig(steps=7, warmup=0, preview_every=3)
     model = Toy()
-    evaluator = Evaluator(None, config, lambda m, step: seen.append((step, m.gain.item())))
+    evaluator = Evaluator(None, config, lambda m, step: seen.append((step, m)))
     averaged = train(model, Data(), config, tmp_path, evaluator=evaluator)
     assert [step for step, _ in seen] == [3, 6]
-    assert seen[0][1] != model.gain.item() and averaged is not model
+    assert all(shown is averaged for _, shown in seen) and averaged is not model
 
 
 def test_heavy_levels_are_drawn_more_often_and_count_as_much_as_they_should():

@@ -46,6 +46,7 @@ NEAR_MISSES = {
         cosine_abar,  # 60% in the middle
         lambda num_steps: 1 - (torch.arange(num_steps) + 1) / num_steps,  # ends at 0
         lambda num_steps: torch.linspace(0.9, 0.1, num_steps),  # no beginning, no end
+        lambda num_steps: torch.linspace(0.99, 0.05, num_steps),  # ends while a dance is left
         lambda num_steps: torch.linspace(0.0005, 0.99, num_steps),  # the other way
         lambda num_steps: torch.full((num_steps,), 0.5),
         lambda num_steps: torch.cumprod(1 - torch.linspace(1e-4, 0.02, num_steps), 0),

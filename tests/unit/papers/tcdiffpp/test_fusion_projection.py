@@ -1,6 +1,7 @@
 import pytest
 import torch
 
+from dancediff.extensions.residuals import FusionResidual
 from dancediff.papers.tcdiffpp.group_dance_decoder import FusionProjection
 
 
@@ -34,3 +35,8 @@ def test_signal_keeps_its_size():
 def test_too_many_dancers():
     with pytest.raises(ValueError, match="4 dancers; at most 3"):
         FusionProjection(3, 4, 8)(torch.zeros(1, 4, 5, 4))
+
+
+def test_with_a_residual_the_mixed_dancers_are_added():
+    fp, h = FusionProjection(3, 4, 8), torch.randn(2, 3, 5, 4)
+    torch.testing.assert_close(FusionResidual(fp)(h), h + fp(h))
