@@ -189,8 +189,10 @@ def test_the_average_follows_every_step():
 
 
 def test_the_log_has_what_a_checkpoint_has(tmp_path):
-    """Or the rows in between would be missing after a kill."""
-    trainer = Trainer(Toy(), Data(), TrainConfig(steps=5, save_every=2), tmp_path)
+    """Or a kill would leave the log of the training that was here before."""
+    train(Toy(), Data(), TrainConfig(steps=3), tmp_path)
+    config = TrainConfig(steps=5, save_every=2)
+    trainer = Trainer(Toy(), Data(), config, tmp_path, overwrite=True)
     save, logged = trainer.checkpointer.save, []
 
     def saving(step, extra):
