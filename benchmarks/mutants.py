@@ -89,8 +89,10 @@ class Fault:
     def key(self) -> str:
         """Changes with the fault, its file, its tests and what tests share."""
         files: list[str | Path] = [test.split("::")[0] for test in self.covering()]
-        shared = sorted((ROOT / "tests").rglob("*.py"))
-        files += [one for one in shared if not one.name.startswith("test_")]
+        files += sorted((ROOT / "tests").glob("*.py"))
+        for folder in sorted({(ROOT / file).parent for file in files[1:]}):
+            shared = sorted(folder.rglob("*.py"))
+            files += [one for one in shared if not one.name.startswith("test_")]
         parts = [repr(self), *((ROOT / file).read_text(encoding="utf-8") for file in files)]
         return sha256("\0".join(parts).encode()).hexdigest()[:16]
 
