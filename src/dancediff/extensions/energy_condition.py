@@ -24,7 +24,6 @@ class EnergyCondition(Part):
 
     Music features say how loud a frame is in one number of 35, relative to all other songs; this
     says it relative to the song, and can be asked for. Rows whose music is masked have no energy.
-    The last map starts at zero: before training the guess is that of the model without the part.
 
     Source: ours; no paper has it.
 
@@ -43,8 +42,6 @@ class EnergyCondition(Part):
         super().__init__()
         self.into, self.out = nn.Linear(1, d_model), nn.Linear(d_model, d_model)
         self.unknown = nn.Parameter(torch.zeros(d_model))
-        nn.init.zeros_(self.out.weight)
-        nn.init.zeros_(self.out.bias)
 
     def vectors(self, conditions: Conditions, f: int) -> Tensor:
         """What is added to each frame, (b, f, d_model)."""
