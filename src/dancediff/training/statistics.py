@@ -63,7 +63,8 @@ def _around_the_mean(model: TCDiffPP | EDGE, takes: list[DanceTake]) -> Iterator
             yield model.normalizer.normalize(x), S
 
     if formation is not None:
-        formation.fit((x[..., TCDIFFPP.floor], S) for x, S in windows())
+        # cloned: a view would keep whole windows, gigabytes of them
+        formation.fit((x[..., TCDIFFPP.floor].clone(), S) for x, S in windows())
 
     for x, S in windows():
         if formation is not None:
