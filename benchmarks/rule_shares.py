@@ -52,7 +52,9 @@ ORDERS = list(permutations(range(3)))[1:]
 def changed(before: Tensor, after: Tensor) -> float:
     """Share of dancers' frames in which a joint is elsewhere; dances in metres (b, n, f, d).
 
-    >>> x = torch.cat([torch.zeros(7), torch.eye(3)[:2].flatten().repeat(24)]).expand(1, 1, 4, 151)
+    >>> import torch
+    >>> x = torch.cat([torch.zeros(7), torch.eye(3)[:2].flatten().repeat(24)])
+    >>> x = x.expand(1, 1, 4, 151)
     >>> moved = x.clone()
     >>> moved[..., 0, 4] += 0.02
     >>> changed(x, moved), changed(x, x)
