@@ -1,5 +1,7 @@
 """Which songs are meant, and what is asked of each: a list, a folder, or a manifest.
 
+Read first: `dancediff.cli.many_songs`, which dances to them.
+
 Manifest
     A table with commas or semicolons. The column ``song`` names a sound file, relative to the
     table, or "packaged"; others are the options of `dancediff generate`, ``model``, and ``name``

@@ -1,5 +1,7 @@
 r"""Which joint is which, from how a tree of joints branches, when the names tell nothing.
 
+Read first: `dancediff.data.joint_maps`, the skeletons whose names are known.
+
 A body has a joint with two legs and a spine, and on the spine one with two arms and a neck. Legs
 and arms come in pairs of equal lengths; upper and lower leg are the two longest bones in a row. The
 toes point to the front, and so tell left from right; names with a side in them decide before that.

@@ -1,5 +1,7 @@
 r"""Which files of a folder are one take: by their names, or by ``takes.toml`` beside them.
 
+Read first: docs/your_own.md.
+
     [[take]]                                 # all but files may be left out
     files = ["duo/anna.bvh", "duo/ben.bvh"]  # of one take, relative to the folder
     name = "duo"
