@@ -9,6 +9,7 @@ from typing import Literal
 
 import tyro
 
+from dancediff.cli.convert import Convert
 from dancediff.cli.doctor import Doctor
 from dancediff.cli.evaluate import Evaluate
 from dancediff.cli.files import check_folder, tell
@@ -214,6 +215,7 @@ COMMANDS = {
     "generate": Generate,
     "evaluate": Evaluate,
     "gallery": Gallery,
+    "convert": Convert,
     "prepare": Prepare,
     "train": Train,
     "ablate": Ablate,

@@ -1,0 +1,47 @@
+"""`dancediff convert`: a dance in another format."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import tyro
+
+from dancediff.cli.files import check_folder, song_named, tell
+
+
+@dataclass
+class Convert:
+    """Write a dance in another format: npz, bvh, glb, smpl.npz, html, mp4, gif, png."""
+
+    files: tyro.conf.Positional[tuple[Path, ...]]
+    """The dance (.npz, .glb, .bvh, .smpl.npz; of a group a file for each dancer may be given), then
+    the file to write, whose suffix says the format."""
+    song: str | None = None
+    """A sound file for .mp4 and .html; 'packaged' for the song of the package."""
+    body: Literal["mannequin", "mesh"] = "mannequin"
+    """What moves in a .glb."""
+    json: bool = False
+    """Print one line of JSON instead of text."""
+
+    def run(self) -> None:
+        """Read, then write; a group becomes a .bvh or .smpl.npz for each dancer."""
+        if len(self.files) < 2:
+            raise ValueError(
+                f"{len(self.files)} files are given; name a dance, then the file to write, such as "
+                "dance.npz dance.glb"
+            )
+        *sources, target = self.files
+        from dancediff import io
+        from dancediff.motion.motion import Motion
+
+        if io.suffix_of(target) not in io.SUFFIXES:
+            known = " ".join(io.SUFFIXES)
+            raise ValueError(f"{str(target)!r}, the file to write, should end in one of {known}")
+        check_folder(target.parent, "the folder of")
+        song = None if self.song is None else song_named(self.song)
+        dance = Motion.load(*sources)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        written = dance.save(target, song, body=self.body)
+        facts = {"written": written, "dancers": dance.num_dancers, "frames": dance.num_frames}
+        more = "" if written == target else f" and so on, a file for each of {dance.num_dancers}"
+        tell(self.json, facts, [f"written: {written}{more}"])

@@ -1,0 +1,69 @@
+"""`dancediff convert`: from any format that can be read to any that can be written."""
+
+import json
+
+import pytest
+import torch
+
+from dancediff.cli import main
+from dancediff.data.choreographer import choreograph
+from dancediff.motion.motion import Motion
+
+
+@pytest.fixture(scope="module")
+def duet(tmp_path_factory):
+    dance, _ = choreograph([0.5, 1.0], dancers=2, seed=0, seconds=1.5)
+    return dance.save(tmp_path_factory.mktemp("duet") / "duet.npz")
+
+
+def joints_apart(a: Motion, b: Motion) -> float:
+    return (a.joints() - b.joints()).norm(dim=-1).max().item()
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".glb", ".bvh", ".smpl.npz"])
+def test_there_and_back(duet, suffix, tmp_path, capsys):
+    there = tmp_path / "new" / f"dance{suffix}"
+    assert main(["convert", str(duet), str(there), "--json"]) == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert (facts["dancers"], facts["frames"]) == (2, 45)
+    files = sorted(map(str, there.parent.iterdir()))
+    assert len(files) == (1 if suffix in (".npz", ".glb") else 2)
+    assert facts["written"] == files[0]
+    assert main(["convert", *files, str(tmp_path / "back.npz")]) == 0
+    assert joints_apart(Motion.load(duet), Motion.load(tmp_path / "back.npz")) < 1e-3
+
+
+def test_a_picture_and_a_page(duet, tmp_path):
+    for name in ("dance.png", "dance.html"):
+        assert main(["convert", str(duet), str(tmp_path / name)]) == 0
+        assert (tmp_path / name).stat().st_size > 1000
+
+
+@pytest.mark.parametrize(
+    ("files", "message"),
+    [
+        (["DUET"], "1 files are given; name a dance, then the file to write"),
+        (["DUET", "dance.fbx"], "'dance.fbx', the file to write, should end in one of .npz"),
+        (["missing.npz", "dance.glb"], "missing.npz"),
+        (["DUET", "dance.bvh", "--body", "mesh"], "body='mesh' goes with .glb only"),
+        (["DUET", "dance.html", "--song", "missing.ogg"], "missing.ogg"),
+    ],
+)
+def test_wrong_files_are_named(duet, files, message, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(["convert", *(name.replace("DUET", str(duet)) for name in files)]) == 2
+    assert message in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_damaged_dance_is_refused(duet, tmp_path, capsys):
+    (tmp_path / "half.npz").write_bytes(duet.read_bytes()[:500])
+    assert main(["convert", str(tmp_path / "half.npz"), str(tmp_path / "dance.glb")]) == 2
+    assert "half.npz" in capsys.readouterr().err
+    assert not (tmp_path / "dance.glb").exists()
+
+
+def test_what_is_written_is_the_dance_and_not_a_view_of_it(duet, tmp_path):
+    path = tmp_path / "copy.npz"
+    assert main(["convert", str(duet), str(path)]) == 0
+    assert torch.equal(Motion.load(path).root, Motion.load(duet).root)
