@@ -11,6 +11,7 @@ import logging
 import operator
 import os
 import threading
+import time
 import warnings
 from collections import deque
 from collections.abc import Callable, Generator, Iterator, Sequence
@@ -142,7 +143,8 @@ def _on_this_machine(function: Callable, jobs: Sequence, workers: int) -> Outcom
     from joblib.externals.loky import ProcessPoolExecutor
 
     def new_pool():
-        return ProcessPoolExecutor(1, env=dict.fromkeys(_THREADS, "1"))
+        ends = {"initializer": _end_with, "initargs": (os.getpid(),)}
+        return ProcessPoolExecutor(1, env=dict.fromkeys(_THREADS, "1"), **ends)
 
     waiting = deque((k, 1) for k in range(len(jobs)))
     pools = [new_pool() for _ in range(workers)]
@@ -171,6 +173,17 @@ def _on_this_machine(function: Callable, jobs: Sequence, workers: int) -> Outcom
     finally:
         for one in pools:
             one.shutdown(kill_workers=True)
+
+
+def _end_with(parent: int) -> None:
+    """Let this process end soon after the one that started it: ``kill -9`` leaves nobody behind."""
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(1)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 def _on_dask(function: Callable, jobs: Sequence, workers: int, scheduler: str | None) -> Outcomes:

@@ -16,6 +16,7 @@ from safetensors import safe_open
 from tiny_training import tiny_config
 
 from dancediff.arrays import read_arrays
+from dancediff.music.synth import synth_song
 
 pytestmark = [
     pytest.mark.slow,
@@ -27,9 +28,14 @@ FORMATS = "npz,png,html,glb,bvh,mp4"
 COMMANDS = {
     "train": "train CONFIG --resume --out OUT",
     "prepare": "prepare choreograph 6 OUT --seconds 8 --workers 2",
+    "songs": "generate SONGS --seconds 3 --steps 3 --formats npz,png --workers 2 --out OUT",
     "generate": f"generate packaged --seconds 3 --steps 3 --formats {FORMATS} --out OUT",
 }
-KILLS = {"train": 20, "prepare": 15, "generate": 15} if LONG else dict.fromkeys(COMMANDS, 1)
+KILLS = (
+    {"train": 20, "prepare": 15, "songs": 15, "generate": 15}
+    if LONG
+    else dict.fromkeys(COMMANDS, 1)
+)
 
 
 def files(folder: Path) -> list[Path]:
@@ -76,7 +82,10 @@ def check_whole(path: Path) -> None:
 def test_nothing_is_lost(name, tmp_path, record_property):
     (tmp_path / "a.toml").write_text(tiny_config(60, 7))
     out, rng = tmp_path / "out", random.Random(name)
-    fill = {"OUT": str(out), "CONFIG": str(tmp_path / "a.toml")}
+    fill = {"OUT": str(out), "CONFIG": str(tmp_path / "a.toml"), "SONGS": str(tmp_path / "songs")}
+    (tmp_path / "songs").mkdir()
+    for seed in range(5 if name == "songs" else 0):
+        synth_song(seed, seconds=4)[0].save(tmp_path / "songs" / f"{seed}.wav")
     command = [
         sys.executable,
         "-m",

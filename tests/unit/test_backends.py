@@ -2,9 +2,11 @@
 
 import os
 import signal
+import subprocess
 import sys
 import time
 from functools import partial
+from pathlib import Path
 
 import pytest
 import torch
@@ -60,6 +62,39 @@ def test_a_killed_process_costs_no_other_job(tmp_path, often):
     two = found.pop(2)
     assert found == {k: k for k in (0, 1, 3, 4, 5)}
     assert isinstance(two, WorkerDied) if often == TRIES else two == 2
+
+
+def alive(pid: int) -> bool:
+    """Whether a process computes or could; a dead one that nobody asked for does not count."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
+
+
+def wait_until(true, seconds: float) -> None:
+    for _ in range(int(seconds * 10)):
+        if true():
+            return
+        time.sleep(0.1)
+    raise AssertionError(f"not within {seconds} s")
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="asks Linux")
+def test_no_process_outlives_a_killed_program(tmp_path):
+    code = (
+        "import os, sys, time\n"
+        "from pathlib import Path\n"
+        "from dancediff.backends import run_jobs\n"
+        "def wait(folder): (Path(folder) / str(os.getpid())).touch(); time.sleep(60)\n"
+        "list(run_jobs(wait, sys.argv[1:], workers=2))"
+    )
+    program = subprocess.Popen([sys.executable, "-c", code, str(tmp_path), str(tmp_path)])
+    wait_until(lambda: len(list(tmp_path.iterdir())) == 2, 60)
+    program.kill()
+    program.wait()
+    pids = [int(path.name) for path in tmp_path.iterdir()]
+    wait_until(lambda: not any(map(alive, pids)), 15)
 
 
 @pytest.mark.parametrize("workers", [1, 2])
