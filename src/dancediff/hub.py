@@ -4,7 +4,8 @@ Read first: `dancediff.generation.pipeline`.
 
 A model folder holds ``config.json`` (class, sizes, names of extensions and genres),
 ``model.safetensors`` (weights and normalisers) and ``card.md``; a Lodge has ``global.safetensors``
-and ``local.safetensors`` instead. No pickle is ever read. Files are written under a temporary name
+and ``local.safetensors`` instead. No pickle is ever read, and no code that a folder names is run
+unless the caller names it, too. Files are written under a temporary name
 and renamed, so a stop in between leaves the old file or the new one.
 """
 
@@ -20,10 +21,12 @@ from safetensors.torch import load_file
 
 from dancediff import __version__
 from dancediff.atomic import atomic_write, save_tensors, tensor_name
-from dancediff.extensions.build import build, extensions_of
+from dancediff.extensions.build import build, extensions_of, paper_class
 from dancediff.extensions.genre_condition import genres_of
+from dancediff.extensions.own_class import class_name, own_network
 from dancediff.generation.pipeline import Pipeline, pipeline_of
 from dancediff.music.song import Music
+from dancediff.own import is_own
 from dancediff.papers.edge.model import EDGE, EDGEConfig
 from dancediff.papers.lodge.model import Lodge, LodgeConfig
 from dancediff.papers.tcdiffpp.model import LARGEST, MOST_LAYERS, TCDiffPP, TCDiffPPConfig
@@ -46,9 +49,7 @@ def save_model(
 
     Raises: ValueError when a weight is not finite, or too large for ``dtype``.
     """
-    kind = next(
-        name for name, (model_class, _) in _CLASSES.items() if isinstance(model, model_class)
-    )
+    kind = class_name(model)
     config: dict = {"class": kind, "dancediff": __version__, "config": asdict(model.config)}
     config["extensions"] = names = list(extensions_of(model))
     if "genre_condition" in names:
@@ -106,8 +107,11 @@ def model_folder(name) -> Path:
     return folder
 
 
-def load(name, *, device: str = "cpu") -> Pipeline:
+def load(name, *, device: str = "cpu", own: str | type | None = None) -> Pipeline:
     """Load a packaged model by name, or a model folder by path; ``.model`` is the network.
+
+    ``own``: the class of a network that is not of this package, or its name "module:Class". The
+    folder's own word for it is never enough: to import it would run its author's code.
 
     Raises: ValueError naming what is wrong with it and which names there are.
 
@@ -116,7 +120,9 @@ def load(name, *, device: str = "cpu") -> Pipeline:
     """
     folder = model_folder(name)
     try:
-        model = _read(folder)
+        model = _read(folder, own)
+    except _Unfit as err:
+        raise ValueError(f"model folder {str(folder)!r} cannot be read: {err}") from err
     except (OSError, ValueError, KeyError, TypeError, RuntimeError, SafetensorError) as err:
         raise ValueError(
             f"model folder {str(folder)!r} cannot be read: {err}; train or copy it again"
@@ -127,11 +133,32 @@ def load(name, *, device: str = "cpu") -> Pipeline:
         raise ValueError(f"device={device!r} cannot be used here: {err}; choose 'cpu'") from err
 
 
-def _read(folder: Path) -> TCDiffPP | EDGE | Lodge:
+class _Unfit(ValueError):
+    """Training again would not help; the message says what does."""
+
+
+def _classes(kind, own: str | type | None) -> tuple[type, type]:
+    """The class of a folder's network, and that of its sizes."""
+    if not is_own(kind):
+        if kind not in _CLASSES:
+            raise ValueError(f"class {kind!r} is not one of {', '.join(_CLASSES)}")
+        return _CLASSES[kind]
+    if own is None:
+        raise _Unfit(
+            f"its network is the class {kind!r}, code that does not come with dancediff and is not "
+            f"run unasked; if you trust it, pass own={kind!r} (--own {kind})"
+        )
+    try:
+        model_class = own_network(own)
+    except ValueError as err:
+        raise _Unfit(str(err)) from err
+    usual = _CLASSES[paper_class(model_class).__name__][1]
+    return model_class, getattr(model_class, "config_class", usual)
+
+
+def _read(folder: Path, own: str | type | None = None) -> TCDiffPP | EDGE | Lodge:
     stored = json.loads((folder / "config.json").read_text(encoding="utf-8"))
-    if stored["class"] not in _CLASSES:
-        raise ValueError(f"class {stored['class']!r} is not one of {', '.join(_CLASSES)}")
-    model_class, config_class = _CLASSES[stored["class"]]
+    model_class, config_class = _classes(stored["class"], own)
     if "extensions" not in stored:
         raise ValueError("config.json names no extensions: an older dancediff wrote it")
     names = _checked("extensions", stored["extensions"], tuple)
@@ -146,15 +173,31 @@ def _read(folder: Path) -> TCDiffPP | EDGE | Lodge:
     }
     with torch.device("meta"):  # takes no memory, however much the config asks for
         wanted = make(config).state_dict()
-    for key in sorted(wanted.keys() | tensors.keys()):
-        have, want = (tuple(d[key].shape) if key in d else None for d in (tensors, wanted))
-        if have != want:
-            raise ValueError(f"{key} has shape {have} in the weights, {want} by config.json")
+    _check_shapes(tensors, wanted, model_class)
+    for key in sorted(tensors):
         if not tensors[key].isfinite().all():
             raise ValueError(f"{key} holds values that are no finite numbers")
     model = make(config)
     model.load_state_dict({key: value.float() for key, value in tensors.items()})
     return model
+
+
+def _check_shapes(tensors: dict, wanted: dict, model_class: type) -> None:
+    """Refuse weights of another network, and say which of its parts differs, and how."""
+    for key in sorted(wanted.keys() | tensors.keys()):
+        have, want = (tuple(d[key].shape) if key in d else None for d in (tensors, wanted))
+        if have == want:
+            continue
+        part, who = key.rpartition(".")[0] or key, model_class.__name__
+        why = f"a training with other sizes, or another version of {who}, wrote them"
+        if have is None:
+            why = f"{who} has a part that was not there in training"
+        elif want is None:
+            why = f"{who} does not have this part, which was there in training"
+        raise _Unfit(
+            f"part {part!r} does not fit: {key} has shape {have} in the weights, {want} by "
+            f"config.json and {who}; {why}. Use the config.json and the class of the training"
+        )
 
 
 def _under(tensors: dict, prefix: str) -> dict:

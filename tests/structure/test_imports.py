@@ -16,6 +16,7 @@ ORDER = [  # lowest first; a module imports its own part and lower ones
         "axes",
         "backends",
         "lookup",
+        "own",
         "genre",
         "music",
         "motion",

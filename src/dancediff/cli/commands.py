@@ -121,9 +121,10 @@ class Train:
         from dancediff.generation.pipeline import usable_device
         from dancediff.training.checkpoint import load_average, read_facts
         from dancediff.training.distributed import join_world
-        from dancediff.training.run import train_from_config
+        from dancediff.training.run import own_class_in, train_from_config
 
         check_folder(self.out)
+        own = own_class_in(self.config)
         with join_world(self.device) as world:
             usable_device(world.device)
             model = train_from_config(
@@ -132,7 +133,7 @@ class Train:
                 resume=self.resume,
                 overwrite=self.overwrite,
                 data=self.data,
-                start=None if self.start is None else hub.load(self.start).model,
+                start=None if self.start is None else hub.load(self.start, own=own).model,
                 world=world,
                 preview=self.preview,
             )

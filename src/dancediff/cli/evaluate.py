@@ -21,6 +21,8 @@ class Evaluate:
     comes with dancediff."""
     reference: str | None = None
     """Real dances, as a folder or file: FID, Div and GMR compare with them."""
+    metric: tuple[str, ...] = ()
+    """Metrics of your own, each MODULE:FUNCTION, called with joints and fps."""
     window: int = 0
     """Cut every dance into windows of so many frames; 0 leaves it whole."""
     workers: int = 0
@@ -55,6 +57,7 @@ class Evaluate:
             reference=self.reference,
             song=song,
             window=self.window or None,
+            metrics=self.metric,
             seed=self.seed,
             progress=not self.json,
             workers=self.workers or joblib.cpu_count(),

@@ -29,6 +29,8 @@ class _Generate:
     list, a folder, or a manifest.csv with a row a dance; each gets a folder of its own in OUT."""
     model: str = "tcdiffpp"
     """A packaged model's name, or a model folder."""
+    own: str | None = None
+    """The class of a model folder whose network is your own: MODULE:CLASS."""
     out: Path = Path("out")
     """Folder for the results."""
     formats: str = ",".join(USUAL)
@@ -63,7 +65,7 @@ class _Generate:
             return
         check_targets(self.out, formats)
         song = song_named(self.songs[0])
-        model = hub.load(self.model)
+        model = hub.load(self.model, own=self.own)
         facts, dance = dance_to(
             song, model, options | {"progress": not self.json}, formats, self.out
         )
@@ -76,7 +78,8 @@ class _Generate:
         from dancediff.cli.song_list import song_list
 
         rows = song_list(self.songs, self.model, options)
-        summary = dance_to_many(rows, self.out, formats, progress=not self.json, **how)
+        how |= {"progress": not self.json, "own": self.own}
+        summary = dance_to_many(rows, self.out, formats, **how)
         tell(self.json, summary.facts(), [str(summary), f"dances: {self.out}"])
         if summary.failed:
             raise RuntimeError(

@@ -95,6 +95,7 @@ class DanceJob:
     out: Path
     formats: list[str]
     code: str  # the caller's
+    own: str | None = None  # the class of a network that is not of this package
 
 
 def dance_to_many(
@@ -106,12 +107,13 @@ def dance_to_many(
     backend: str = "loky",
     scheduler: str | None = None,
     progress: bool = True,
+    own: str | None = None,
 ) -> ManySongs:
     """Make the dances of ``rows`` that the folder ``out`` lacks.
 
-    ``workers``, ``backend``, ``scheduler``: see `dancediff.backends.run_jobs`. One run
-    at a time may make a dance. Every process loads a model once. A song that cannot be danced to is
-    told in the result, and no reason to stop.
+    ``workers``, ``backend``, ``scheduler``: see `dancediff.backends.run_jobs`; ``own``: see
+    `dancediff.hub.load`. One run at a time may make a dance. Every process loads a model once. A
+    song that cannot be danced to is told in the result, and no reason to stop.
 
     Raises: ValueError naming an unknown model or the argument; RuntimeError when a machine of a
     cluster has another version of dancediff, or no such folder.
@@ -126,7 +128,7 @@ def dance_to_many(
         place = models[row.model]
         model = row.model if place.is_relative_to(hub.ASSETS) else str(place.absolute())
         whole = SongRow(row.name, song, model, row.options)
-        jobs.append(DanceJob(whole, out / row.name, out, formats, code))
+        jobs.append(DanceJob(whole, out / row.name, out, formats, code, own))
     out.mkdir(parents=True, exist_ok=True)
     summary = ManySongs(rows)
     outcomes = run_jobs(make_dance, jobs, workers=workers, backend=backend, scheduler=scheduler)
@@ -170,7 +172,7 @@ def _dance(job: DanceJob, recipe: str, old: dict) -> dict:
     """Write the files, then what is said of them: without it they do not count."""
     song = song_named(job.row.song)
     check_targets(job.folder, job.formats)
-    model = loaded(job.row.model)
+    model = loaded(job.row.model, job.own)
     facts_file = job.folder / FACTS
     facts_file.unlink(missing_ok=True)
     for left in job.folder.glob(f"{HIDDEN}*"):  # of a run that was killed
@@ -203,15 +205,16 @@ def read_facts(folder: Path) -> dict:
 
 
 @lru_cache(maxsize=MODELS)
-def loaded(model: str):
+def loaded(model: str, own: str | None = None):
     """A model, which a process reads once."""
-    return hub.load(model)
+    return hub.load(model, own=own)
 
 
 def recipe_of(job: DanceJob) -> str:
     """A hash of what a dance follows from; places of files do not count, their names do."""
     song = Path(job.row.song)
     words = [job.code, model_digest(job.row.model), song.stem, job.formats]
+    words += [job.own] if job.own else []
     digest = sha256(repr([*words, sorted(job.row.options.items())]).encode())
     if song.is_file():
         with song.open("rb") as file:

@@ -11,6 +11,7 @@ import tyro
 from dancediff.generation.option import kinds_of
 from dancediff.generation.presets import PRESETS
 from dancediff.generation.request import REQUESTS, default_of
+from dancediff.own import is_own
 
 NOT_HERE = ("start", "end", "constraints")  # more than a word can say
 WORDS = {bool: "True|False", int: "INT", float: "FLOAT", str: "STR", tuple[int, ...]: "INT INT ..."}
@@ -40,6 +41,8 @@ def command_option(one: Field) -> tuple[str, Any, Any]:
     """A field of the command: None unless it is given, so that the preset can decide."""
     kind = kind_of(one)
     of = WORDS.get(kind) or "|".join(map(str, get_args(kind)))
+    if one.metadata["own"]:  # the request checks it
+        kind, of = str, f"{of}|MODULE:FUNCTION"
     shown = tyro.conf.arg(
         help=one.metadata["help"], metavar=of, help_behavior_hint=_defaults(one.name)
     )
@@ -69,6 +72,8 @@ def read_option(name: str, text: str):
     ValueError: dancers 'three': give a whole number
     """
     kind = kind_of(FIELDS[name])
+    if FIELDS[name].metadata["own"] and is_own(text):
+        return text
     try:
         if kind is bool:
             return {"true": True, "false": False}[text.lower()]

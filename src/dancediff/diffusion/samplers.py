@@ -15,6 +15,7 @@ The steps are pure functions that never see a network; `sample` is the loop arou
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 from typing import Protocol
 
@@ -23,6 +24,7 @@ from torch import Tensor
 
 from dancediff.diffusion.pinning import Pin
 from dancediff.diffusion.schedule import Generators, abar_at, cosine_abar, gaussian, send
+from dancediff.own import is_own, own_function
 
 
 class GuessHook(Protocol):
@@ -217,6 +219,20 @@ def ddpm_step(
     return mean + _noise(math.sqrt((1 - a_next) / (1 - a) * beta), x_t, generator)
 
 
+def own_step(name: str, x_t: Tensor, *where, **how) -> Tensor:
+    """A step of a sampler of the user's own, "module:function".
+
+    Raises: ValueError when it returns another shape than x_t's.
+    """
+    x = own_function(name, "sampler")(x_t, *where, **how)
+    if not isinstance(x, Tensor) or x.shape != x_t.shape:
+        what = tuple(x.shape) if isinstance(x, Tensor) else type(x).__name__
+        raise ValueError(
+            f"sampler={name!r} returned {what}; it must be like x_t {tuple(x_t.shape)}"
+        )
+    return x
+
+
 def _check_step(t: int, t_next: int, eta: float) -> None:
     if not t_next < t:
         raise ValueError(f"t_next={t_next} must be below t={t}: sampling goes towards -1")
@@ -233,11 +249,11 @@ def sampling_times(sampler: str, steps: int, abar: Tensor | None = None) -> list
     ([999, 749, 499, 249, -1], 1001)
     """
     abar = cosine_abar() if abar is None else abar
-    if sampler not in SAMPLERS:
+    if sampler not in SAMPLERS and not is_own(sampler):
         raise ValueError(f"sampler={sampler!r} is not one of {', '.join(map(repr, SAMPLERS))}")
     if sampler == "dpm":
         return logsnr_times(steps, abar)
-    return ddim_times(steps if sampler == "ddim" else len(abar), len(abar))
+    return ddim_times(len(abar) if sampler == "ddpm" else steps, len(abar))
 
 
 def _noise(sigma: float, like: Tensor, generator: Generators) -> Tensor | float:
@@ -274,7 +290,8 @@ def _first(x_T: Tensor | None, shape: tuple, generator: Generators) -> Tensor:
 class SamplerOptions:
     """Which steps lead from noise to a dance.
 
-    - ``sampler``: "dpm" or "ddim" (``steps``, ``eta``), or "ddpm" (always all T steps).
+    - ``sampler``: "dpm" or "ddim" (``steps``, ``eta``), or "ddpm" (always all T steps), or
+      "module:function" of your own, called as `ddim_step` is, at the times of "ddim".
     - ``clamp``: guesses are cut at +- this, or by this function; None leaves them.
     """
 
@@ -333,7 +350,8 @@ def sample(
         elif how == "dpm":
             x = dpm_step(x, x0_hat, t, t_next, abar, before=before, eta=eta, generator=generator)
         else:
-            x = ddim_step(x, x0_hat, t, t_next, abar, eta=eta, generator=generator)
+            step = ddim_step if how == "ddim" else partial(own_step, how)
+            x = step(x, x0_hat, t, t_next, abar, eta=eta, generator=generator)
         if pin is not None:
             x = pin(x, t_next)
         before = (x0_hat, t)

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 from torch import nn
 
 from dancediff.extensions.lodge_stages import extended_lodge
-from dancediff.extensions.networks import ExtendedEDGE, ExtendedTCDiffPP
+from dancediff.extensions.networks import Extended, ExtendedEDGE, ExtendedTCDiffPP
 from dancediff.extensions.registry import REGISTRY
 from dancediff.genre import GENRES
 from dancediff.papers.edge.model import EDGE
@@ -47,16 +47,23 @@ def build(
     """
     check_extensions(model_class, config, extensions)
     named = {"genres": tuple(genres)} if "genre_condition" in extensions else {}
-    model = (
-        EXTENDED[model_class](config, extensions, **named) if extensions else model_class(config)
-    )
+    make: Callable[..., Any] = EXTENDED.get(model_class, model_class)
+    extended = bool(extensions) or issubclass(model_class, Extended)
+    model = make(config, extensions, **named) if extended else model_class(config)
     model.extensions = tuple(extensions)  # type: ignore[assignment] # torch expects modules only
     return model
 
 
 def check_extensions(model_class: type[nn.Module], config, extensions: Sequence[str]) -> None:
     """Raises: ValueError as `build`."""
-    known = EXTENSIONS[model_class]
+    known = EXTENSIONS[paper_class(model_class)]
+    own = model_class not in EXTENDED
+    if own and extensions and not issubclass(model_class, Extended):
+        base = EXTENDED[paper_class(model_class)].__name__
+        raise ValueError(
+            f"extensions: {model_class.__name__} takes none; derive it from "
+            f"dancediff.extensions.networks.{base}, or name none"
+        )
     for name in extensions:
         if name not in known:
             raise ValueError(
@@ -71,6 +78,15 @@ def check_extensions(model_class: type[nn.Module], config, extensions: Sequence[
             "extensions: 'formation_prior' is a linear guess by rank, which a model "
             "without 'dancer_positioning' does not know"
         )
+
+
+def paper_class(model_class: type[nn.Module]) -> type[nn.Module]:
+    """The network of a paper that a class is, or that it is derived from.
+
+    >>> paper_class(ExtendedEDGE).__name__
+    'EDGE'
+    """
+    return next(one for one in FAMILIES if issubclass(model_class, one))
 
 
 def extensions_of(model: nn.Module) -> tuple[str, ...]:

@@ -11,7 +11,16 @@ from dataclasses import dataclass
 
 KINDS = ("network", "training", "hook", "guidance", "sampling")
 # modules that several extensions use
-SHARED = ("build", "constraint", "group_modes", "networks", "parts", "projection", "registry")
+SHARED = (
+    "build",
+    "constraint",
+    "group_modes",
+    "networks",
+    "own_class",
+    "parts",
+    "projection",
+    "registry",
+)
 
 
 @dataclass(frozen=True)

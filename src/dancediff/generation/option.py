@@ -7,6 +7,8 @@ from dataclasses import Field, field
 from types import UnionType
 from typing import Any, get_args
 
+from dancediff.own import is_own, own_function
+
 
 def option(
     default,
@@ -16,12 +18,15 @@ def option(
     low=0,
     high=math.inf,
     parse: Callable[[Any], Any] | None = None,
+    own: bool = False,
 ) -> Any:
     """A field of a request with its help and the values that it may have.
 
-    ``parse``: checks a value, and returns it in its one form.
+    ``parse``: checks a value, and returns it in its one form.  ``own``: beside the choices, it may
+    name a function of the user's own.
     """
     limits = {"help": help, "choices": tuple(choices), "low": low, "high": high, "parse": parse}
+    limits["own"] = own
     return field(default=default, metadata=limits)
 
 
@@ -37,6 +42,9 @@ def checked(one: Field, value):
     """
     if parse := one.metadata["parse"]:
         return parse(value)
+    if one.metadata["own"] and is_own(value):
+        own_function(value, one.name)
+        return value
     if choices := one.metadata["choices"]:
         if value not in choices:
             allowed = ", ".join(map(repr, choices))

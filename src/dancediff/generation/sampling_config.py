@@ -47,8 +47,9 @@ class SamplingConfig:
     seed: int = option(0, "The same seed gives the same dance.", low=0, high=2**63 - 1)
     sampler: str = option(
         None,
-        "How noise is taken away: DPM-Solver++, DDIM, or DDPM in all steps.",
+        "How noise is taken away: DPM-Solver++, DDIM, DDPM in all steps, or module:function.",
         choices=("dpm", "ddim", "ddpm"),
+        own=True,
     )
     steps: int = option(None, "Denoising steps.", low=1, high=1000)
     eta: float = option(

@@ -33,6 +33,7 @@ from dancediff.metrics.rhythm import SMOOTH, beat_alignment
 from dancediff.metrics.swaps import abrupt_swaps, obeys, permutation_kind
 from dancediff.motion.beats import motion_beats
 from dancediff.motion.motion import Motion
+from dancediff.own import own_function
 
 LONGEST_GMC = 3000  # frames; every one is compared with every other, which takes 0.5 GiB
 SHORTEST_WINDOW = 3  # frames; what an acceleration needs
@@ -68,13 +69,19 @@ class Measured:
 
 
 def measure(
-    source: Source, *, name: str = "dance", beats=None, window: int | None = None
+    source: Source,
+    *,
+    name: str = "dance",
+    beats=None,
+    window: int | None = None,
+    metrics: tuple[str, ...] = (),
 ) -> Measured:
     """Read a dance and compute all that needs no other dance.
 
     ``beats`` (seconds from the first frame) are for dances that bring none. ``window`` cuts the
     dance into pieces of so many frames; a shorter rest is ignored. Abrupt swaps, swap obedience,
     formations and drift are of the whole dance in any case: a jump between two windows is one too.
+    ``metrics`` are functions of the user's own, "module:function", called as `joint_speed` is.
 
     Raises: ValueError or OSError when the dance cannot be read.
 
@@ -92,10 +99,13 @@ def measure(
     size = f if window is None else window
     if f < size:
         why = f"a dance has {f} frames, fewer than the window of {size}"
-        found.missing = {metric: [why] for metric in (*FEATURES, *NUMBERS, *RHYTHM)}
+        found.missing = {metric: [why] for metric in (*FEATURES, *NUMBERS, *RHYTHM, *metrics)}
     for start in range(0, f - size + 1, size):
         shifted = None if beats is None else np.asarray(beats, dtype=np.float64) - start / fps
         _measure_window(found, joints[:, start : start + size], fps, shifted)
+        for metric in metrics:
+            piece = joints[:, start : start + size]
+            found.add(found.numbers, metric, own_metric, metric, piece, fps=fps)
     _measure_swaps(found, motion)
     for metric, (number, _) in FORMATION.items():
         found.add(found.numbers, metric, number, joints, fps=fps)
@@ -158,6 +168,20 @@ def _alignment(joints: Tensor, beats, **options) -> float:
     return beat_alignment(joints, beats, **options)
 
 
+def own_metric(name: str, joints: Tensor, *, fps: float) -> float:
+    """The number of a function of the user's own, "module:function".
+
+    Raises: ValueError when it fails, or returns anything but one finite number.
+    """
+    try:
+        value = float(own_function(name, "metric")(joints, fps=fps))
+    except Exception as err:  # one odd dance must not end the table
+        raise ValueError(f"metric={name!r} fails: {type(err).__name__}: {err}") from err
+    if not np.isfinite(value):
+        raise ValueError(f"metric={name!r} returned {value}; it must be a finite number")
+    return value
+
+
 def joint_speed(joints: Tensor, *, fps: float) -> float:
     """Mean speed of all joints, metres a second; (n, f, j, 3) -> float.
 
@@ -205,6 +229,7 @@ def measure_all(
     label: str,
     *,
     window: int | None = None,
+    metrics: tuple[str, ...] = (),
     progress: bool = False,
     **how,
 ) -> tuple[list[Measured], dict[str, str]]:
@@ -224,6 +249,7 @@ def measure_all(
             f"dance {k}",
             times,
             window,
+            metrics,
         )
         for k, (source, times) in enumerate(zip(sources, beats, strict=False))
     ]
@@ -247,8 +273,10 @@ def _called(job: Callable):
     return job()
 
 
-def _measure_or_reason(source, name: str, beats, window: int | None) -> Measured | str:
+def _measure_or_reason(
+    source, name: str, beats, window: int | None, metrics: tuple[str, ...]
+) -> Measured | str:
     try:
-        return measure(source, name=name, beats=beats, window=window)
+        return measure(source, name=name, beats=beats, window=window, metrics=metrics)
     except (ValueError, OSError, RecursionError) as err:  # the last: JSON in JSON in JSON ...
         return " ".join(str(err).split())

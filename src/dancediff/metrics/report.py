@@ -8,6 +8,7 @@ import json
 import math
 import operator
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
@@ -18,6 +19,7 @@ from dancediff.metrics.dances import find_dances
 from dancediff.metrics.measure import SHORTEST_WINDOW, Measured, measure_all
 from dancediff.metrics.rows import DRAWS, LEVEL, METRICS, Row, table_rows
 from dancediff.music.song import Music
+from dancediff.own import own_function
 
 
 @dataclass
@@ -167,6 +169,7 @@ def evaluate_dances(
     reference=None,
     song=None,
     window: int | None = None,
+    metrics: Sequence[str] = (),
     seed: int = 0,
     progress: bool = False,
     **how,
@@ -180,6 +183,8 @@ def evaluate_dances(
     - ``window``: cut every dance (the reference's too) into pieces of so many frames. Values are
       then over windows. The bootstrap still draws whole dances: windows of one dance are alike,
       and drawing them singly would make the intervals too narrow.
+    - ``metrics``: functions of your own as "module:function", each called with the joints of a
+      dance (n, f, j, 3) and ``fps=``; the mean over dances stands below the others.
     - ``how``: ``workers``, ``backend`` and ``scheduler`` of `dancediff.backends.run_jobs`; the
       numbers do not depend on them.
 
@@ -193,7 +198,9 @@ def evaluate_dances(
     others = None if reference is None else find_dances(reference)
     if window is not None and operator.index(window) < SHORTEST_WINDOW:
         raise ValueError(f"window={window} must be at least {SHORTEST_WINDOW} frames")
-    how |= {"window": window, "progress": progress}
+    for name in metrics:
+        own_function(name, "metric")
+    how |= {"window": window, "progress": progress, "metrics": tuple(metrics)}
     measured, skipped = measure_all(sources, _beats(song, len(sources)), "dances", **how)
     real: list[Measured] | None = None
     notes = [] if window is None else [f"dances are cut into windows of {window} frames"]
@@ -203,7 +210,7 @@ def evaluate_dances(
         if both := len(_identities(sources) & _identities(others)):
             notes.append(f"{both} dances are in the reference too: distances to it are too small")
     return Report(
-        rows=list(table_rows(measured, real, seed=seed)),
+        rows=list(table_rows(measured, real, metrics=tuple(metrics), seed=seed)),
         dances=_about(measured),
         reference=None if real is None else _about(real),
         skipped=skipped,

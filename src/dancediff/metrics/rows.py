@@ -117,15 +117,20 @@ class Row:
 
 
 def table_rows(
-    dances: list[Measured], reference: list[Measured] | None, *, seed: int = 0
+    dances: list[Measured],
+    reference: list[Measured] | None,
+    *,
+    metrics: tuple[str, ...] = (),
+    seed: int = 0,
 ) -> Iterator[Row]:
     """A row for each metric, of dances and a reference set as `measure` left them.
 
     Kinds of swaps that no dance has as its target have no row, nor has drift of short dances.
+    ``metrics`` of the user's own come last.
     """
     if reference:
         _compare_windows(dances, reference)
-    for metric in METRICS:
+    for metric in (*METRICS, *(Metric(name, name, "", ALIKE) for name in metrics)):
         if not metric.optional or any(metric.source in dance.numbers for dance in dances):
             yield _row(metric, dances, reference, seed)
 

@@ -17,7 +17,6 @@ recognised by the config alone: after a change of the library's models take anot
 import json
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import asdict
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
@@ -73,8 +72,10 @@ def run_ablation(
     reference = reference_dances(first, takes)
     songs, truth = held_out_songs(first), held_out_dances(first)
     measure = partial(evaluate or metric_scores, reference=reference, songs=songs)
+    if metrics := first.held_out.metrics:
+        measure = partial(measure, metrics=metrics)
 
-    key = key_of([first.tables["data"], asdict(first.held_out)])
+    key = first.held_out.key_with_metrics(key_of([first.tables["data"], first.held_out.facts()]))
     rows = [{"variant": TRUTH, "scores": _scores(out / "variants" / TRUTH, key, truth, measure)}]
     failed: dict[str, str] = {}
     for found in _run_jobs(_jobs(variants, out), out, devices, save, takes):
@@ -95,7 +96,7 @@ def _rows(variants: list[Variant], failed: dict[str, str], out: Path, measure: C
             rows.append(row | {"failed": failed[variant.name]})
         elif all(path.exists() for path in _dance_files(variant, out)):
             folder = out / "variants" / variant.name
-            row["scores"] = _scores(folder, variant.key, _dances(variant, out), measure)
+            row["scores"] = _scores(folder, variant.measured, _dances(variant, out), measure)
             rows.append(row)
     return rows
 

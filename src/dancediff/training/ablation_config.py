@@ -15,12 +15,14 @@ from dataclasses import asdict, dataclass, field, fields, replace
 from hashlib import sha256
 
 from dancediff.data.choreographed import SIZES
-from dancediff.extensions.build import EXTENSIONS
+from dancediff.extensions.build import EXTENSIONS, paper_class
+from dancediff.extensions.own_class import own_network
 from dancediff.generation.request import REQUESTS, default_of, request_of
 from dancediff.generation.sampling_config import SamplingConfig
+from dancediff.own import is_own, own_function
 from dancediff.training.config import SHORTEST_SONG, GroupData, SoloData
 from dancediff.training.lodge import STAGES, check_lodge_tables, is_lodge, stage_config
-from dancediff.training.run import MODELS, NAMES, check_tables
+from dancediff.training.run import MODELS, NAMES, check_tables, network_classes
 from dancediff.training.tables import check_table, read_toml
 
 SEED_STRIDE = 100_000  # more than there are held-out songs: no song meets the same noise twice
@@ -41,8 +43,11 @@ class HeldOut:
     seconds: float = 24.0  # 720 frames, the paper's evaluation length
     dancers: int = default_of("tcdiffpp", "dancers")
     reference: int = 40  # training songs whose dances are the reference set of FID and the like
+    metrics: tuple[str, ...] = ()  # of your own, each "module:function"
 
     def __post_init__(self):
+        for name in self.metrics:
+            own_function(name, "metrics")
         for name in ("songs", "reference"):
             if not getattr(self, name) > 0:
                 raise ValueError(f"{name}={getattr(self, name)} must be above 0")
@@ -50,6 +55,14 @@ class HeldOut:
             raise ValueError(f"dancers={self.dancers} must lie in 1 ... {max(SIZES)}")
         if not self.seconds >= SHORTEST_SONG:
             raise ValueError(f"seconds={self.seconds} must be at least {SHORTEST_SONG:g}: 4 beats")
+
+    def facts(self) -> dict:
+        """What its dances depend on."""
+        return {key: value for key, value in asdict(self).items() if key != "metrics"}
+
+    def key_with_metrics(self, key: str) -> str:
+        """Changes with ``metrics``, too: what was measured, not only what was danced."""
+        return key_of([key, self.metrics]) if self.metrics else key
 
     @property
     def seeds(self) -> range:
@@ -75,7 +88,12 @@ class Variant:
     @property
     def key(self) -> str:
         """Changes with everything that its dances depend on."""
-        return key_of([self.tables, self.sample.facts(), asdict(self.held_out)])
+        return key_of([self.tables, self.sample.facts(), self.held_out.facts()])
+
+    @property
+    def measured(self) -> str:
+        """Changes with everything that its scores depend on."""
+        return self.held_out.key_with_metrics(self.key)
 
 
 def key_of(value) -> str:
@@ -130,21 +148,18 @@ def _variant(name: str, changes: dict, config: dict, source: str) -> Variant:
         if not isinstance(values, dict):
             raise ValueError(f"{source}, variant {name!r}: {table!r} is no table")
     source = f"{source}, variant {name!r}"
-    kind = (config.get("model", {}) | changes.get("model", {})).get("class", "TCDiffPP")
-    base = config
-    if (
-        isinstance(kind, str)
-        and kind in MODELS
-        and kind != config.get("model", {}).get("class", "TCDiffPP")
-    ):
-        sizes = {one.name for one in fields(MODELS[kind][1])}
-        options = REQUESTS[FAMILIES[kind]].names()
+    usual = config.get("model", {}).get("class", "TCDiffPP")
+    kind = changes.get("model", {}).get("class", usual)
+    paper, base = _paper(kind, source), config
+    if paper in MODELS and paper != _paper(usual, source):
+        sizes = {one.name for one in fields(network_classes(kind)[1])}
+        options = REQUESTS[FAMILIES[paper]].names()
         base = config | {
             table: {key: value for key, value in config.get(table, {}).items() if key in known}
             for table, known in (("model", {*sizes, *NAMES}), ("sample", options))
         }
         names = base["model"].get("extensions", [])
-        base["model"]["extensions"] = [n for n in names if n in EXTENSIONS[MODELS[kind][0]]]
+        base["model"]["extensions"] = [n for n in names if n in EXTENSIONS[MODELS[paper][0]]]
     merged = {table: base.get(table, {}) | changes.get(table, {}) for table in base | changes}
     held_out = merged.pop("held_out", {})
     held_out = HeldOut(**check_table(held_out, HeldOut, f"{source}: 'held_out'"))
@@ -155,10 +170,20 @@ def _variant(name: str, changes: dict, config: dict, source: str) -> Variant:
     sample = {key: value for key, value in sample.items() if value != []}  # taken back
     sample |= {"dancers": held_out.dancers, "seconds": held_out.seconds}
     try:
-        sample = request_of(FAMILIES[kind], kind, sample)
+        sample = request_of(FAMILIES[paper], kind, sample)
     except ValueError as err:
         raise ValueError(f"{source}: 'sample': {err}") from err
     return Variant(name, tables, sample, held_out)
+
+
+def _paper(kind, source: str) -> str:
+    """The paper's network that a config's ``class`` is, or is derived from."""
+    if not is_own(kind):
+        return kind if isinstance(kind, str) else ""
+    try:
+        return paper_class(own_network(kind)).__name__
+    except ValueError as err:
+        raise ValueError(f"{source}: {err}") from err
 
 
 def _checked(merged: dict, held_out: HeldOut, source: str) -> dict:

@@ -6,15 +6,17 @@ from pathlib import Path
 from dancediff.atomic import atomic_write
 
 
-def metric_scores(dances: list, *, reference: list, songs: list) -> dict[str, dict]:
-    """All metrics of `dancediff.metrics.report`, as plain values.
+def metric_scores(
+    dances: list, *, reference: list, songs: list, metrics: tuple[str, ...] = ()
+) -> dict[str, dict]:
+    """All metrics of `dancediff.metrics.report` and those named, as plain values.
 
     Returns {metric: {"value", "low", "high", "arrow", "reason"}}; low and high are None where there
     is no interval, value too where there is none, and ``reason`` says why.
     """
     from dancediff.metrics.report import evaluate_dances
 
-    report = evaluate_dances(dances, song=songs, reference=reference)
+    report = evaluate_dances(dances, song=songs, reference=reference, metrics=metrics)
     parts = ("value", "low", "high", "arrow", "reason")
     return {row["name"]: {part: row[part] for part in parts} for row in report.facts()["rows"]}
 

@@ -102,7 +102,13 @@ def _table(facts: dict, name: str) -> dict:
 
 def _changes(old: dict, new: dict) -> dict[str, tuple]:
     both = [key for key in new if key in old and key not in _MAY_CHANGE]
-    return {key: (old[key], new[key]) for key in both if old[key] != new[key]}
+    return {key: (old[key], new[key]) for key in both if _known(old[key], new[key]) != new[key]}
+
+
+def _known(old, new):
+    """A table of before with the settings that have come since, as they are now."""
+    tables = isinstance(old, dict) and isinstance(new, dict)
+    return {key: old.get(key, value) for key, value in new.items()} if tables else old
 
 
 def check_free(folder: Path, resume: bool | None, overwrite: bool | None) -> None:

@@ -12,6 +12,7 @@ Read first: a file of configs/.
 from dataclasses import dataclass, field
 
 from dancediff.music.features import BLOCKS
+from dancediff.own import own_function
 from dancediff.papers.lodge.losses import LodgeWeights
 from dancediff.papers.tcdiffpp.losses import LossWeights
 
@@ -38,12 +39,16 @@ class TrainingExtensions:
     music_dropout: float = 0.0  # share of windows without timbre, and of those without harmony
     masked_music: tuple[str, ...] = ()  # blocks of the music features that are always 0
     any_song: float = 0.0  # share of real windows that are danced to another dance's song
+    own_loss: str | None = None  # "module:function" of a `Comparison`, one more term
+    own_loss_weight: float = 1.0
 
     def __post_init__(self):
         for name in ("level_weights", "any_song", "own_overlap", "music_dropout"):
             _check_share(name, getattr(self, name))
-        for name in ("joint_velocity_loss", "slide_loss"):
+        for name in ("joint_velocity_loss", "slide_loss", "own_loss_weight"):
             _check_least(name, getattr(self, name), 0)
+        if self.own_loss is not None:
+            own_function(self.own_loss, "own_loss")
         for block in self.masked_music:
             if block not in BLOCKS:
                 raise ValueError(f"masked_music: {block!r} is not one of {', '.join(BLOCKS)}")

@@ -14,8 +14,10 @@ from dancediff.extensions.joint_velocity_loss import joint_velocity_loss
 from dancediff.extensions.level_weights import weigh_rows
 from dancediff.extensions.slide_loss import slide_loss
 from dancediff.nn.losses import Comparison, with_total
+from dancediff.own import own_function
 from dancediff.training.config import TrainingExtensions
 
+OWN = "own_loss"
 ADDED = {"joint_velocity_loss": joint_velocity_loss, "slide_loss": slide_loss}
 
 
@@ -42,4 +44,21 @@ def extended_losses(
         terms[reconstruction] = both_guesses(c)
     added = {name: getattr(extensions, name) for name in ADDED}
     terms |= {name: ADDED[name](c) for name, weight in added.items() if weight}
+    if extensions.own_loss is not None:
+        added[OWN] = extensions.own_loss_weight
+        terms[OWN] = _own_term(extensions.own_loss, c)
     return with_total(terms, weights | added)
+
+
+def _own_term(name: str, c: Comparison) -> Tensor:
+    """The term of a function of the user's own.
+
+    Raises: ValueError when it returns anything but one number that follows from the guess.
+    """
+    term = own_function(name, OWN)(c)
+    if not isinstance(term, Tensor) or term.shape != ():
+        what = tuple(term.shape) if isinstance(term, Tensor) else type(term).__name__
+        raise ValueError(f"own_loss={name!r} returned {what}; it must be a tensor of one number")
+    if c.x_hat.requires_grad and not term.requires_grad:
+        raise ValueError(f"own_loss={name!r} does not depend on the guess; use c.x_hat or c.joints")
+    return term

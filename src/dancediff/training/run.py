@@ -16,11 +16,13 @@ from dancediff.data.choreographed import choreographed_corpus
 from dancediff.data.packed import PackedTakes
 from dancediff.data.take import DanceTake
 from dancediff.data.windows import GroupCut, WindowSampler
-from dancediff.extensions.build import build, check_extensions
+from dancediff.extensions.build import build, check_extensions, paper_class
 from dancediff.extensions.energy_condition import listens_to_energy
 from dancediff.extensions.genre_condition import check_genres, genres_of
+from dancediff.extensions.own_class import own_network
 from dancediff.genre import GENRES
 from dancediff.nn.dance_network import DanceNetwork
+from dancediff.own import is_own
 from dancediff.papers.edge.model import EDGE, EDGEConfig
 from dancediff.papers.tcdiffpp.losses import LossWeights
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
@@ -28,6 +30,7 @@ from dancediff.training.checkpoint import NAME, check_free
 from dancediff.training.config import GroupData, TrainConfig, TrainingExtensions
 from dancediff.training.evaluator import Evaluator
 from dancediff.training.lodge import is_lodge, train_lodge
+from dancediff.training.own_network import check_network
 from dancediff.training.statistics import fit_statistics, take_over
 from dancediff.training.tables import check_all, check_sizes, read_training
 from dancediff.training.trainer import Trainer, name_of
@@ -49,7 +52,9 @@ def read_config(path) -> dict:
 
 
 def check_tables(config: dict, source: str) -> dict:
-    """All tables of a training config; ``class`` in its table ``model`` is a key of `MODELS`.
+    """All tables of a training config.
+
+    ``class`` in its table ``model`` is a key of `MODELS`, or "module:Class" of the user's own.
 
     With the extension "genre_condition" that table also lists ``genres``, by default all.
 
@@ -57,8 +62,10 @@ def check_tables(config: dict, source: str) -> dict:
     """
     model = config.get("model", {})
     kind = model.get("class", "TCDiffPP") if isinstance(model, dict) else "TCDiffPP"
-    if not isinstance(kind, str) or kind not in MODELS:
-        raise ValueError(f"{source}: class {kind!r} is not one of {', '.join(MODELS)}, Lodge")
+    try:
+        model_class, config_class = network_classes(kind)
+    except ValueError as err:
+        raise ValueError(f"{source}: {err}") from err
     names, genres = [], None
     if isinstance(model, dict):
         check_sizes(model, f"{source}: 'model'")
@@ -67,13 +74,12 @@ def check_tables(config: dict, source: str) -> dict:
         config = config | {"model": sizes}
     known = {
         "data": GroupData,
-        "model": MODELS[kind][1],
+        "model": config_class,
         "train": TrainConfig,
         "weights": LossWeights,
         "extensions": TrainingExtensions,
     }
     tables = check_all(config, known, source)
-    model_class, config_class = MODELS[kind]
     for key, value in zip(NAMES, (names, [] if genres is None else genres), strict=True):
         if not isinstance(value, list | tuple):
             raise ValueError(f"{source}: 'model': {key}={value!r} should be a list of names")
@@ -90,6 +96,35 @@ def check_tables(config: dict, source: str) -> dict:
     elif genres is not None:
         raise ValueError(f"{source}: 'model': genres need the extension 'genre_condition'; name it")
     return tables
+
+
+def network_classes(kind) -> tuple[type, type]:
+    """The network that a config names, and the class of its sizes.
+
+    A class of the user's own may have an attribute ``config_class``, derived from the paper's.
+
+    Raises: ValueError when there is none of that name.
+    """
+    if is_own(kind):
+        model_class = own_network(kind)
+        usual = MODELS[paper_class(model_class).__name__][1]
+        return model_class, getattr(model_class, "config_class", usual)
+    if not isinstance(kind, str) or kind not in MODELS:
+        words = ", ".join(MODELS)
+        raise ValueError(
+            f"class {kind!r} is not one of {words}, Lodge, nor 'module:Class' of your own"
+        )
+    return MODELS[kind]
+
+
+def own_class_in(path) -> str | None:
+    """The class of the user's own that a config names, or None.
+
+    Raises: ValueError naming the file when it is missing or no TOML.
+    """
+    model = read_training(path)["model"]
+    kind = model.get("class") if isinstance(model, dict) else None
+    return kind if is_own(kind) else None
 
 
 def settings_of(tables: dict) -> TrainConfig:
@@ -135,7 +170,7 @@ def train_from_config(
     tables = check_tables(raw, source)
     settings, corpus = settings_of(tables), GroupData(**tables["data"])
     check_free(Path(out), options.get("resume"), options.get("overwrite"))
-    model_class, config_class = MODELS[tables["model"].pop("class", "TCDiffPP")]
+    model_class, config_class = network_classes(tables["model"].pop("class", "TCDiffPP"))
     extensions = tables["model"].pop("extensions")
     genres = tables["model"].pop("genres", ())
     sizes = config_class(**tables["model"])
@@ -144,7 +179,9 @@ def train_from_config(
         evaluates = settings.evaluate_every > 0 or settings.metrics_every > 0
         takes, held_out = takes_for(corpus, data, sizes, evaluates=evaluates)
     torch.manual_seed(settings.seed)
-    model = build(model_class, sizes, extensions, genres)
+    model: TCDiffPP | EDGE = build(model_class, sizes, extensions, genres)
+    if model_class not in (TCDiffPP, EDGE):
+        check_network(model, paper_class(model_class))
     if isinstance(model, EDGE):
         takes, held_out = _solos(takes), _solos(held_out)
     if not (options.get("resume") and (Path(out) / NAME).exists()):  # else it holds all of this

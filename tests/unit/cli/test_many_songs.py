@@ -107,9 +107,9 @@ def test_a_bad_song_is_told_and_the_others_are_danced_to(folder, capsys):
 def test_a_process_loads_a_model_once(folder, capsys, monkeypatch):
     loads = []
 
-    def load(name, load=hub.load):
+    def load(name, load=hub.load, **how):
         loads.append(name)
-        return load(name)
+        return load(name, **how)
 
     monkeypatch.setattr(hub, "load", load)
     dance(capsys, "songs")
