@@ -2,6 +2,7 @@
 
 import json
 import pickle
+import runpy
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from dancediff.data.prepared import PreparedData
 from dancediff.motion.motion import Motion
 from dancediff.motion.rotation import matrix_to_axis_angle
 from dancediff.music.song import Music
+from places import DATA_PREP
 
 
 @pytest.fixture(scope="module")
@@ -133,6 +135,17 @@ def test_wrong_options(duo, tmp_path, capsys, args, words):
     assert main(["prepare", "folder", str(tmp_path), str(tmp_path / "out"), *args]) == 2
     assert words in capsys.readouterr().err
     assert main(["prepare", "folder", str(tmp_path / "out2"), str(tmp_path / "out")]) == 2
+
+
+def test_the_script_shows_the_same_steps(duo, tmp_path, monkeypatch, capsys):
+    src = tmp_path / "src"
+    src.mkdir()
+    duo.dancer(0).save(src / "solo.bvh")
+    script = DATA_PREP / "folder.py"
+    monkeypatch.setattr("sys.argv", [str(script), str(src), str(tmp_path / "out")])
+    runpy.run_path(str(script), run_name="__main__")
+    told = capsys.readouterr().out
+    assert "solo.bvh: " in told and "'map': 'generic'" in told and "made 1, kept 0" in told
 
 
 def test_an_empty_folder_is_refused(tmp_path, capsys):
