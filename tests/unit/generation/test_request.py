@@ -98,7 +98,7 @@ def test_requests_bring_no_torch():
 
 
 def test_the_command_line_has_every_option_and_no_default_of_its_own():
-    own = {"songs", "model", "out", "formats", "workers", "backend", "scheduler", "json"}
+    own = {"songs", "model", "out", "formats", "workers", "backend", "scheduler", "json", "own"}
     command = {one.name: one for one in fields(Generate)}
     names = {name for request in REQUESTS.values() for name in request.names()}
     assert command.keys() == own | names - {"start", "end", "constraints"}
