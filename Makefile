@@ -59,7 +59,7 @@ trust: $(READY)
 	$(BIN)/python -m pytest -n 2 --dist worksteal --timeout=1200 tests/trust tests/fuzz tests/properties \
 	  tests/structure/test_licences.py tests/structure/test_packaging.py tests/packaged/test_doctor.py
 
-# Does a test fail where the code is wrong? Ten minutes on two idle cores; goes on if it is stopped.
+# Does a test fail where the code is wrong? Four minutes on two idle cores; goes on if it is stopped.
 mutants: $(READY)
 	$(BIN)/python benchmarks/mutants.py --json-file docs/results/mutants.json
 	$(BIN)/python docs/site/tables.py
