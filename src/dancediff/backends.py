@@ -214,8 +214,11 @@ def _dask_client(workers: int, scheduler: str | None) -> Iterator:
 
     address = scheduler or dask.config.get("scheduler-address", None)
     if scheduler is None:
-        with contextlib.suppress(ValueError):
-            yield distributed.get_client()
+        connected = None
+        with contextlib.suppress(ValueError):  # there is none
+            connected = distributed.get_client()
+        if connected is not None:
+            yield connected
             return
     if address is None:
         size = {"n_workers": workers, "threads_per_worker": 1, "memory_limit": 0}

@@ -200,3 +200,26 @@ def test_a_ray_cluster_that_runs_is_found(folder, tmp_path):
         address = f"127.0.0.1:{port}"
         danced(folder, "ray_address", "--backend", "ray", "--scheduler", address)
         danced(folder, "ray_environment", "--backend", "ray", RAY_ADDRESS=address)
+
+
+def test_a_connected_dask_client_is_taken_and_survives_what_a_job_raises():
+    """In a process of its own: the client is the user's, and its errors are those of the job."""
+    if find_spec("distributed") is None and not REQUIRED:
+        pytest.skip('needs pip install "dancediff[cluster]"')
+    code = """
+from distributed import Client
+from dancediff.backends import run_jobs
+if __name__ == "__main__":
+    with Client(n_workers=1, threads_per_worker=1, dashboard_address=None) as client:
+        for jobs in (["7", "eight"], ["9"]):
+            try:
+                print(sorted(run_jobs(int, jobs, backend="dask")))
+            except ValueError as err:
+                print(err)
+        print(client.status)
+"""
+    environment = os.environ | ENVIRONMENT
+    how = {"env": environment, "capture_output": True, "text": True, "timeout": 300}
+    made = subprocess.run([sys.executable, "-c", code], check=True, **how)
+    lines = made.stdout.splitlines()
+    assert "invalid literal" in lines[0] and lines[1:] == ["[(0, 9)]", "running"], made.stderr

@@ -78,6 +78,10 @@ class _Stage(TrainConfig):
     """A table of settings, in which ``steps = 0`` leaves a stage out."""
 
     def __post_init__(self):
+        if self.metrics_every:
+            raise ValueError(
+                f"metrics_every={self.metrics_every} is for TCDiff++ and EDGE; leave it out"
+            )
         if self.steps != 0:
             super().__post_init__()
 

@@ -412,6 +412,7 @@ def test_level_weights_muon_and_bf16(solos, tmp_path):
         ({"moodel": {}}, "no table 'moodel'"),
         ({"local_stage": {"colour": 1}}, "'local_stage' has no 'colour'"),
         ({"train_local": {"weights": 1}}, "'weights'"),
+        ({"train_local": {"metrics_every": 5}}, "metrics_every=5 is for TCDiff.. and EDGE"),
         ({"weights_local": {"dist": 1}}, "'dist'"),
         ({"discriminator": {"heads": 1}}, "'heads'"),
     ],

@@ -19,7 +19,7 @@ from dancediff.arrays import read_arrays
 from dancediff.axes import FPS
 from dancediff.data.bvh import BVH, read_bvh
 from dancediff.data.folder.gltf import read_gltf
-from dancediff.data.folder.posture import UPS, Found, Given, settle
+from dancediff.data.folder.posture import UPS, Found, Given, settle, up_axis
 from dancediff.data.folder.smpl import COMPRESSED, read_smpl
 from dancediff.data.folder.takes import TakePlan
 from dancediff.data.folder.tree import tree_of_motion
@@ -179,9 +179,8 @@ def _smpl_dancers(path: Path, given: Given) -> list[Dancer]:
     points = motion.joints()
     at = SMPL24.index
     body = points[:, :, at("neck")] - points[:, :, [at("lankle"), at("rankle")]].mean(2)
-    mean = torch.nn.functional.normalize(body, dim=-1).mean((0, 1))
-    axis = int(mean.abs().argmax())
-    up = given.up or ("-" if mean[axis] < 0 else "") + "xyz"[axis]
+    doubts: list[str] = []
+    up = given.up or up_axis(body, doubts)
     letter, degrees = UPS[up]
     turn = rotation_about(letter, torch.deg2rad(torch.tensor(degrees)))
     pose = motion.pose.clone()
@@ -192,8 +191,7 @@ def _smpl_dancers(path: Path, given: Given) -> list[Dancer]:
     for dancer, floor in zip(dancers, floors, strict=True):
         if not tells_rate and given.fps is None:
             dancer.doubts.append("it tells no frame rate; 30 was taken, else give fps")
-        if mean[axis].abs() < 0.7 and given.up is None:
-            dancer.doubts.append(f"the body is seldom upright; {up} was taken as up")
+        dancer.doubts += doubts
         if abs(floor) > 0.01:
             dancer.repaired.append(f"{up} up; moved {-floor:+.2f} m to the floor")
     return dancers
@@ -202,12 +200,11 @@ def _smpl_dancers(path: Path, given: Given) -> list[Dancer]:
 def _on_one_stage(solos: list[Motion]) -> Motion:
     """Stack dancers of one world, cut to the shortest, the take's middle over the stage's."""
     f = min(solo.num_frames for solo in solos)
-    pose, root = (torch.cat([getattr(one, part)[:, :f] for one in solos]) for part in _PARTS)
+    pose, root = (
+        torch.cat([getattr(one, part)[:, :f] for one in solos]) for part in ("pose", "root")
+    )
     middle = root.mean((0, 1)) * root.new_tensor([1.0, 0.0, 1.0])
     return Motion(pose, root - middle, solos[0].fps)
-
-
-_PARTS = ("pose", "root")
 
 
 def _length_doubts(motion: Motion, song: Music) -> list[str]:

@@ -35,6 +35,7 @@ LEG = (0.6, 1.2)  # metres from hip to ankle
 ADULT = 0.85
 RATES = (24.0, 25.0, 30.0, 50.0, 60.0, 90.0, 100.0, 120.0, 200.0, 240.0)
 NEAR_RATE = 0.012  # 0.033 s a frame is meant as 1/30 s
+UPRIGHT = 0.7  # mean of a body that mostly stands, along the axis that points up
 LOOK = 300  # frames at which a posture is looked at
 MOST_LEAD = 0.25  # seconds that a T-pose put before a take may take to fade
 LEAD_SPEED = 6.0  # radians a second of the mean joint: no dancer leaves a T-pose so fast
@@ -197,14 +198,26 @@ def _up(found: Found) -> str:
     some = replace(bvh, rotations=bvh.rotations[::step], translations=bvh.translations[::step])
     points = some.world()[0]
     at = {ours: points[:, bvh.index(name)] for ours, name in joints.items()}
-    body = at["neck"] - (at["lankle"] + at["rankle"]) / 2
-    mean = torch.nn.functional.normalize(body, dim=-1).mean(0)
-    axis = int(mean.abs().argmax())
-    name = ("-" if mean[axis] < 0 else "") + "xyz"[axis]
-    if mean[axis].abs() < 0.7:
-        found.doubts.append(f"the body is seldom upright; {name} was taken as up, else give up")
+    name = up_axis(at["neck"] - (at["lankle"] + at["rankle"]) / 2, found.doubts)
     if name not in ("y", "z"):
         found.doubts.append(f"{name} was taken as up, which is rare; else give up")
+    return name
+
+
+def up_axis(body: Tensor, doubts: list[str]) -> str:
+    """The axis along which vectors from ankles to neck (..., 3) point on average.
+
+    ``doubts`` gets a line where the body seldom points along any.
+
+    >>> doubts = []
+    >>> up_axis(torch.tensor([[0.0, 0.1, -1.4]]), doubts), doubts
+    ('-z', [])
+    """
+    mean = torch.nn.functional.normalize(body, dim=-1).reshape(-1, 3).mean(0)
+    axis = int(mean.abs().argmax())
+    name = ("-" if mean[axis] < 0 else "") + "xyz"[axis]
+    if mean[axis].abs() < UPRIGHT:
+        doubts.append(f"the body is seldom upright; {name} was taken as up, else give up")
     return name
 
 
