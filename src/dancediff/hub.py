@@ -24,27 +24,27 @@ from dancediff.atomic import atomic_write, save_tensors, tensor_name
 from dancediff.extensions.build import build, extensions_of, paper_class
 from dancediff.extensions.genre_condition import genres_of
 from dancediff.extensions.own_class import class_name, own_network
-from dancediff.generation.pipeline import Pipeline, pipeline_of
+from dancediff.generation.pipeline import Network, Pipeline, pipeline_of
 from dancediff.music.song import Music
 from dancediff.own import is_own
 from dancediff.papers.edge.model import EDGE, EDGEConfig
+from dancediff.papers.fact.model import FACT, FACTConfig
 from dancediff.papers.lodge.model import Lodge, LodgeConfig
 from dancediff.papers.tcdiffpp.model import LARGEST, MOST_LAYERS, TCDiffPP, TCDiffPPConfig
 
 ASSETS = Path(__file__).parent / "assets"
 SONG = "studio_floor"
-_CLASSES = {
+_CLASSES: dict[str, tuple[type, type]] = {
     "TCDiffPP": (TCDiffPP, TCDiffPPConfig),
     "EDGE": (EDGE, EDGEConfig),
     "Lodge": (Lodge, LodgeConfig),
+    "FACT": (FACT, FACTConfig),
 }
 _FILES = {"Lodge": {"global": "global_stage.", "local": "local_stage."}}  # whose weights lie where
 _ONE_FILE = {"model": ""}
 
 
-def save_model(
-    model: TCDiffPP | EDGE | Lodge, folder, *, card: str = "", dtype=torch.float16
-) -> Path:
+def save_model(model: Network, folder, *, card: str = "", dtype=torch.float16) -> Path:
     """Write a model folder; weights in ``dtype``, normalisers always in full precision.
 
     Raises: ValueError when a weight is not finite, or too large for ``dtype``.
@@ -156,13 +156,13 @@ def _classes(kind, own: str | type | None) -> tuple[type, type]:
     return model_class, getattr(model_class, "config_class", usual)
 
 
-def _read(folder: Path, own: str | type | None = None) -> TCDiffPP | EDGE | Lodge:
+def _read(folder: Path, own: str | type | None = None) -> Network:
     stored = json.loads((folder / "config.json").read_text(encoding="utf-8"))
     model_class, config_class = _classes(stored["class"], own)
     if "extensions" not in stored:
         raise ValueError("config.json names no extensions: an older dancediff wrote it")
     names = _checked("extensions", stored["extensions"], tuple)
-    make: Callable[..., TCDiffPP | EDGE | Lodge] = partial(build, model_class, extensions=names)
+    make: Callable[..., Network] = partial(build, model_class, extensions=names)
     if "genre_condition" in names:
         make = partial(make, genres=_checked("genres", stored.get("genres"), tuple))
     config = _config(stored["config"], config_class())

@@ -9,7 +9,9 @@ from dancediff.generation.request import REQUESTS, default_of
 from places import SOURCE
 
 ITS_PLACE = {
-    f"generation/{name}.py" for name in ("sampling_config", "group_request", "solo_request")
+    f"generation/{name}_request.py" for name in ("dance", "group", "solo", "autoregressive")
+} | {
+    "generation/sampling_config.py",
 }
 OF_OTHER_THINGS = {  # than a dance that a model makes; a seed is 0 wherever something is drawn
     "data/choreographer/choreograph.py::choreograph.dancers",

@@ -23,6 +23,7 @@ ORDER = [  # lowest first; a module imports its own part and lower ones
         "data",
         "diffusion",
         "nn",
+        "autoregression",
     ],
     *["metrics", "papers", "extensions", "generation", "viz", "export", "io", "training", "hub"],
     *["exercises", "grading", "nb", "cli"],

@@ -13,7 +13,7 @@ from dancediff.generation.presets import PRESETS
 from dancediff.generation.request import REQUESTS, default_of
 from dancediff.own import is_own
 
-NOT_HERE = ("start", "end", "constraints")  # more than a word can say
+NOT_HERE = ("start", "end", "constraints", "seed_motion")  # more than a word can say
 WORDS = {bool: "True|False", int: "INT", float: "FLOAT", str: "STR", tuple[int, ...]: "INT INT ..."}
 OTHER_TYPES: dict[str, Any] = {
     "swap": tuple[int, ...],

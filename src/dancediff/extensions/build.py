@@ -14,6 +14,7 @@ from dancediff.extensions.networks import Extended, ExtendedEDGE, ExtendedTCDiff
 from dancediff.extensions.registry import REGISTRY
 from dancediff.genre import GENRES
 from dancediff.papers.edge.model import EDGE
+from dancediff.papers.fact.model import FACT
 from dancediff.papers.lodge.model import Lodge
 from dancediff.papers.tcdiffpp.model import TCDiffPP
 
@@ -23,7 +24,12 @@ EXTENDED: dict[type[nn.Module], Callable[..., Any]] = {
     TCDiffPP: ExtendedTCDiffPP,
     Lodge: extended_lodge,
 }
-FAMILIES = {EDGE: "edge", TCDiffPP: "tcdiffpp", Lodge: "lodge"}
+FAMILIES: dict[type[nn.Module], str] = {
+    EDGE: "edge",
+    TCDiffPP: "tcdiffpp",
+    Lodge: "lodge",
+    FACT: "fact",
+}
 EXTENSIONS = {  # names by class
     model_class: tuple(e.name for e in REGISTRY.values() if e.kind == "network" and f in e.models)
     for model_class, f in FAMILIES.items()
@@ -59,11 +65,9 @@ def check_extensions(model_class: type[nn.Module], config, extensions: Sequence[
     known = EXTENSIONS[paper_class(model_class)]
     own = model_class not in EXTENDED
     if own and extensions and not issubclass(model_class, Extended):
-        base = EXTENDED[paper_class(model_class)].__name__
-        raise ValueError(
-            f"extensions: {model_class.__name__} takes none; derive it from "
-            f"dancediff.extensions.networks.{base}, or name none"
-        )
+        base, name = EXTENDED.get(paper_class(model_class)), model_class.__name__
+        how = f"derive it from dancediff.extensions.networks.{base.__name__}, or " if base else ""
+        raise ValueError(f"extensions: {name} takes none; {how}name none")
     for name in extensions:
         if name not in known:
             raise ValueError(

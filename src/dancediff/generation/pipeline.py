@@ -18,11 +18,14 @@ from typing import Any, ClassVar
 import torch
 from torch import Tensor
 
+from dancediff.autoregression.network import AutoregressiveNetwork
 from dancediff.axes import FPS
+from dancediff.generation.autoregressive_dance import autoregressive_pieces
+from dancediff.generation.autoregressive_request import FACTRequest
+from dancediff.generation.dance_request import DanceRequest
 from dancediff.generation.group_dance import group_pieces, naive_dance
 from dancediff.generation.group_request import EDGERequest, GroupDanceRequest
 from dancediff.generation.request import request_of
-from dancediff.generation.sampling_config import SamplingConfig
 from dancediff.generation.segments import SegmentPlan
 from dancediff.generation.solo_dance import solo_pieces, solo_seams
 from dancediff.generation.solo_request import LodgeRequest
@@ -31,10 +34,11 @@ from dancediff.motion.representation import TCDIFFPP
 from dancediff.nn.conditioning import cached_music
 from dancediff.nn.precision import chosen_dtype
 from dancediff.papers.edge.model import EDGE, moved, start_slots
+from dancediff.papers.fact.model import FACT
 from dancediff.papers.lodge.model import Lodge
 from dancediff.papers.tcdiffpp.model import TCDiffPP
 
-SEED_STRIDE = 0x9E3779B97F4A7C15  # far apart, so that seeds s and s + 1 share no dancer
+Network = TCDiffPP | EDGE | Lodge | AutoregressiveNetwork
 
 
 class Pipeline(ABC):
@@ -47,9 +51,9 @@ class Pipeline(ABC):
     [75, 75, 75, 15]
     """
 
-    request: ClassVar[type[SamplingConfig]]
+    request: ClassVar[type[DanceRequest]]
 
-    def __init__(self, model: TCDiffPP | EDGE | Lodge, name: str | None = None):
+    def __init__(self, model: Network, name: str | None = None):
         """Take over a network; where it is and its weights stay as they are."""
         self.model = model
         self.name = name or self.request.family
@@ -63,7 +67,7 @@ class Pipeline(ABC):
         millions = sum(p.numel() for p in self.model.parameters()) / 1e6
         return f"{type(self).__name__}({self.name!r}, {millions:.1f} million weights)"
 
-    def resolve(self, song, **options) -> SamplingConfig:
+    def resolve(self, song, **options) -> DanceRequest:
         """What `generate` would do with these options, nothing left open.
 
         Raises: ValueError as `generate`.
@@ -100,7 +104,7 @@ class Pipeline(ABC):
         """
         return self._stream(song, self.resolve(song, **options), progress)
 
-    def _stream(self, song, request: SamplingConfig, progress) -> Generator[Motion, None, None]:
+    def _stream(self, song, request: DanceRequest, progress) -> Generator[Motion, None, None]:
         left = request.frames
         with self._ready(request, progress) as how:
             for x in self._pieces(song, request, **how):
@@ -109,10 +113,14 @@ class Pipeline(ABC):
                 left -= x.shape[1]
 
     @contextmanager
-    def _ready(self, request: SamplingConfig, progress) -> Iterator[dict]:
+    def _ready(self, request: DanceRequest, progress) -> Iterator[dict]:
         """Put the network where it shall compute, decide with what digits, report progress."""
         model, was_training = self.model, self.model.training
-        device = model.abar.device if request.device is None else usable_device(request.device)
+        device = (
+            next(model.parameters()).device
+            if request.device is None
+            else usable_device(request.device)
+        )
         dtype = chosen_dtype(request.dtype, device)
         model.to(device).eval()
         try:
@@ -121,7 +129,7 @@ class Pipeline(ABC):
         finally:
             model.train(was_training)
 
-    def _motion(self, x: Tensor, song, request: SamplingConfig) -> Motion:
+    def _motion(self, x: Tensor, song, request: DanceRequest) -> Motion:
         facts = {"model": self.name, "song": song.name} | request.facts()
         facts["seams"] = self._seams(song, request)
         return Motion.from_features(x, fps=FPS, meta=facts)
@@ -160,7 +168,7 @@ class EDGEPipeline(Pipeline):
         _refuse(watch)
         n, solos = request.dancers, []
         for k in range(n):
-            alone = replace(request, dancers=1, seed=(request.seed + k * SEED_STRIDE) % 2**63)
+            alone = replace(request, dancers=1, seed=request.seed_of(k))
             here = report and (lambda i, total, k=k: report(k * total + i, n * total))
             solos.append(naive_dance(self.model, song, alone, report=here, dtype=dtype, ramp=True))
         x = torch.cat(solos)
@@ -183,14 +191,32 @@ class LodgePipeline(Pipeline):
         return solo_seams(self.model, song, request)
 
 
+class AutoregressivePipeline(Pipeline):
+    """Each dancer alone, bit by bit; others make no difference to a dancer."""
+
+    def _pieces(self, song, request, *, report, dtype, watch=None):
+        _refuse(watch)
+        return autoregressive_pieces(self.model, song, request, report=report, dtype=dtype)
+
+    def _seams(self, song, request):
+        return []
+
+
+class FACTPipeline(AutoregressivePipeline):
+    """FACT; see `dancediff.papers.fact.model`."""
+
+    request = FACTRequest
+
+
 PIPELINES: dict[type, type[Pipeline]] = {
     TCDiffPP: GroupDancePipeline,
     EDGE: EDGEPipeline,
     Lodge: LodgePipeline,
+    FACT: FACTPipeline,
 }
 
 
-def pipeline_of(model: TCDiffPP | EDGE | Lodge, name: str | None = None) -> Pipeline:
+def pipeline_of(model: Network, name: str | None = None) -> Pipeline:
     """The pipeline for a network.
 
     >>> from dancediff.papers.tcdiffpp.model import TCDiffPPConfig

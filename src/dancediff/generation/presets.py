@@ -46,6 +46,7 @@ PAPER: dict[str, Values] = {
         "smooth_primitives": False,
     },
     "edge": _PAPERS | {"genre": "any", "frequency_clip": False},
+    "fact": {"keep": 1, "seed_noise": 0.0},
 }
 PACKAGED: dict[str, Values] = {
     "tcdiffpp": _OURS
@@ -71,5 +72,6 @@ PACKAGED: dict[str, Values] = {
         "smooth_primitives": True,
     },
     "edge": _OURS | {"steps": 20, "genre": "by tempo", "autoguidance": 1.5, "frequency_clip": True},
+    "fact": {"keep": 2, "seed_noise": 0.05},
 }
 PRESETS = {"packaged": PACKAGED, "paper": PAPER}

@@ -1,16 +1,17 @@
 """Requests for a dance, one class a family of models.
 
-Read first: `dancediff.generation.sampling_config`. An option's ``metadata`` says what it does and
+Read first: `dancediff.generation.dance_request`. An option's ``metadata`` says what it does and
 which values it may have: the command line, panels and the generated page read it there.
 """
 
+from dancediff.generation.autoregressive_request import FACTRequest
+from dancediff.generation.dance_request import DanceRequest
 from dancediff.generation.group_request import EDGERequest, GroupDanceRequest
 from dancediff.generation.presets import PRESETS
-from dancediff.generation.sampling_config import SamplingConfig
 from dancediff.generation.solo_request import LodgeRequest
 
-REQUESTS: dict[str, type[SamplingConfig]] = {
-    one.family: one for one in (GroupDanceRequest, LodgeRequest, EDGERequest)
+REQUESTS: dict[str, type[DanceRequest]] = {
+    one.family: one for one in (GroupDanceRequest, LodgeRequest, EDGERequest, FACTRequest)
 }
 RENAMED = {  # old name: (new name, what the old values are now)
     "feet": ("foot_contact", {"planted": True, "free": False}),
@@ -21,7 +22,7 @@ RENAMED = {  # old name: (new name, what the old values are now)
 }
 
 
-def request_of(family: str, name: str, options: dict) -> SamplingConfig:
+def request_of(family: str, name: str, options: dict) -> DanceRequest:
     """The request with these options, asked of the model ``name``.
 
     Raises: ValueError for an option that has another name now, belongs to another family of
@@ -52,7 +53,7 @@ def request_of(family: str, name: str, options: dict) -> SamplingConfig:
     return kind(**options)
 
 
-def default_of(family: str, name: str, preset: str = SamplingConfig.preset):
+def default_of(family: str, name: str, preset: str = DanceRequest.preset):
     """What an option is where nobody says otherwise; None: it follows from model and song.
 
     >>> default_of("tcdiffpp", "steps"), default_of("tcdiffpp", "steps", "paper")

@@ -1,4 +1,4 @@
-"""What all networks that denoise dances have besides their layers."""
+"""What all networks that make dances have besides their layers."""
 
 from typing import Any
 
@@ -10,20 +10,38 @@ from dancediff.motion.representation import Normalizer
 from dancediff.music.features import MusicNormalizer
 
 
-class DanceNetwork(nn.Module):
-    """Normalisers that change nothing until training fits them, and the noise schedule.
+class NormalizedNetwork(nn.Module):
+    """Normalisers that change nothing until training fits them.
 
-    >>> network = DanceNetwork(motion_dim=151, music_dim=35, num_steps=1000)
-    >>> network.abar.shape, network.normalizer.normalize(torch.ones(151)).unique().tolist()
-    (torch.Size([1000]), [1.0])
+    >>> network = NormalizedNetwork(motion_dim=151, music_dim=35)
+    >>> network.normalizer.normalize(torch.ones(151)).unique().tolist(), network.device
+    ([1.0], device(type='cpu'))
     """
 
-    abar: Tensor
     config: Any  # its sizes, of a class of its own
 
-    def __init__(self, motion_dim: int, music_dim: int, num_steps: int):
+    def __init__(self, motion_dim: int, music_dim: int):
         super().__init__()
         one = torch.ones(motion_dim)
         self.normalizer = Normalizer(-one, one)
         self.music_normalizer = MusicNormalizer(torch.zeros(music_dim), torch.ones(music_dim))
+
+    @property
+    def device(self) -> torch.device:
+        """Where it computes."""
+        return self.normalizer.low.device
+
+
+class DanceNetwork(NormalizedNetwork):
+    """A network that denoises dances: it has the noise schedule, too.
+
+    >>> network = DanceNetwork(motion_dim=151, music_dim=35, num_steps=1000)
+    >>> network.abar.shape
+    torch.Size([1000])
+    """
+
+    abar: Tensor
+
+    def __init__(self, motion_dim: int, music_dim: int, num_steps: int):
+        super().__init__(motion_dim, music_dim)
         self.register_buffer("abar", cosine_abar(num_steps), persistent=False)

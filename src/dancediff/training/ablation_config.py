@@ -17,8 +17,8 @@ from hashlib import sha256
 from dancediff.data.choreographed import SIZES
 from dancediff.extensions.build import EXTENSIONS, paper_class
 from dancediff.extensions.own_class import own_network
+from dancediff.generation.dance_request import DanceRequest
 from dancediff.generation.request import REQUESTS, default_of, request_of
-from dancediff.generation.sampling_config import SamplingConfig
 from dancediff.own import is_own, own_function
 from dancediff.training.config import SHORTEST_SONG, GroupData, SoloData
 from dancediff.training.lodge import STAGES, check_lodge_tables, is_lodge, stage_config
@@ -76,7 +76,7 @@ class Variant:
 
     name: str
     tables: dict = field(repr=False)
-    sample: SamplingConfig  # song i is danced with seed + i
+    sample: DanceRequest  # song i is danced with seed + i
     held_out: HeldOut
     of: str = ""  # what several seeds are seeds of
 

@@ -16,8 +16,9 @@ from dancediff.music.synth import synth_song
 from dancediff.papers.lodge.local_diffusion import LocalConfig
 from dancediff.training.ablation_config import Variant
 from dancediff.training.config import GroupData, SoloData
+from dancediff.training.group_takes import takes_for
 from dancediff.training.lodge import is_lodge, solos_for
-from dancediff.training.run import MODELS, NAMES, takes_for
+from dancediff.training.run import MODELS, NAMES
 
 
 def corpus(variant: Variant, out: Path) -> list[DanceTake]:

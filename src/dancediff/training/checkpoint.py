@@ -15,15 +15,14 @@ from safetensors import SafetensorError, safe_open
 from torch import nn
 
 from dancediff.atomic import save_tensors, tensor_name
-from dancediff.nn.dance_network import DanceNetwork
+from dancediff.nn.dance_network import NormalizedNetwork
 from dancediff.training.config import TrainConfig
 from dancediff.training.ema import EMA, Network
 from dancediff.training.muon import MuonAdamW
 
 NAME = "checkpoint.safetensors"
 _ERRORS = (SafetensorError, OSError, AttributeError, RuntimeError, KeyError, ValueError, TypeError)
-_MAY_CHANGE = {"steps", "save_every", "patience"}
-_MAY_CHANGE |= {"evaluate_every", "preview_every", "metrics_every"}
+_MAY_CHANGE = {"steps", "save_every", "evaluate_every", "preview_every", "metrics_every"}
 
 
 @dataclass
@@ -90,7 +89,7 @@ class Checkpointer:
             warnings.warn(text, stacklevel=4)
 
 
-def facts_of(model: DanceNetwork, config: TrainConfig, data: str) -> dict:
+def facts_of(model: NormalizedNetwork, config: TrainConfig, data: str) -> dict:
     """What a checkpoint says of its training; ``data`` changes with what is learned from."""
     facts = {"train": asdict(config), "model": asdict(model.config), "data": data}
     return json.loads(json.dumps(facts))

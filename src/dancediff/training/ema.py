@@ -37,3 +37,5 @@ class EMA(Generic[Network]):
         average: list[Tensor] = list(self.model.parameters())
         weights: list[Tensor] = list(model.parameters())
         torch._foreach_lerp_(average, weights, 1 - m)
+        for kept, now in zip(self.model.buffers(), model.buffers(), strict=True):
+            kept.copy_(now)  # statistics, such as a codebook's, are no weights

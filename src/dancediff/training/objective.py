@@ -13,7 +13,7 @@ from abc import ABC, abstractmethod
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
-from typing import cast
+from typing import Generic, TypeVar, cast
 
 import torch
 from torch import Tensor
@@ -26,11 +26,13 @@ from dancediff.extensions.genre_condition import genre_condition_of, with_droppe
 from dancediff.extensions.level_weights import draw_levels, weights_of
 from dancediff.extensions.music_dropout import with_dropped_blocks
 from dancediff.extensions.own_overlap import with_own_overlap
-from dancediff.nn.dance_network import DanceNetwork
+from dancediff.nn.dance_network import DanceNetwork, NormalizedNetwork
 from dancediff.nn.losses import compare
 from dancediff.papers.tcdiffpp.losses import five_losses
 from dancediff.training.config import TrainConfig
 from dancediff.training.extended_losses import extended_losses
+
+Network = TypeVar("Network", bound=NormalizedNetwork)
 
 
 @dataclass(frozen=True)
@@ -44,31 +46,54 @@ class Noised:
     generator: torch.Generator
 
 
-class Objective(ABC):
+class BatchLosses(ABC, Generic[Network]):
     """The losses of a batch; a subclass says which, in `losses`."""
 
-    def __init__(self, model: DanceNetwork, config: TrainConfig):
+    def __init__(self, model: Network, config: TrainConfig):
         self.model, self.config = model, config
 
     @abstractmethod
-    def losses(self, model: DanceNetwork, batch, number: int) -> dict[str, Tensor]:
+    def losses(self, model: Network, batch, number: int) -> dict[str, Tensor]:
         """All terms of a batch by name, and their weighted sum "total"."""
 
     def state(self) -> dict[str, Tensor]:
         """What a checkpoint must hold besides model and optimiser."""
         return {}
 
-    @cached_property
-    def level_weights(self) -> Tensor | None:
-        """See `dancediff.extensions.level_weights`."""
-        return weights_of(self.model, self.config.extensions.level_weights)
+    @property
+    def device(self) -> torch.device:
+        """Where the network computes."""
+        return self.model.normalizer.low.device
 
     def to_network(self, batch) -> Batch:
         """A batch on the network's device, its motion and music in the network's units."""
         model = self.model
-        there = Batch(*batch).to(model.abar.device)
+        there = Batch(*batch).to(self.device)
         x, M = model.normalizer.normalize(there.x), model.music_normalizer.normalize(there.M)
         return there._replace(x=x, M=M)
+
+    @contextmanager
+    def deterministic_autocast(self, number: int):
+        """Inside, dropout follows from the batch's number, in the precision of the config."""
+        device = self.device
+        half = self.config.precision == "bf16"
+        with torch.random.fork_rng(devices=[device] if device.type == "cuda" else []):
+            torch.manual_seed(self.seed(number))  # dropout has no generator argument
+            with torch.autocast(device.type, torch.bfloat16, enabled=half):
+                yield
+
+    def seed(self, number: int) -> int:
+        """Of what is random about a batch."""
+        return self.config.seed * 1_000_003 + number
+
+
+class Objective(BatchLosses[DanceNetwork]):
+    """Losses of a guess of the clean motion, which is made from a noisy one."""
+
+    @cached_property
+    def level_weights(self) -> Tensor | None:
+        """See `dancediff.extensions.level_weights`."""
+        return weights_of(self.model, self.config.extensions.level_weights)
 
     def conditions(self, batch: Batch, noised: Noised, **own: Tensor | None) -> Conditions:
         """What the network is given beside the motion; ``own``: swap or style.
@@ -99,7 +124,7 @@ class Objective(ABC):
     def noised(self, x_0: Tensor, number: int) -> Noised:
         """Draw a noise level for every row, the noise, and whose music is dropped."""
         b, device, sizes = len(x_0), x_0.device, self.model.config
-        g = torch.Generator().manual_seed(self._seed(number))  # CPU: the same on every device
+        g = torch.Generator().manual_seed(self.seed(number))  # CPU: the same on every device
         if self.level_weights is None:
             t, weight = torch.randint(sizes.num_steps, (b,), generator=g), None
         else:
@@ -110,19 +135,6 @@ class Objective(ABC):
         mask = (torch.rand(b, generator=g) >= sizes.cond_drop).to(device)
         x_t = q_sample(x_0, t, self.model.abar, eps).to(x_0.dtype)
         return Noised(x_t, t, mask, weight, g)
-
-    @contextmanager
-    def deterministic_autocast(self, number: int):
-        """Inside, dropout follows from the batch's number, in the precision of the config."""
-        device = self.model.abar.device
-        half = self.config.precision == "bf16"
-        with torch.random.fork_rng(devices=[device] if device.type == "cuda" else []):
-            torch.manual_seed(self._seed(number))  # dropout has no generator argument
-            with torch.autocast(device.type, torch.bfloat16, enabled=half):
-                yield
-
-    def _seed(self, number: int) -> int:
-        return self.config.seed * 1_000_003 + number
 
 
 class GroupObjective(Objective):

@@ -3,17 +3,13 @@ r"""From a TOML file to a trained model: what ``dancediff train`` runs.
 Read first: `dancediff.training.config` and `dancediff.training.trainer`.
 """
 
-import warnings
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 
 import torch
 from torch import nn
 
 from dancediff.data.augment import Augmentation
-from dancediff.data.choreographed import choreographed_corpus
-from dancediff.data.packed import PackedTakes
 from dancediff.data.take import DanceTake
 from dancediff.data.windows import GroupCut, WindowSampler
 from dancediff.extensions.build import build, check_extensions, paper_class
@@ -26,9 +22,14 @@ from dancediff.own import is_own
 from dancediff.papers.edge.model import EDGE, EDGEConfig
 from dancediff.papers.tcdiffpp.losses import LossWeights
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
+from dancediff.training.autoregressive import (
+    MODELS as AUTOREGRESSIVE,
+)
+from dancediff.training.autoregressive import is_autoregressive, train_autoregressive
 from dancediff.training.checkpoint import NAME, check_free
 from dancediff.training.config import GroupData, TrainConfig, TrainingExtensions
 from dancediff.training.evaluator import Evaluator
+from dancediff.training.group_takes import solos_of, takes_for
 from dancediff.training.lodge import is_lodge, train_lodge
 from dancediff.training.own_network import check_network
 from dancediff.training.statistics import fit_statistics, take_over
@@ -110,7 +111,7 @@ def network_classes(kind) -> tuple[type, type]:
         usual = MODELS[paper_class(model_class).__name__][1]
         return model_class, getattr(model_class, "config_class", usual)
     if not isinstance(kind, str) or kind not in MODELS:
-        words = ", ".join(MODELS)
+        words = ", ".join([*MODELS, *AUTOREGRESSIVE])
         raise ValueError(
             f"class {kind!r} is not one of {words}, Lodge, nor 'module:Class' of your own"
         )
@@ -150,12 +151,12 @@ def train_from_config(
     - ``data``, else ``folder`` in the config: a prepared folder, whose training split replaces the
       choreographed corpus and whose validation split is evaluated on; ``takes`` does so directly.
       With ``class = "Lodge"`` all of it is up to `dancediff.training.lodge.train_lodge`, and
-      ``takes`` are solos.
-    - ``start``: a trained model to start from, see `take_over`; not for Lodge.
+      ``takes`` are solos; other classes have `dancediff.training.autoregressive`.
+    - ``start``: a trained model to start from, see `take_over`; for TCDiff++ and EDGE.
     - ``preview(model, step)``: see `dancediff.training.evaluator`.
-    - ``trainer``: a class that trains in another way; not for Lodge.
-    - ``options``: ``device``, or a ``world`` that brings its own; ``resume``, ``overwrite``,
-      ``log``: see `dancediff.training.trainer.Trainer`.
+    - ``trainer``: a class that trains in another way; for TCDiff++ and EDGE.
+    - ``options``: ``device``, or a ``world`` that brings its own; ``resume``, ``overwrite``: see
+      `dancediff.training.trainer.Trainer`.
 
     Raises: ValueError for a bad config or folder.
     """
@@ -165,6 +166,11 @@ def train_from_config(
             raise ValueError("start is not for Lodge, whose stages are trained one after the other")
         options |= {"solos": takes, "data": data, "preview": preview}
         return train_lodge(raw, out, source=source, **options)
+    if is_autoregressive(raw):
+        if start is not None:
+            raise ValueError("start is for TCDiff++ and EDGE only; leave it out")
+        options |= {"takes": takes, "data": data, "preview": preview}
+        return train_autoregressive(raw, out, source=source, **options)
     if start is not None and not isinstance(start, DanceNetwork):
         raise ValueError(f"start, a {type(start).__name__}, is no model of TCDiff++ or EDGE")
     tables = check_tables(raw, source)
@@ -183,7 +189,7 @@ def train_from_config(
     if model_class not in (TCDiffPP, EDGE):
         check_network(model, paper_class(model_class))
     if isinstance(model, EDGE):
-        takes, held_out = _solos(takes), _solos(held_out)
+        takes, held_out = solos_of(takes), solos_of(held_out)
     if not (options.get("resume") and (Path(out) / NAME).exists()):  # else it holds all of this
         fit_statistics(model, takes, settings.extensions, real=corpus.real, start=start)
         if start is not None:
@@ -200,44 +206,6 @@ def train_from_config(
         data_name=name_of(takes, tables["data"]),
         **options,
     ).run()
-
-
-def prepared_takes(folder, sizes, split: str = "train") -> list[DanceTake]:
-    """Takes of a prepared folder that a model of these sizes can learn from: long and small enough.
-
-    Raises: ValueError when the folder is not prepared, or has no take to train on.
-    """
-    most = getattr(sizes, "max_dancers", 5)
-    takes = PackedTakes(folder, split).takes(num_frames=sizes.num_frames, max_dancers=most)
-    text = f"{str(folder)!r} has no take in {split!r} with music, {sizes.num_frames} frames and at "
-    text += f"most {most} dancers; prepare more data"
-    if not takes and split == "train":
-        raise ValueError(text)
-    if not takes:
-        warnings.warn(f"{text}, or leave evaluate_every out: there is no validation", stacklevel=4)
-    return takes
-
-
-def _solos(takes: list[DanceTake]) -> list[DanceTake]:
-    return [solo for take in takes for solo in take.solos(centred=True)]
-
-
-def takes_for(
-    corpus: GroupData, folder, sizes, *, evaluates: bool = False, cache: Path | None = None
-) -> tuple[list[DanceTake], list[DanceTake]]:
-    """Takes to learn from, and takes to evaluate on where that is wanted."""
-    if folder := folder or corpus.folder:
-        held_out = prepared_takes(folder, sizes, "val") if evaluates else []
-        return prepared_takes(folder, sizes), held_out
-    end = corpus.songs + (corpus.held_out if evaluates else 0)
-    make = partial(
-        choreographed_corpus,
-        seconds=corpus.seconds,
-        varied=corpus.varied,
-        workers=corpus.workers,
-        cache=cache,
-    )
-    return make(range(corpus.songs)), make(range(corpus.songs, end))
 
 
 def _windows(takes: list[DanceTake], corpus: GroupData, model, settings: TrainConfig):

@@ -12,21 +12,19 @@ from dancediff.extensions.metre_unit import metre_unit_normalizer
 from dancediff.extensions.preconditioning import preconditioning_of
 from dancediff.motion.representation import TCDIFFPP, Normalizer
 from dancediff.music.features import MusicNormalizer
-from dancediff.nn.dance_network import DanceNetwork
-from dancediff.papers.edge.model import EDGE
-from dancediff.papers.tcdiffpp.model import TCDiffPP
+from dancediff.nn.dance_network import NormalizedNetwork
 from dancediff.training.config import TrainingExtensions
 
 PLAIN = TrainingExtensions()
 
 
 def fit_statistics(
-    model: TCDiffPP | EDGE,
+    model: NormalizedNetwork,
     takes: list[DanceTake],
     extensions: TrainingExtensions = PLAIN,
     *,
     real: float | None = None,
-    start: DanceNetwork | None = None,
+    start: NormalizedNetwork | None = None,
 ) -> None:
     """Set the scales of motion and music and the spectrum of dance from the takes, once.
 
@@ -52,7 +50,7 @@ def fit_statistics(
         preconditioning.fit(windows, weights=window_weights(frames, real))
 
 
-def _around_the_mean(model: TCDiffPP | EDGE, takes: list[DanceTake]) -> Iterator[Tensor]:
+def _around_the_mean(model: NormalizedNetwork, takes: list[DanceTake]) -> Iterator[Tensor]:
     """Normalised windows, around where the formation prior, if there is one, expects dancers."""
     cut = GroupCut(model.config.num_frames)
     formation = next((p for p in model.modules() if isinstance(p, FormationPrior)), None)

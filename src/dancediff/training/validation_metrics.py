@@ -28,7 +28,7 @@ from dancediff.motion.motion import Motion
 from dancediff.music.features import beat_times
 from dancediff.nn.conditioning import cached_music
 from dancediff.nn.dance_network import DanceNetwork
-from dancediff.training.objective import Objective
+from dancediff.training.objective import BatchLosses
 
 BATCHES = 6  # of dances, and as many others to compare with
 STEPS = 12
@@ -44,7 +44,7 @@ class ValidationMetrics:
     def __init__(self, data, path: Path | None):
         self.data, self.path = data, path
 
-    def row(self, model: DanceNetwork, objective: Objective, step: int) -> dict[str, float]:
+    def row(self, model: DanceNetwork, objective: BatchLosses, step: int) -> dict[str, float]:
         """Dance the same windows as each time, with the same noise, and write what they score."""
         dances = []
         for number in range(BATCHES):

@@ -26,7 +26,7 @@ from dancediff.generation.request import (
     default_of,
     request_of,
 )
-from dancediff.generation.sampling_config import needs_preconditioning
+from dancediff.generation.sampling_config import SamplingConfig, needs_preconditioning
 from places import SOURCE
 
 
@@ -69,7 +69,9 @@ def test_every_option_says_what_it_does(family):
 
 
 def test_the_paper_is_the_papers():
-    for family, preset in PAPER.items():
+    denoisers = [one for one in REQUESTS if issubclass(REQUESTS[one], SamplingConfig)]
+    for family in denoisers:
+        preset = PAPER[family]
         assert [preset[k] for k in ("sampler", "steps", "eta", "guidance")] == ["ddim", 50, 1, 2]
         assert (
             needs_preconditioning(family).items() <= preset.items() and preset["autoguidance"] == 1
@@ -101,7 +103,7 @@ def test_the_command_line_has_every_option_and_no_default_of_its_own():
     own = {"songs", "model", "out", "formats", "workers", "backend", "scheduler", "json", "own"}
     command = {one.name: one for one in fields(Generate)}
     names = {name for request in REQUESTS.values() for name in request.names()}
-    assert command.keys() == own | names - {"start", "end", "constraints"}
+    assert command.keys() == own | names - {"start", "end", "constraints", "seed_motion"}
     assert all(one.default is None for name, one in command.items() if name not in own)
 
 

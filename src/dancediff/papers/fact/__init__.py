@@ -1,0 +1,1 @@
+"""FACT: a full-attention transformer that guesses the frames after a motion it is shown."""

@@ -1,0 +1,174 @@
+r"""Train a model that makes dances bit by bit, from a TOML file: its stages, one after the other.
+
+Read first: `dancediff.training.run`, which does the same for denoisers ·
+`dancediff.autoregression.network`.
+
+Tables of the file
+    [data]          where the takes are, and how windows are drawn
+    [model]         ``class`` and sizes
+    [train]         see TrainConfig, for all stages
+    [train_STAGE]   what differs from it; with steps = 0 a stage is not trained, and taken from its
+                    folder if it is there
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from dancediff.autoregression.network import AutoregressiveNetwork
+from dancediff.data.augment import Augmentation
+from dancediff.data.take import DanceTake
+from dancediff.data.windows import GroupCut, WindowSampler
+from dancediff.papers.fact.model import FACT, FACTConfig
+from dancediff.training.checkpoint import NAME, check_free, load_average
+from dancediff.training.config import GroupData, TrainConfig
+from dancediff.training.distributed import World
+from dancediff.training.evaluator import Evaluator
+from dancediff.training.group_takes import solos_of, takes_for
+from dancediff.training.objective import BatchLosses
+from dancediff.training.statistics import fit_statistics
+from dancediff.training.tables import check_all, check_sizes
+from dancediff.training.trainer import Trainer, name_of
+
+MODELS: dict[str, tuple[Any, type]] = {"FACT": (FACT, FACTConfig)}
+
+
+@dataclass(frozen=True)
+class _Stage(TrainConfig):
+    """A table of settings, in which ``steps = 0`` leaves a stage out."""
+
+    def __post_init__(self):
+        if self.metrics_every:
+            raise ValueError(
+                f"metrics_every={self.metrics_every} is for TCDiff++ and EDGE; leave it out"
+            )
+        if self.steps != 0:
+            super().__post_init__()
+
+
+class StageObjective(BatchLosses[AutoregressiveNetwork]):
+    """The network's own losses in one of its stages."""
+
+    def __init__(self, model: AutoregressiveNetwork, config: TrainConfig, stage: str):
+        super().__init__(model, config)
+        self.stage = stage
+
+    def losses(self, model: AutoregressiveNetwork, batch, number: int) -> dict[str, Tensor]:
+        """See `AutoregressiveNetwork.losses`."""
+        g = torch.Generator().manual_seed(self.seed(number))
+        with self.deterministic_autocast(number):
+            return model.losses(self.to_network(batch), self.stage, g)
+
+
+def is_autoregressive(tables: dict) -> bool:
+    """Are these the tables of a training of such a model?"""
+    model = tables.get("model")
+    return isinstance(model, dict) and str(model.get("class")) in MODELS
+
+
+def check_autoregressive_tables(config: dict, source: str) -> dict:
+    """All tables of a training config, empty where left out.
+
+    Raises: ValueError naming the source, the table and the key that does not fit.
+    """
+    model_class, config_class = MODELS[config["model"]["class"]]
+    check_sizes(config["model"], f"{source}: 'model'")
+    known = {"data": GroupData, "model": config_class, "train": _Stage}
+    known |= {f"train_{stage}": _Stage for stage in model_class.stages}
+    return check_all(config, known, source)
+
+
+def train_autoregressive(
+    config: dict,
+    out,
+    *,
+    source: str = "config",
+    takes: list[DanceTake] | None = None,
+    data=None,
+    preview: Callable | None = None,
+    **run,
+) -> AutoregressiveNetwork:
+    """Train all stages in folders of ``out``; returns the averaged model.
+
+    ``data``, else ``folder`` in the config: a prepared folder; else the choreographer's dances;
+    ``takes`` replaces both. Every dancer is learned from alone.  ``preview(model, step)``: in the
+    last stage.  ``run``: ``device``, and as `dancediff.training.trainer.Trainer` has them
+    ``world``, ``resume`` and ``overwrite``.
+
+    Raises: ValueError for a bad config or folder.
+    """
+    tables, device = check_autoregressive_tables(config, source), run.pop("device", "cpu")
+    world: World | None = run.get("world")
+    model_class, config_class = MODELS[tables["model"].pop("class")]
+    settings = {stage: _settings(tables, stage) for stage in model_class.stages}
+    for stage in (stage for stage, one in settings.items() if one is not None):
+        check_free(Path(out) / stage, run.get("resume"), run.get("overwrite"))
+    corpus, sizes = GroupData(**tables["data"]), config_class(**tables["model"])
+    held_out: list[DanceTake] = []
+    if takes is None:
+        evaluates = any(one.evaluate_every > 0 for one in settings.values() if one is not None)
+        takes, held_out = takes_for(corpus, data, sizes, evaluates=evaluates)
+    takes, held_out = solos_of(takes), solos_of(held_out)
+    torch.manual_seed(tables["train"].get("seed", 0))
+    model = model_class(sizes)
+    fit_statistics(model, takes, real=corpus.real)
+    model.standing = torch.stack([take.x.mean((0, 1)) for take in takes]).mean(0)
+    model.to(device if world is None else world.device)
+    for stage, one in settings.items():
+        windows = _windows(takes, corpus, model, tables)
+        validation = _windows(held_out, corpus, model, tables) if held_out else None
+        show = preview if stage == model_class.stages[-1] else None
+        options = {"data_name": name_of(takes, tables["data"]), **run}
+        model = _trained(model, stage, one, Path(out) / stage, windows, validation, show, options)
+    return model.requires_grad_(True).eval()
+
+
+def _settings(tables: dict, stage: str) -> TrainConfig | None:
+    """How a stage is trained; None for ``steps = 0``."""
+    settings = tables["train"] | tables[f"train_{stage}"]
+    return None if settings.get("steps") == 0 else TrainConfig(**settings)
+
+
+def _windows(takes: list[DanceTake], corpus: GroupData, model, tables: dict) -> WindowSampler:
+    return WindowSampler(
+        takes,
+        GroupCut(model.config.num_frames),
+        augment=Augmentation(
+            mirror=corpus.mirror, rotate=corpus.rotate, shift=corpus.shift, music=corpus.music
+        ),
+        dancers_per_batch=corpus.dancers_per_batch,
+        real=corpus.real,
+        seed=tables["train"].get("seed", 0),
+    )
+
+
+def _trained(
+    model: AutoregressiveNetwork,
+    stage: str,
+    settings: TrainConfig | None,
+    folder: Path,
+    windows: WindowSampler,
+    validation: WindowSampler | None,
+    preview: Callable | None,
+    options: dict[str, Any],
+) -> AutoregressiveNetwork:
+    """The averaged network of a stage, whose other parts stay as they are."""
+    if settings is None:
+        kept = folder / NAME
+        return load_average(kept, model) if kept.exists() else model
+    model.requires_grad_(False)
+    for part in model.learning(stage):
+        part.requires_grad_(True)
+    return Trainer(
+        model,
+        windows,
+        settings,
+        folder,
+        objective=StageObjective(model, settings, stage),
+        evaluator=Evaluator(validation, settings, preview),
+        **options,
+    ).run()
