@@ -110,6 +110,8 @@ class Train:
     """Go on from the checkpoint in the folder, if there is one."""
     overwrite: bool = False
     """Replace the training that the folder holds."""
+    log: str = "csv"
+    """Where numbers go besides losses.csv, which is always written: csv,tensorboard,wandb."""
     device: str = "cpu"
     """Or cuda: one GPU for each process that torchrun or accelerate starts."""
     json: bool = False
@@ -119,11 +121,13 @@ class Train:
         """Train, then save the averaged model in OUT/model."""
         from dancediff import hub
         from dancediff.generation.pipeline import usable_device
+        from dancediff.training.boards import check_logs
         from dancediff.training.checkpoint import load_average, read_facts
         from dancediff.training.distributed import join_world
         from dancediff.training.run import own_class_in, train_from_config
 
         check_folder(self.out)
+        log = check_logs(self.log)
         own = own_class_in(self.config)
         with join_world(self.device) as world:
             usable_device(world.device)
@@ -136,6 +140,7 @@ class Train:
                 start=None if self.start is None else hub.load(self.start, own=own).model,
                 world=world,
                 preview=self.preview,
+                log=log,
             )
         if not world.first:
             return

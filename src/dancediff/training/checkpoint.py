@@ -22,7 +22,8 @@ from dancediff.training.muon import MuonAdamW
 
 NAME = "checkpoint.safetensors"
 _ERRORS = (SafetensorError, OSError, AttributeError, RuntimeError, KeyError, ValueError, TypeError)
-_MAY_CHANGE = {"steps", "save_every", "evaluate_every", "preview_every", "metrics_every"}
+_MAY_CHANGE = {"steps", "save_every", "patience"}
+_MAY_CHANGE |= {"evaluate_every", "preview_every", "metrics_every"}
 
 
 @dataclass

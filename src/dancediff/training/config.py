@@ -132,6 +132,7 @@ class TrainConfig:
     evaluate_every: int = 0  # steps; 0: never
     preview_every: int = 0  # steps; 0: never
     metrics_every: int = 0  # steps; 0: never
+    patience: int = 0  # evaluations without a better loss after which a run ends; 0: any number
     weights: LossWeights | LodgeWeights = field(default_factory=LossWeights)
     extensions: TrainingExtensions = field(default_factory=TrainingExtensions)
 
@@ -146,8 +147,10 @@ class TrainConfig:
         for name in ("steps", "save_every", "accumulate"):
             _check_least(name, getattr(self, name), 1)
         every = ("evaluate_every", "preview_every", "metrics_every")
-        for name in ("warmup", "weight_decay", "clip", *every):
+        for name in ("warmup", "weight_decay", "clip", "patience", *every):
             _check_least(name, getattr(self, name), 0)
+        if self.patience and not self.evaluate_every:
+            raise ValueError(f"patience={self.patience} counts evaluations; set evaluate_every")
         _check_share("decay", self.decay)
         if not 0 <= self.ema < 1:
             raise ValueError(f"ema={self.ema} must lie in 0 ... 1, 1 left out: it is a share kept")

@@ -1,5 +1,6 @@
 """How good the averaged model is on dances that it does not learn from."""
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 
@@ -23,7 +24,8 @@ class Evaluator:
     `BATCHES` batches of ``data`` with the same noise; the best one so far is kept
     in the folder as ``best.safetensors``. Every ``config.preview_every`` steps
     ``preview(model, step)`` is called; every ``config.metrics_every`` steps ``metrics``, if there
-    are any, score its dances.
+    are any, score its dances. After ``config.patience`` evaluations in a row without a better one
+    the training is to end; the file knows the step of the best, so a run that goes on counts on.
     """
 
     def __init__(
@@ -34,6 +36,7 @@ class Evaluator:
         metrics: ValidationMetrics | None = None,
     ):
         self.data, self.config, self.preview, self.metrics = data, config, preview, metrics
+        self.best_step, self.best_loss = 0, math.inf
 
     @property
     def evaluates(self) -> bool:
@@ -46,12 +49,29 @@ class Evaluator:
         losses = [objective.losses(model, self.data.batch(k), k)["total"] for k in range(BATCHES)]
         return torch.stack(losses).mean().item()
 
-    def keep_best(self, model: nn.Module, loss: float, step: int, folder: Path) -> None:
-        """Write the model if none before had a smaller loss."""
-        path = folder / BEST
-        if path.exists() and read_facts(path)["validation"] <= loss:
-            return
-        save_average(path, model, {"step": step, "validation": loss})
+    def go_on(self, folder: Path) -> None:
+        """Remember the best model so far that a folder holds.
+
+        Raises: ValueError naming the file when it is none.
+        """
+        if (path := folder / BEST).exists():
+            facts = read_facts(path)
+            try:
+                self.best_step, self.best_loss = int(facts["step"]), float(facts["validation"])
+            except (KeyError, TypeError, ValueError) as err:
+                raise ValueError(f"{path} does not say its step and loss: {err}") from err
+
+    def keep_best(self, model: nn.Module, loss: float, step: int, folder: Path | None) -> None:
+        """Write the model if none before had as small a loss; a NaN is never the best."""
+        if loss < self.best_loss:
+            self.best_step, self.best_loss = step, loss
+            if folder is not None:
+                save_average(folder / BEST, model, {"step": step, "validation": loss})
+
+    def is_enough(self, step: int) -> bool:
+        """Has the validation loss not improved for as long as ``patience`` allows?"""
+        most = self.config.patience * self.config.evaluate_every
+        return self.evaluates and 0 < most <= step - self.best_step
 
     def due(self, step: int, every: int) -> bool:
         """Is it time after ``step`` steps?"""

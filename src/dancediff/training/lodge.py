@@ -16,7 +16,7 @@ Tables of the file
 """
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -39,6 +39,7 @@ from dancediff.papers.lodge.local_diffusion import LocalConfig, LocalDenoiser
 from dancediff.papers.lodge.losses import LodgeWeights
 from dancediff.papers.lodge.model import Lodge, LodgeConfig
 from dancediff.papers.lodge.primitives import Layout
+from dancediff.training.boards import check_logs
 from dancediff.training.checkpoint import NAME, check_free, load_average
 from dancediff.training.config import SoloData, TrainConfig, TrainingExtensions
 from dancediff.training.distributed import World
@@ -190,7 +191,7 @@ def train_lodge(
 class LodgeTraining:
     """Two networks, what they learn from, and their three trainings.
 
-    ``resume``, ``overwrite``, ``world``: see `dancediff.training.trainer.Trainer`.
+    ``resume``, ``overwrite``, ``world``, ``log``: see `dancediff.training.trainer.Trainer`.
     """
 
     def __init__(
@@ -202,13 +203,15 @@ class LodgeTraining:
         overwrite: bool = False,
         device: str = "cpu",
         world: World | None = None,
+        log: str | Sequence[str] = (),
     ):
         """Random weights."""
         self.tables, self.out = tables, Path(out)
         self.settings = {stage: stage_config(tables, stage) for stage in STAGES}
         self.extensions = TrainingExtensions(**tables["extensions"])
         self.corpus = SoloData(**tables["data"])
-        self.options: dict[str, Any] = {"resume": resume, "overwrite": overwrite, "world": world}
+        self.options: dict[str, Any] = {"resume": resume, "overwrite": overwrite}
+        self.options |= {"world": world, "log": check_logs(log)}
         for stage in (name for name in STAGES if self.settings[name] is not None):
             check_free(self.out / stage, resume, overwrite)
         torch.manual_seed(tables["train"].get("seed", 0))

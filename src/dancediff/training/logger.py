@@ -1,11 +1,13 @@
-"""The log of a training: a CSV, and TensorBoard's files where that is installed."""
+"""The log of a training: a CSV, and what `dancediff.training.boards` shows of it."""
 
 import csv
 import time
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TextIO
 
 from dancediff.atomic import atomic_write, hidden, writing
+from dancediff.training.boards import Board
 
 
 class Logger:
@@ -16,11 +18,11 @@ class Logger:
     checkpoint, and not before. Where there is none, it appears with its header at the first
     `write`: there is never an empty one.
 
-    ``path`` None: write nothing.
+    ``path`` None: write nothing.  ``boards`` get every number, too; they are closed in the end.
     """
 
-    def __init__(self, path: Path | None, first: int = 0):
-        self.path, self.board = path, None
+    def __init__(self, path: Path | None, first: int = 0, boards: Sequence[Board] = ()):
+        self.path, self.boards = path, boards
         self.file: TextIO | None = None
         self.hidden: Path | None = None
         self.rows = _rows_before(path, first) if path is not None and first else []
@@ -28,20 +30,23 @@ class Logger:
         self.started = time.monotonic() - before
         if path is not None:
             self.hidden = None if first or not path.exists() else hidden(path)
-            self.board = tensorboard(path.parent / "tensorboard", first)
 
     def write(self, step: int, values: dict[str, float | None]) -> None:
         """One row; a value that is None stays empty."""
         if self.path is None:
             return
-        for name, value in values.items():
-            if self.board and value is not None:
-                self.board.add_scalar(f"train/{name}", value, step)
+        self.show(step, "train", values)
         file = self.file or self._begin(self.path, ["step", "seconds", *values])
         texts = ("" if value is None else f"{value:.6g}" for value in values.values())
         seconds = time.monotonic() - self.started
         with writing(self.path):
             csv.writer(file).writerow([step, f"{seconds:.1f}", *texts])
+
+    def show(self, step: int, kind: str, values: Mapping[str, float | None]) -> None:
+        """Numbers for the boards alone, named ``kind/name``."""
+        known = {f"{kind}/{name}": one for name, one in values.items() if one is not None}
+        for board in self.boards:
+            board.add(step, known)
 
     def flush(self) -> None:
         """Bring what was written to the disk."""
@@ -66,7 +71,7 @@ class Logger:
         return self
 
     def __exit__(self, *_):
-        for file in (self.file, self.board):
+        for file in (self.file, *self.boards):
             if file:
                 file.close()
         if self.hidden:
@@ -85,12 +90,3 @@ def _rows_before(path: Path, first: int) -> list[dict[str, str]]:
 
 def _open(path: Path) -> TextIO:
     return path.open("a", buffering=1, newline="", encoding="utf-8")  # whole lines
-
-
-def tensorboard(folder: Path, first: int):
-    """A writer that shows the steps from ``first`` on anew; None where TensorBoard is missing."""
-    try:
-        from torch.utils.tensorboard import SummaryWriter
-    except ImportError:
-        return None
-    return SummaryWriter(folder, purge_step=first)

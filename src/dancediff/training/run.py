@@ -155,8 +155,8 @@ def train_from_config(
     - ``start``: a trained model to start from, see `take_over`; for TCDiff++ and EDGE.
     - ``preview(model, step)``: see `dancediff.training.evaluator`.
     - ``trainer``: a class that trains in another way; for TCDiff++ and EDGE.
-    - ``options``: ``device``, or a ``world`` that brings its own; ``resume``, ``overwrite``: see
-      `dancediff.training.trainer.Trainer`.
+    - ``options``: ``device``, or a ``world`` that brings its own; ``resume``, ``overwrite``,
+      ``log``: see `dancediff.training.trainer.Trainer`.
 
     Raises: ValueError for a bad config or folder.
     """

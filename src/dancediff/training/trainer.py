@@ -10,6 +10,7 @@ stopped goes on exactly where it was, bit by bit.
 import json
 import math
 import signal
+import sys
 from collections.abc import Sequence
 from hashlib import sha256
 from pathlib import Path
@@ -20,6 +21,7 @@ from tqdm.auto import tqdm
 
 from dancediff.atomic import sweep
 from dancediff.nn.dance_network import DanceNetwork, NormalizedNetwork
+from dancediff.training.boards import BOARDS, check_logs
 from dancediff.training.checkpoint import NAME, Checkpointer, Signals, check_free, facts_of
 from dancediff.training.config import TrainConfig
 from dancediff.training.distributed import World
@@ -36,8 +38,8 @@ Network = TypeVar("Network", bound=NormalizedNetwork)
 class Trainer(Generic[Network]):
     """Trains ``model`` in place on ``data.batch(number)``.
 
-    - ``out``: the folder for ``checkpoint.safetensors``, ``best.safetensors``, ``losses.csv`` and,
-      where TensorBoard is installed, ``tensorboard``; None writes nothing.
+    - ``out``: the folder for ``checkpoint.safetensors``, ``best.safetensors`` and ``losses.csv``;
+      None writes nothing.  ``log``: what else shows the numbers, "tensorboard" or "wandb".
     - ``objective``: what is minimised; by default eq. 18 of TCDiff++.
     - ``evaluator``: validation and previews.  ``world``: the processes that share the work; the
       first of them writes.  The model may be on any device; batches follow it.
@@ -70,6 +72,7 @@ class Trainer(Generic[Network]):
         resume: bool = False,
         overwrite: bool = False,
         data_name: str = "",
+        log: str | Sequence[str] = (),
     ):
         self.model, self.data, self.config = model, data, config
         self.world = world or World()
@@ -78,6 +81,7 @@ class Trainer(Generic[Network]):
         self.optimizer = make_optimizer(model, config)
         self.ema = EMA(model, config.ema)
         self.first, self.out = 0, None if out is None else Path(out)
+        self.log = check_logs(log)
         if self.out is None:
             self.checkpointer = None
             return
@@ -90,6 +94,7 @@ class Trainer(Generic[Network]):
         self.checkpointer = Checkpointer(path, model, self.ema, self.optimizer, facts)
         if resume and path.exists():
             self.first = self.checkpointer.load()
+            self.evaluator.go_on(self.out)
         elif self.world.first:
             (self.out / BEST).unlink(missing_ok=True)
 
@@ -105,8 +110,12 @@ class Trainer(Generic[Network]):
                 row = self.step(step) | self._validate(step + 1)
                 logger.write(step, row)
                 steps.set_postfix({"loss": f"{row['total']:.4f}"}, refresh=False)
+                enough = self._is_enough(step + 1)
+                signals.save = signals.save or enough
                 self._save(step + 1, logger, signals)
-                self._preview(step + 1)
+                self._preview(step + 1, logger)
+                if enough:
+                    break
         self.world.wait()
         return self.ema.model
 
@@ -140,14 +149,29 @@ class Trainer(Generic[Network]):
         return losses | {"lr": lr, "gradient": norm.item()}
 
     def _logger(self) -> Logger:
-        path = self.out / "losses.csv" if self.out is not None and self.world.first else None
-        return Logger(path, self.first)
+        if self.out is None or self.checkpointer is None or not self.world.first:
+            return Logger(None)
+        facts = self.checkpointer.facts
+        boards = [BOARDS[name](self.out, self.first, facts) for name in self.log]
+        return Logger(self.out / "losses.csv", self.first, boards)
 
     def _steps(self) -> tqdm:
         """The numbers of the steps that are left, with a bar; closed before an error is shown."""
-        left = range(self.first, self.config.steps)
+        left = range(self.first, self.first if self._is_enough(self.first) else self.config.steps)
         options = {"initial": self.first, "total": self.config.steps, "mininterval": 0.5}
         return tqdm(left, desc="training", disable=not self.world.first, **options)
+
+    def _is_enough(self, step: int) -> bool:
+        """Has training brought nothing for so long that it ends after ``step`` steps?"""
+        config, best = self.config, self.evaluator.best_step
+        if config.patience == 0:
+            return False
+        enough = self.world.any(self.world.first and self.evaluator.is_enough(step))
+        if enough and self.world.first:
+            text = f"training ends after {step} of {config.steps} steps: none of the last "
+            text += f"{config.patience} evaluations was better than that after {best} steps"
+            tqdm.write(text, file=sys.stderr)
+        return enough
 
     def _validate(self, step: int) -> dict[str, float | None]:
         """The validation loss after ``step`` steps, None when it is not its turn."""
@@ -158,8 +182,7 @@ class Trainer(Generic[Network]):
         loss = None
         if self.world.first:
             loss = self.evaluator.validation_loss(self.ema.model, self.objective)
-            if self.out is not None:
-                self.evaluator.keep_best(self.ema.model, loss, step, self.out)
+            self.evaluator.keep_best(self.ema.model, loss, step, self.out)
         self.world.wait()
         return {"validation": loss}
 
@@ -174,14 +197,16 @@ class Trainer(Generic[Network]):
         if stop:
             raise SystemExit(128 + signal.SIGTERM)
 
-    def _preview(self, step: int) -> None:
+    def _preview(self, step: int, logger: Logger) -> None:
         if self.evaluator.preview and self.evaluator.due(step, self.config.preview_every):
             if self.world.first:
                 self.evaluator.preview(self.ema.model, step)
             self.world.wait()
         if self.evaluator.metrics and self.evaluator.due(step, self.config.metrics_every):
             if self.world.first:
-                self.evaluator.metrics.row(cast(DanceNetwork, self.ema.model), self.objective, step)
+                model = cast(DanceNetwork, self.ema.model)
+                scores = self.evaluator.metrics.row(model, self.objective, step)
+                logger.show(step - 1, "metrics", scores)
             self.world.wait()
 
 

@@ -1,7 +1,4 @@
-import csv
 import signal
-from dataclasses import dataclass
-from types import SimpleNamespace
 
 import pytest
 import torch
@@ -9,7 +6,6 @@ from torch import nn
 
 from dancediff.diffusion.schedule import cosine_abar
 from dancediff.extensions.level_weights import level_weights
-from dancediff.motion.representation import Normalizer
 from dancediff.papers.tcdiffpp.group_dance_decoder import FusionProjection
 from dancediff.training import objective
 from dancediff.training.checkpoint import load_average, read_facts
@@ -19,52 +15,7 @@ from dancediff.training.logger import Logger
 from dancediff.training.objective import GroupObjective
 from dancediff.training.optimizer import make_optimizer, set_learning_rate
 from dancediff.training.trainer import Trainer
-
-
-@dataclass
-class ToyConfig:
-    num_steps: int = 1000
-    cond_drop: float = 0.25
-
-
-class Toy(nn.Module):
-    """A denoiser of one weight and a dropout, so that a step takes milliseconds."""
-
-    def __init__(self):
-        super().__init__()
-        self.gain, self.dropout = nn.Parameter(torch.tensor(0.5)), nn.Dropout(0.5)
-        self.config = ToyConfig()
-        one = torch.ones(151)
-        self.normalizer = Normalizer(-one, one)
-        self.music_normalizer = SimpleNamespace(normalize=lambda M: M)
-        self.register_buffer("abar", cosine_abar(1000), persistent=False)
-        self.heard = []
-
-    def forward(self, x_t, t, conditions):
-        self.heard.append((t, conditions.music_mask))
-        x_raw = self.gain * self.dropout(x_t)
-        return x_raw, x_raw
-
-
-class Data:
-    def __init__(self, spoil_at=None, b=2):
-        self.spoil_at, self.b, self.asked = spoil_at, b, []
-
-    def batch(self, step):
-        self.asked.append(step)
-        g = torch.Generator().manual_seed(step)
-        x = torch.rand(self.b, 2, 5, 151, generator=g)
-        if step == self.spoil_at:
-            x[0, 0, 0, 0] = float("nan")
-        return x, torch.zeros(self.b, 5, 35), torch.arange(2).expand(self.b, 2)
-
-
-def train(*args, **options):
-    return Trainer(*args, **options).run()
-
-
-def rows(folder):
-    return list(csv.DictReader((folder / "losses.csv").read_text().splitlines()))
+from toy_training import Data, Toy, ToyConfig, rows, train
 
 
 def test_log_has_every_step_once_after_a_stop(tmp_path):
@@ -239,6 +190,7 @@ def test_broken_numbers_stop_the_run_before_they_spread(tmp_path):
         {"weight_decay": -0.1},
         {"seed": -1},
         {"seed": 10**30},
+        {"patience": -1},
         {"lr": float("nan")},
     ],
 )
@@ -389,6 +341,68 @@ def test_validation_does_not_change_the_training(tmp_path):
     assert torch.equal(
         train(Toy(), Data(), config, evaluator=Evaluator(Data(), config)).gain, plain.gain
     )
+
+
+class Worse(Evaluator):
+    """Says losses that were noted before."""
+
+    losses, told = (3.0, 1.0, 2.0, 0.9, 1.5, 1.5, 0.95, 0.1, 0.1), 0
+
+    def validation_loss(self, model, objective):
+        self.told += 1
+        return self.losses[self.told - 1]
+
+
+def early(folder, patience, *, resume=False, told=0, **options):
+    config = TrainConfig(steps=18, warmup=0, evaluate_every=2, patience=patience, **options)
+    data, evaluator = Data(), Worse(Data(), config)
+    evaluator.told = told
+    trainer = Trainer(Toy(), data, config, folder, evaluator=evaluator, resume=resume)
+    trainer.run()
+    return data.asked, trainer
+
+
+def test_training_ends_when_nothing_gets_better(tmp_path, capsys):
+    """The fourth evaluation is the best, and three more are not."""
+    asked, _ = early(tmp_path, 3)
+    assert asked == list(range(14)) and len(rows(tmp_path)) == 14
+    assert read_facts(tmp_path / "checkpoint.safetensors")["step"] == 14
+    assert read_facts(tmp_path / "best.safetensors")["step"] == 8
+    said = "ends after 14 of 18 steps: none of the last 3 evaluations was better than that after 8"
+    assert said in capsys.readouterr().err
+    for patience in (0, 4):  # patience is off by default; four are never reached
+        assert len(early(None, patience)[0]) == 18
+
+
+def test_a_training_that_goes_on_knows_how_long_nothing_got_better(tmp_path):
+    """Killed between two evaluations, or ended: it counts on from the best."""
+    config = TrainConfig(steps=18, warmup=0, evaluate_every=2, patience=3, save_every=1)
+
+    class Killed(Data):
+        def batch(self, number):
+            if number == 11:
+                raise KeyboardInterrupt
+            return super().batch(number)
+
+    with pytest.raises(KeyboardInterrupt):
+        train(Toy(), Killed(), config, tmp_path, evaluator=Worse(Data(), config))
+    asked, _ = early(tmp_path, 3, resume=True, told=5, save_every=1)
+    assert asked == [11, 12, 13]
+    assert early(tmp_path, 3, resume=True)[0] == []  # ended, and stays so
+    assert early(tmp_path, 5, resume=True, told=7)[0] == [14, 15, 16, 17]
+
+
+def test_a_loss_that_is_no_number_is_never_the_best(tmp_path):
+    evaluator = Evaluator(Data(), TrainConfig(evaluate_every=1, patience=2))
+    evaluator.keep_best(Toy(), float("nan"), 1, tmp_path)
+    assert not (tmp_path / "best.safetensors").exists() and evaluator.is_enough(2)
+    evaluator.keep_best(Toy(), 1.0, 3, tmp_path)
+    assert not evaluator.is_enough(4) and evaluator.is_enough(5)
+
+
+def test_patience_needs_evaluations():
+    with pytest.raises(ValueError, match="patience=3 counts evaluations; set evaluate_every"):
+        TrainConfig(patience=3)
 
 
 def test_the_log_has_the_learning_rate(tmp_path):
