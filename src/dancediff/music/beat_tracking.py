@@ -33,8 +33,8 @@ SURROUNDINGS = 4.0  # seconds around an onset that say how strong it is
 SURE = 0.05  # log-likelihood a frame over having no beat that counts as half sure
 AROUND = -2, 4  # frames around a beat's frame where its onset may lie
 EARLY = 0.5  # frames; a spectrum sees an onset so long before its middle reaches it
-_LEAST = 0.003  # a beat may fall on a frame without any onset
-_FLOOR = 0.25  # quiet parts count as if they were at least this loud, or hiss would have beats
+LEAST = 0.003  # a beat may fall on a frame without any onset
+QUIET = 0.25  # quiet parts count as if they were at least this loud, or hiss would have beats
 
 WINDOW = 1024  # samples of a spectrum: half of the features', to tell fast beats apart
 AT_ONCE = 18000  # frames
@@ -98,8 +98,8 @@ def beat_activation(onset: np.ndarray) -> np.ndarray:
     window = int(SURROUNDINGS * BEAT_FPS) | 1
     rise = np.maximum(onset - uniform_filter1d(onset, window), 0)
     strongest = uniform_filter1d(maximum_filter1d(rise, window), window)
-    floor = _FLOOR * np.quantile(strongest, 0.9) + 1e-9
-    return np.clip(rise / np.maximum(strongest, floor), _LEAST, 0.95)
+    floor = QUIET * np.quantile(strongest, 0.9) + 1e-9
+    return np.clip(rise / np.maximum(strongest, floor), LEAST, 0.95)
 
 
 def track_beats(onset: np.ndarray) -> TrackedBeats:
@@ -131,28 +131,31 @@ def track_beats(onset: np.ndarray) -> TrackedBeats:
         return TrackedBeats(np.zeros(0), np.zeros(0))
     # how much better than no beat, mean over the neighbours: one weak beat is no reason for doubt
     gains = uniform_filter1d(gains, min(8, len(gains)), mode="nearest")
-    times = np.minimum(_centres(a, frames) + EARLY, len(a) - 1) / BEAT_FPS
+    times = np.minimum(centres(a, frames) + EARLY, len(a) - 1) / BEAT_FPS
     return TrackedBeats(times, 1 / (1 + np.exp(-(gains - SURE) / SURE)))
 
 
-def _centres(a: np.ndarray, frames: np.ndarray) -> np.ndarray:
+def centres(a: np.ndarray, frames: np.ndarray) -> np.ndarray:
     """Where within the part of an interval that is on the beat its onset lies, (k,) -> (k,).
 
     The model leaves open where in that part it is; the centre of the activation tells.
 
-    >>> _centres(np.array([0, 0, 0, 0.5, 0.5, 0, 0]), np.array([2])).round(2).tolist()
+    >>> centres(np.array([0, 0, 0, 0.5, 0.5, 0, 0]), np.array([2])).round(2).tolist()
     [3.5]
     """
     at = np.clip(frames[:, None] + np.arange(*AROUND), 0, len(a) - 1)
-    weight = np.maximum(a[at] - _LEAST, 0) + 1e-6
+    weight = np.maximum(a[at] - LEAST, 0) + 1e-6
     return (weight * at).sum(1) / weight.sum(1)
 
 
-class _TempoModel:
-    """The scores of all explanations of an activation, and the best of them."""
+class Tempi:
+    """Which tempi there are, how likely each is, and how one follows another.
 
-    def __init__(self, a: np.ndarray):
-        self.frames = len(a)
+    >>> int(Tempi().tau[0])                                   # frames: 212 beats a minute
+    17
+    """
+
+    def __init__(self):
         periods = np.geomspace(60 * BEAT_FPS / FASTEST, 60 * BEAT_FPS / SLOWEST, TEMPI)
         self.tau = np.unique(periods.round().astype(int))
         change = -CHANGE * np.abs(self.tau / self.tau[:, None] - 1)
@@ -160,11 +163,23 @@ class _TempoModel:
         octaves = np.log2(60 * BEAT_FPS / self.tau / USUAL)
         self.usual = -UNUSUAL * octaves**2 * self.tau / BEAT_FPS
         self.on_beat = np.maximum(1, (self.tau / ON_BEAT).round().astype(int))
-        off = (1 - a) / (ON_BEAT - 1)
-        none = a / ON_BEAT + (1 - 1 / ON_BEAT) * off
+
+
+def log_likelihoods(a):
+    """Of an activation on the beat, off the beat, and where there is no beat; each like ``a``."""
+    off = (1 - a) / (ON_BEAT - 1)
+    none = a / ON_BEAT + (1 - 1 / ON_BEAT) * off
+    return np.log(a), np.log(off), np.log(none) + NO_BEAT
+
+
+class _TempoModel(Tempi):
+    """The scores of all explanations of an activation, and the best of them."""
+
+    def __init__(self, a: np.ndarray):
+        super().__init__()
+        self.frames = len(a)
         self.on, self.off, self.none = (
-            np.concatenate([[0], np.cumsum(np.log(p) + extra)])
-            for p, extra in ((a, 0.0), (off, 0.0), (none, NO_BEAT))
+            np.concatenate([[0], np.cumsum(score)]) for score in log_likelihoods(a)
         )
 
     def intervals(self, f: np.ndarray) -> np.ndarray:
