@@ -96,7 +96,10 @@ class Prepare:
 
 @dataclass
 class Train:
-    """Train a model from a TOML config and write it as a model folder."""
+    """Train a model from a TOML config and write it as a model folder.
+
+    --explain says what can stand in the config.
+    """
 
     config: tyro.conf.Positional[Path]
     """For instance configs/tcdiffpp_small.toml."""
@@ -110,6 +113,8 @@ class Train:
     """Go on from the checkpoint in the folder, if there is one."""
     overwrite: bool = False
     """Replace the training that the folder holds."""
+    explain: bool = False
+    """Print every key of the config: its value, its default and what it does; train nothing."""
     log: str = "csv"
     """Where numbers go besides losses.csv, which is always written: csv,tensorboard,wandb."""
     device: str = "cpu"
@@ -126,6 +131,11 @@ class Train:
         from dancediff.training.distributed import join_world
         from dancediff.training.run import own_class_in, train_from_config
 
+        if self.explain:
+            from dancediff.training.explained import explain_config
+
+            print(explain_config(self.config))
+            return
         check_folder(self.out)
         log = check_logs(self.log)
         own = own_class_in(self.config)

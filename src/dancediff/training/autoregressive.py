@@ -75,11 +75,15 @@ def check_autoregressive_tables(config: dict, source: str) -> dict:
 
     Raises: ValueError naming the source, the table and the key that does not fit.
     """
-    model_class, config_class = MODELS[config["model"]["class"]]
     check_sizes(config["model"], f"{source}: 'model'")
-    known = {"data": GroupData, "model": config_class, "train": _Stage}
-    known |= {f"train_{stage}": _Stage for stage in model_class.stages}
-    return check_all(config, known, source)
+    return check_all(config, known_tables(config), source)
+
+
+def known_tables(config: dict) -> dict[str, type]:
+    """The dataclass of each table."""
+    model_class, config_class = MODELS[config["model"]["class"]]
+    stages = {f"train_{stage}": _Stage for stage in model_class.stages}
+    return {"data": GroupData, "model": config_class, "train": _Stage, **stages}
 
 
 def train_autoregressive(

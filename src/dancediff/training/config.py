@@ -33,14 +33,14 @@ class TrainingExtensions:
     level_weights: float = 0.0  # the power p; 0: all noise levels count the same
     both_guesses: bool = False  # the reconstruction term counts both guesses
     hard_contact: bool = False  # predicted contacts above 0.5 count as 1, others as 0
-    joint_velocity_loss: float = 0.0  # weight
-    slide_loss: float = 0.0  # weight
+    joint_velocity_loss: float = 0.0  # weight of a term: joints move as fast as in the dance
+    slide_loss: float = 0.0  # weight of a term: feet on the floor do not slide
     own_overlap: float = 0.0  # TCDiff++: share of windows that begin as the network makes them
     music_dropout: float = 0.0  # share of windows without timbre, and of those without harmony
     masked_music: tuple[str, ...] = ()  # blocks of the music features that are always 0
     any_song: float = 0.0  # share of real windows that are danced to another dance's song
     own_loss: str | None = None  # "module:function" of a `Comparison`, one more term
-    own_loss_weight: float = 1.0
+    own_loss_weight: float = 1.0  # of that term
 
     def __post_init__(self):
         for name in ("level_weights", "any_song", "own_overlap", "music_dropout"):
@@ -63,9 +63,9 @@ class Data:
 
     folder: str | None = None  # of prepared takes
     songs: int = 100  # without a folder: how many
-    seconds: float = 30.0
+    seconds: float = 30.0  # without a folder: length of a dance
     varied: bool = True  # without a folder: songs with intros, breaks and changes, no simple ones
-    workers: int = 2
+    workers: int = 2  # without a folder: processes that choreograph
     held_out: int = 5  # without a folder: how many more songs to evaluate on
     mirror: float = 0.0  # share of windows mirrored left to right
     music: bool = False  # any of the songs that fit a take's beats
@@ -84,9 +84,9 @@ class Data:
 class GroupData(Data):
     """For TCDiff++ and EDGE; see `dancediff.data.windows.WindowSampler`."""
 
-    dancers_per_batch: int = 24
-    shift: float = 0.0
-    rotate: float = 0.0
+    dancers_per_batch: int = 24  # windows of groups are put together until so many dance
+    shift: float = 0.0  # longest way that a window is moved along x and z, metres
+    rotate: float = 0.0  # largest turn of a window to either side, radians
     swaps: float = 0.0  # share of windows that show a change of order
 
     def __post_init__(self):
@@ -99,9 +99,9 @@ class GroupData(Data):
 class SoloData(Data):
     """For Lodge; see `dancediff.data.windows.WindowSampler`."""
 
-    seconds: float = 40.0
-    windows_per_batch: int = 16
-    global_windows_per_batch: int = 16
+    seconds: float = 40.0  # without a folder: length of a dance
+    windows_per_batch: int = 16  # of the local stage
+    global_windows_per_batch: int = 16  # of the global stage
 
     def __post_init__(self):
         super().__post_init__()
@@ -116,22 +116,22 @@ class TrainConfig:
     Raises: ValueError naming the key, its value and what is allowed.
     """
 
-    steps: int = 10_000
-    optimizer: str = "adamw"  # or one of `OPTIMIZERS`; see `training.optimizer`
-    lr: float = 1e-3
+    steps: int = 10_000  # updates of the weights
+    optimizer: str = "adamw"  # or "adam", "adan", "muon"; see `training.optimizer`
+    lr: float = 1e-3  # highest learning rate
     fusion_lr: float = 0.2  # share of lr that the Fusion Projection gets
     warmup: int = 300  # steps until the full learning rate
     decay: float = 0.3  # last share of the run over which the learning rate falls to zero
-    weight_decay: float = 0.01
+    weight_decay: float = 0.01  # of the optimiser
     clip: float = 1.0  # longest gradient; 0: any
-    ema: float = 0.999
-    precision: str = "fp32"  # or "bf16"
+    ema: float = 0.999  # share of the averaged weights that a step keeps
+    precision: str = "fp32"  # or "bf16": the network under autocast
     accumulate: int = 1  # batches a step and process, whose gradients are averaged
-    seed: int = 0
-    save_every: int = 500  # steps
-    evaluate_every: int = 0  # steps; 0: never
-    preview_every: int = 0  # steps; 0: never
-    metrics_every: int = 0  # steps; 0: never
+    seed: int = 0  # of weights, windows and noise
+    save_every: int = 500  # steps from checkpoint to checkpoint
+    evaluate_every: int = 0  # steps from one validation loss to the next; 0: never
+    preview_every: int = 0  # steps from one filmstrip to the next; 0: never
+    metrics_every: int = 0  # steps from one row of metrics to the next; 0: never
     patience: int = 0  # evaluations without a better loss after which a run ends; 0: any number
     weights: LossWeights | LodgeWeights = field(default_factory=LossWeights)
     extensions: TrainingExtensions = field(default_factory=TrainingExtensions)

@@ -87,23 +87,27 @@ class _Stage(TrainConfig):
             super().__post_init__()
 
 
+TABLES: dict[str, type] = {
+    "data": SoloData,
+    "model": _Model,
+    "global_stage": GlobalConfig,
+    "local_stage": LocalConfig,
+    "train": _Stage,
+    **{f"train_{stage}": _Stage for stage in STAGES},
+    **{f"weights_{stage}": LodgeWeights for stage in STAGES},
+    "discriminator": DiscriminatorConfig,
+    "extensions": TrainingExtensions,
+}
+
+
 def check_lodge_tables(config: dict, source: str) -> dict:
     """All tables of a training config of Lodge, empty where left out.
 
     Raises: ValueError naming the source, the table and the key that does not fit.
     """
-    known = {
-        "data": SoloData,
-        "model": _Model,
-        "global_stage": GlobalConfig,
-        "local_stage": LocalConfig,
-        "train": _Stage,
-        "extensions": TrainingExtensions,
-    }
-    for stage in STAGES:
-        known |= {f"train_{stage}": _Stage, f"weights_{stage}": LodgeWeights}
-    if "discriminator" in config:  # without its table there is none
-        known["discriminator"] = DiscriminatorConfig
+    known = dict(TABLES)
+    if "discriminator" not in config:  # without its table there is none
+        del known["discriminator"]
     for table in ("global_stage", "local_stage", "discriminator"):
         if isinstance(config.get(table), dict):
             check_sizes(config[table], f"{source}: {table!r}")

@@ -41,6 +41,13 @@ MODELS: dict[str, tuple[type[TCDiffPP] | type[EDGE], type]] = {
     "TCDiffPP": (TCDiffPP, TCDiffPPConfig),
     "EDGE": (EDGE, EDGEConfig),
 }
+TABLES: dict[str, type] = {  # the table [model] follows from the class in it
+    "data": GroupData,
+    "model": TCDiffPPConfig,
+    "train": TrainConfig,
+    "weights": LossWeights,
+    "extensions": TrainingExtensions,
+}
 NAMES = ("extensions", "genres")  # lists of names in the table [model] beside the sizes
 
 
@@ -73,14 +80,7 @@ def check_tables(config: dict, source: str) -> dict:
         names, genres = model.get("extensions", []), model.get("genres")
         sizes = {key: value for key, value in model.items() if key not in NAMES}
         config = config | {"model": sizes}
-    known = {
-        "data": GroupData,
-        "model": config_class,
-        "train": TrainConfig,
-        "weights": LossWeights,
-        "extensions": TrainingExtensions,
-    }
-    tables = check_all(config, known, source)
+    tables = check_all(config, TABLES | {"model": config_class}, source)
     for key, value in zip(NAMES, (names, [] if genres is None else genres), strict=True):
         if not isinstance(value, list | tuple):
             raise ValueError(f"{source}: 'model': {key}={value!r} should be a list of names")

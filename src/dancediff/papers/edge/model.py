@@ -33,17 +33,17 @@ class EDGEConfig:
     512
     """
 
-    d_model: int = 128
-    num_heads: int = 4
-    num_layers: int = 4
-    ff_dim: int = 512
+    d_model: int = 128  # width of a token
+    num_heads: int = 4  # of attention
+    num_layers: int = 4  # of the decoder
+    ff_dim: int = 512  # width inside a feed-forward block
     max_dancers: int = 10  # who find a place on the stage; the network knows one
-    num_frames: int = 150  # 5 seconds
-    motion_dim: int = 151
-    music_dim: int = 35
-    dropout: float = 0.0
-    cond_drop: float = 0.25
-    num_steps: int = 1000
+    num_frames: int = 150  # of one segment: 5 seconds
+    motion_dim: int = 151  # features of a dancer's frame
+    music_dim: int = 35  # features of a frame of music
+    dropout: float = 0.0  # share of values that are set to zero in training
+    cond_drop: float = 0.25  # share of windows in training that hear no music
+    num_steps: int = 1000  # noise levels
 
     @classmethod
     def paper(cls, **changes) -> "EDGEConfig":

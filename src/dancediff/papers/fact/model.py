@@ -32,18 +32,18 @@ class FACTConfig:
     (800, 120)
     """
 
-    d_model: int = 128
-    num_heads: int = 4
-    motion_layers: int = 1
-    music_layers: int = 1
+    d_model: int = 128  # width of a token
+    num_heads: int = 4  # of attention
+    motion_layers: int = 1  # that see motion alone
+    music_layers: int = 1  # that see music alone
     num_layers: int = 4  # that see both
-    ff_dim: int = 512
+    ff_dim: int = 512  # width inside a feed-forward block
     seed_frames: int = 60  # 2 seconds of motion that it sees
     music_frames: int = 120  # 4 seconds
     targets: int = 10  # frames that it guesses, a third of a second
     max_dancers: int = 10  # who find a place on the stage; the network knows one
-    motion_dim: int = 151
-    music_dim: int = 35
+    motion_dim: int = 151  # features of a dancer's frame
+    music_dim: int = 35  # features of a frame of music
 
     @classmethod
     def paper(cls, **changes) -> "FACTConfig":

@@ -30,16 +30,16 @@ class DiscriminatorConfig:
     4
     """
 
-    d_model: int = 512
-    num_heads: int = 8
-    num_layers: int = 4
-    ff_dim: int = 1024
+    d_model: int = 512  # width of a token
+    num_heads: int = 8  # of attention
+    num_layers: int = 4  # of the encoder
+    ff_dim: int = 1024  # width inside a feed-forward block
     head_hidden: int = 512  # width between a dance and the verdicts; 1 in the released code
-    num_frames: int = 256
-    motion_dim: int = 139
-    music_dim: int = 35
-    genres: tuple[str, ...] = FINEDANCE
-    dropout: float = 0.0
+    num_frames: int = 256  # of one local segment
+    motion_dim: int = 139  # features of a frame of motion
+    music_dim: int = 35  # features of a frame of music
+    genres: tuple[str, ...] = FINEDANCE  # that it tells apart
+    dropout: float = 0.0  # share of values that are set to zero in training
 
     def __post_init__(self):
         """JSON knows no tuples."""

@@ -38,21 +38,21 @@ class GlobalConfig:
     (56, 256)
     """
 
-    d_model: int = 512
-    num_heads: int = 8
-    num_layers: int = 8
-    ff_dim: int = 1024
-    music_frames: int = 1024  # N
-    local_frames: int = 256  # n
-    primitive_frames: int = 8
+    d_model: int = 512  # width of a token
+    num_heads: int = 8  # of attention
+    num_layers: int = 8  # of the decoder
+    ff_dim: int = 1024  # width inside a feed-forward block
+    music_frames: int = 1024  # N, of one global segment
+    local_frames: int = 256  # n, of one local segment
+    primitive_frames: int = 8  # of one primitive
     variant: str = "continuous"  # or "discrete": every fourth frame of the segment (Table 6)
-    every: int = 4
+    every: int = 4  # frames from one to the next, where "discrete"
     pool: int = 1  # frames of music that share a token
-    motion_dim: int = 139
-    music_dim: int = 35
-    dropout: float = 0.1
-    cond_drop: float = 0.25
-    num_steps: int = 1000
+    motion_dim: int = 139  # features of a frame of motion
+    music_dim: int = 35  # features of a frame of music
+    dropout: float = 0.1  # share of values that are set to zero in training
+    cond_drop: float = 0.25  # share of windows in training that hear no music
+    num_steps: int = 1000  # noise levels
 
     def __post_init__(self):
         """Catch sizes that do not go together."""

@@ -32,19 +32,19 @@ class LocalConfig:
     16
     """
 
-    d_model: int = 512
-    num_heads: int = 8
-    num_layers: int = 8
-    ff_dim: int = 1024
-    num_frames: int = 256  # n
-    motion_dim: int = 139
-    music_dim: int = 35
-    genres: tuple[str, ...] = FINEDANCE
-    style_noise: int = 256
+    d_model: int = 512  # width of a token
+    num_heads: int = 8  # of attention
+    num_layers: int = 8  # of the decoder
+    ff_dim: int = 1024  # width inside a feed-forward block
+    num_frames: int = 256  # n, of one local segment
+    motion_dim: int = 139  # features of a frame of motion
+    music_dim: int = 35  # features of a frame of music
+    genres: tuple[str, ...] = FINEDANCE  # that it can be asked for
+    style_noise: int = 256  # random numbers of which a style token is made
     foot_refine: bool = True  # without it: Table 5
-    dropout: float = 0.1
-    cond_drop: float = 0.25
-    num_steps: int = 1000
+    dropout: float = 0.1  # share of values that are set to zero in training
+    cond_drop: float = 0.25  # share of windows in training that hear no music
+    num_steps: int = 1000  # noise levels
 
     def __post_init__(self):
         """JSON knows no tuples."""

@@ -50,8 +50,8 @@ class LodgeWeights:
     form: str = "hinge"  # of eq. 9, as in the code; "log": as printed
     genre: float = 0.01  # eq. 9, for the generator
     critic: float = 0.1  # eq. 9, for the discriminator
-    diversity: float = 0.01
-    focus: float = 0.01
+    diversity: float = 0.01  # the code's: other noise is another style
+    focus: float = 0.01  # the code's: like no other genre
 
     @classmethod
     def coarse(cls, **changes) -> "LodgeWeights":

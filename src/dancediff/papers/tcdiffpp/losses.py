@@ -27,11 +27,11 @@ class LossWeights:
     10.942
     """
 
-    simple: float = 0.636
-    vel: float = 2.964
-    fk: float = 0.646
-    contact: float = 10.942
-    dist: float = 0.636  # the released code: 100
+    simple: float = 0.636  # eq. 12, reconstruction
+    vel: float = 2.964  # eq. 14, change from frame to frame
+    fk: float = 0.646  # eq. 13, where joints are
+    contact: float = 10.942  # eq. 15, feet that stand still
+    dist: float = 0.636  # eq. 16, distances between dancers; the released code: 100
 
     def terms(self) -> dict[str, float]:
         """The weights by the name of their term."""

@@ -34,19 +34,19 @@ class TCDiffPPConfig:
     512
     """
 
-    d_model: int = 128
-    num_heads: int = 4
-    num_layers: int = 4
-    ff_dim: int = 512
-    max_dancers: int = 5
-    num_frames: int = 150  # 5 seconds
-    motion_dim: int = 151
-    music_dim: int = 35
-    fusion_hidden: int = 512
-    footwork_hidden: int = 128
-    dropout: float = 0.0
-    cond_drop: float = 0.25
-    num_steps: int = 1000
+    d_model: int = 128  # width of a token
+    num_heads: int = 4  # of attention
+    num_layers: int = 4  # of each decoder
+    ff_dim: int = 512  # width inside a feed-forward block
+    max_dancers: int = 5  # of one group
+    num_frames: int = 150  # of one segment: 5 seconds
+    motion_dim: int = 151  # features of a dancer's frame
+    music_dim: int = 35  # features of a frame of music
+    fusion_hidden: int = 512  # width inside the Fusion Projection
+    footwork_hidden: int = 128  # width inside the Footwork Adaptor
+    dropout: float = 0.0  # share of values that are set to zero in training
+    cond_drop: float = 0.25  # share of windows in training that hear no music
+    num_steps: int = 1000  # noise levels
     without: tuple[str, ...] = ()  # components that Table 4 leaves out, of `COMPONENTS`
 
     def __post_init__(self):
