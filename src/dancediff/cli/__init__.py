@@ -28,16 +28,15 @@ def main(args: list[str] | None = None) -> int:
         return 0
     try:
         _parse(args).run()
-    except ValueError as err:
-        print(f"dancediff: {_one_line(err)}", file=sys.stderr)
-        return 2
-    except OSError as err:
-        fix = "check the path, its permissions and the free space"
-        print(f"dancediff: {_one_line(err)}; {fix}", file=sys.stderr)
-        return 2
-    except RuntimeError as err:
-        print(f"dancediff: {_one_line(err)}", file=sys.stderr)
-        return 1
+        sys.stdout.flush()
+    except BrokenPipeError:  # whoever read what we print has gone, as `head` does
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 128 + 13  # as if SIGPIPE had ended us
+    except (ValueError, OSError, RuntimeError) as err:
+        fix = "; check the path, its permissions and the free space"
+        is_disk = isinstance(err, OSError) and not isinstance(err, ValueError)
+        print(f"dancediff: {_one_line(err)}{fix if is_disk else ''}", file=sys.stderr)
+        return 1 if isinstance(err, RuntimeError) else 2
     except KeyboardInterrupt:
         print("dancediff: stopped", file=sys.stderr)
         return 130

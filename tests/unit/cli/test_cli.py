@@ -205,6 +205,17 @@ def test_help_is_quick_and_has_no_traceback():
     assert time.monotonic() - start < 5  # a loaded machine; alone it is under one second
 
 
+@pytest.mark.skipif(os.name != "posix", reason="pipes of Unix")
+def test_a_reader_that_goes_away_is_no_error():
+    """As in ``dancediff evaluate --json | head``."""
+    command = [sys.executable, "-m", "dancediff.cli", "warm", "--json"]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    with subprocess.Popen(command, **pipes) as program:
+        program.stdout.close()
+        said = program.stderr.read().decode()
+    assert program.returncode == 141 and said == ""
+
+
 def test_help_does_not_import_torch():
     code = (
         "import sys; from dancediff.cli import main\n"
