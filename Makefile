@@ -9,7 +9,7 @@ CPU    ?= https://download.pytorch.org/whl/cpu
 TORCH  := $(shell sed -n 's/^\(torch==[0-9.]*\).*/\1/p' requirements.txt)
 export MPLBACKEND ?= Agg
 
-.PHONY: setup dance quick test trust mutants bench lint lab docs player clean
+.PHONY: setup dance quick test trust wheel mutants bench lint lab docs player clean
 setup: $(READY)
 
 # The stamp is written last, so an interrupted set-up is done again. PyPI's PyTorch for Linux brings
@@ -59,6 +59,10 @@ trust: $(READY)
 	$(BIN)/python -m pytest -n 2 --dist worksteal --timeout=1200 tests/trust tests/fuzz tests/properties \
 	  tests/structure/test_licences.py tests/structure/test_packaging.py tests/packaged/test_doctor.py
 
+# What one gets who has no checkout: the wheel in an environment of its own, used in an empty folder.
+wheel: $(READY)
+	bash .ci/wheel "$(PYTHON)" $(TORCH) $(CPU)
+
 # Does a test fail where the code is wrong? Four minutes on two idle cores; goes on if it is stopped.
 mutants: $(READY)
 	$(BIN)/python benchmarks/mutants.py --json-file docs/results/mutants.json
@@ -91,4 +95,4 @@ player:
 	cd src/dancediff/assets/player && npm install --no-package-lock --no-audit --no-fund && npm run build && rm -rf node_modules
 
 clean:
-	rm -rf $(VENV) out
+	rm -rf $(VENV) out build

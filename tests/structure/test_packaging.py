@@ -80,7 +80,7 @@ def test_assets_are_packaged():
 
 
 @pytest.mark.skipif(not shutil.which("make"), reason="make is not installed")
-@pytest.mark.parametrize("target", ["setup", "dance", "test", "lint", "lab", "docs"])
+@pytest.mark.parametrize("target", ["setup", "dance", "test", "wheel", "lint", "lab", "docs"])
 def test_each_target_sets_up_first(target, tmp_path):
     for name in ("Makefile", "pyproject.toml", "requirements.txt"):
         shutil.copy(ROOT / name, tmp_path)

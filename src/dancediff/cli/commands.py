@@ -102,7 +102,7 @@ class Train:
     """
 
     config: tyro.conf.Positional[Path]
-    """For instance configs/tcdiffpp_small.toml."""
+    """A TOML file, or the name of one that comes with dancediff, such as tcdiffpp_small."""
     data: Path | None = None
     """A prepared folder; default: the synthetic dances that the config asks for."""
     out: Path = Path("runs/tcdiffpp")
@@ -129,6 +129,7 @@ class Train:
         from dancediff.training.boards import check_logs
         from dancediff.training.checkpoint import load_average, read_facts
         from dancediff.training.distributed import join_world
+        from dancediff.training.named_config import config_file
         from dancediff.training.run import own_class_in, train_from_config
 
         if self.explain:
@@ -138,11 +139,12 @@ class Train:
             return
         check_folder(self.out)
         log = check_logs(self.log)
-        own = own_class_in(self.config)
+        config = config_file(self.config)
+        own = own_class_in(config)
         with join_world(self.device) as world:
             usable_device(world.device)
             model = train_from_config(
-                self.config,
+                config,
                 self.out,
                 resume=self.resume,
                 overwrite=self.overwrite,
@@ -154,9 +156,9 @@ class Train:
             )
         if not world.first:
             return
-        settings = self.config.read_text(encoding="utf-8")
+        settings = config.read_text(encoding="utf-8")
         dances = "synthetic dances" if self.data is None else f"the takes in {self.data.name}"
-        card = f"Trained on {dances} with {self.config.name}:\n\n```toml\n{settings}```\n"
+        card = f"Trained on {dances} with {config.name}:\n\n```toml\n{settings}```\n"
         folder = hub.save_model(model, self.out / "model", card=card)
         facts, lines = {"model": folder}, [f"model folder: {folder}"]
         best = self.out / "best.safetensors"
@@ -185,7 +187,7 @@ class Ablate:
     """Train, sample and evaluate variants of a model, and print the table."""
 
     config: tyro.conf.Positional[Path]
-    """For instance configs/ablate_tiny.toml."""
+    """A TOML file, or the name of one that comes with dancediff, such as ablate_tiny."""
     out: Path = Path("runs/ablation")
     """Folder for trainings, dances and the table; what is done there is not done again."""
     devices: str = "cpu"
@@ -198,10 +200,12 @@ class Ablate:
         from dancediff import hub
         from dancediff.training.ablation import run_ablation
         from dancediff.training.ablation_table import mean_of_seeds, table
+        from dancediff.training.named_config import config_file
 
         check_folder(self.out)
         devices = tuple(name.strip() for name in self.devices.split(",") if name.strip())
-        rows = run_ablation(self.config, self.out, devices=devices, save=hub.save_model)
+        config = config_file(self.config)
+        rows = run_ablation(config, self.out, devices=devices, save=hub.save_model)
         tell(
             self.json,
             {"rows": rows},

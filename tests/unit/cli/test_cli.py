@@ -97,7 +97,7 @@ def test_bad_input(songs, capsys, monkeypatch, args, words):
         ([], ["choose a command", "generate", "train"]),
         (["dance", "song.wav"], ["'dance' is no command", "generate"]),
         (["generate"], ["generate", "wav, flac"]),
-        (["train", "missing.toml"], ["missing.toml", "does not exist", "configs/"]),
+        (["train", "missing.toml"], ["missing.toml", "does not exist", "tcdiffpp_small"]),
         (["train", "text.wav"], ["text.wav", "no TOML"]),
     ],
 )
