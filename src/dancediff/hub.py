@@ -29,6 +29,7 @@ from dancediff.music.song import Music
 from dancediff.own import is_own
 from dancediff.papers.edge.model import EDGE, EDGEConfig
 from dancediff.papers.fact.model import FACT, FACTConfig
+from dancediff.papers.gcd.model import GCD, GCDConfig
 from dancediff.papers.lodge.model import Lodge, LodgeConfig
 from dancediff.papers.tcdiffpp.model import LARGEST, MOST_LAYERS, TCDiffPP, TCDiffPPConfig
 
@@ -37,6 +38,7 @@ SONG = "studio_floor"
 _CLASSES: dict[str, tuple[type, type]] = {
     "TCDiffPP": (TCDiffPP, TCDiffPPConfig),
     "EDGE": (EDGE, EDGEConfig),
+    "GCD": (GCD, GCDConfig),
     "Lodge": (Lodge, LodgeConfig),
     "FACT": (FACT, FACTConfig),
 }

@@ -17,6 +17,7 @@ from dancediff.extensions.registry import REGISTRY
 from dancediff.generation.pipeline import pipeline_of
 from dancediff.music.synth import synth_song
 from dancediff.papers.edge.model import EDGE, EDGEConfig
+from dancediff.papers.gcd.model import GCD, GCDConfig
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 from tiny_lodge import tiny_lodge
 
@@ -30,11 +31,13 @@ OPTIONS = {  # a call of ...: what its arguments say when the addition is used
 MODELS = {
     "tcdiffpp": lambda: build(TCDiffPP, TCDiffPPConfig(**TINY, fusion_hidden=32)),
     "edge": lambda: build(EDGE, EDGEConfig(**TINY)),
+    "gcd": lambda: build(GCD, GCDConfig(**TINY)),
     "lodge": lambda: pipeline_of(tiny_lodge(())).model,
 }
 ASKED = {  # long enough for a seam; guidance rises in long dances of EDGE, as in its code
     "tcdiffpp": {"seconds": 7, "dancers": 3, "swap": [2, 0, 1]},
     "edge": {"seconds": 5, "dancers": 2},
+    "gcd": {"seconds": 7, "dancers": 3, "gamma": 1.0},
     "lodge": {"seconds": 12, "genre": "hiphop"},
 }
 

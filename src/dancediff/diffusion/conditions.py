@@ -7,6 +7,7 @@ Symbols (axes: b batch · n dancers · f frames · m music features · g genres)
     music_mask  False: the null music of classifier-free guidance   (b,)
     genre       shares of a mix of genres, at least 0; what they lack to 1 is no genre   (b, g)
     energy      how full the music is, 0 to 1; nan where that is unknown                 (b, f)
+    latent      z, what a network of groups draws for a whole dance                      (b, z)
 """
 
 from collections.abc import Callable
@@ -32,6 +33,7 @@ class Conditions:
     music_mask: Tensor = None  # type: ignore[assignment] # None becomes all True
     genre: Tensor | None = None
     energy: Tensor | None = None
+    latent: Tensor | None = None
 
     def __post_init__(self):
         """Without a mask all rows have music."""

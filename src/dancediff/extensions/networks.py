@@ -1,4 +1,4 @@
-"""TCDiff++ and EDGE with extensions: the plain network, step by step, with parts in between.
+"""TCDiff++, EDGE and GCD with extensions: the plain network, step by step, with parts in between.
 
 Read first: `dancediff.papers.tcdiffpp.model` and `dancediff.papers.edge.model`, the networks as the
 papers have them · `dancediff.extensions.parts`.
@@ -27,6 +27,7 @@ from dancediff.genre import GENRES
 from dancediff.nn.conditioning import MusicConditioning
 from dancediff.nn.dance_network import DanceNetwork
 from dancediff.papers.edge.model import EDGE, EDGEConfig
+from dancediff.papers.gcd.model import GCD, GCDConfig
 from dancediff.papers.tcdiffpp.footwork_adaptor import FootworkAdaptor, ground_velocity
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 
@@ -146,6 +147,35 @@ class ExtendedEDGE(Extended, EDGE):
     def linear_guess(self, x_t: Tensor, t: Tensor, conditions: Conditions) -> Tensor:
         """What preconditioning guesses without the network, (b, n, f, d)."""
         return super().linear_guess(*self.alone(x_t, t, conditions)).reshape(x_t.shape)
+
+
+class ExtendedGCD(Extended, GCD):
+    """GCD with extensions; shapes as `GCD`.
+
+    >>> import torch
+    >>> model = ExtendedGCD(GCDConfig(d_model=16, num_layers=1, ff_dim=32), ["preconditioning"])
+    >>> x_t, conditions = torch.randn(2, 3, 20, 151), Conditions(torch.randn(2, 20, 35))
+    >>> model(x_t, torch.tensor([10, 900]), conditions).shape
+    torch.Size([2, 3, 20, 151])
+    """
+
+    def __init__(
+        self, config: GCDConfig, extensions: Sequence[str], genres: Sequence[str] = GENRES
+    ):
+        super().__init__(config)
+        self.parts = parts_of(config, extensions, genres=genres)
+        if "aligned_attention" in extensions:
+            align_attention(self)
+
+    def forward(self, x_t: Tensor, t: Tensor, conditions: Conditions) -> Tensor:
+        """Guess the clean dance."""
+        self.check(x_t, t, conditions)
+        decoder, parts, run = self.decoder, self.parts, self.prepare(x_t, t, conditions)
+        h = parts.tokens(parts.embed(decoder.embed(x_t), run), run)
+        music, steps, cond = decoder.condition(t, conditions)
+        w = decoder.group_embedding(conditions.latent, music, x_t.shape[1])
+        h = decoder.decode(h, [music, steps], parts.film(cond, run), w)
+        return parts.read(decoder.read(h), h, run)
 
 
 def frame_tokens(

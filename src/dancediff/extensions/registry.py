@@ -41,8 +41,9 @@ class Extension:
     lesson: int | None = None
 
 
-GROUP, SOLO, ALL = ("tcdiffpp",), ("lodge",), ("tcdiffpp", "edge", "lodge")
-BY_SEGMENTS = ("tcdiffpp", "edge")
+GROUP, SOLO = ("tcdiffpp",), ("lodge",)
+BY_SEGMENTS = ("tcdiffpp", "edge", "gcd")
+ALL = (*BY_SEGMENTS, "lodge")
 LINEAR = ("preconditioning",)
 
 _ALL = (
@@ -62,7 +63,7 @@ _ALL = (
     Extension("non_local_filter", "network", "Frames that look alike are averaged.",
               "non_local_filter", ALL, needs=LINEAR),
     Extension("frame_tokens", "network", "Layers see three frames as one token.", "frame_tokens",
-              BY_SEGMENTS, presets=()),
+              ("tcdiffpp", "edge"), presets=()),
     Extension("aligned_attention", "network", "Half of the heads start at their own frame.",
               "aligned_attention", ALL),
     Extension("ssd", "network", "State space models with one decay a head: matrix products.",

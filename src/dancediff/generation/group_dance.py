@@ -67,8 +67,8 @@ def long_group_sampler(model, song, request: GroupDanceRequest, *, dtype=None) -
     return StyledGroupSampler(
         style=style_of(model, song, request, segments),
         shape=(request.dancers, segments.window, model.config.motion_dim),
-        bind=binder(model, _weight(request, model), request.autoguidance, dtype),
-        music=segments.music(_music(model, song)),
+        bind=binder(model, weight_of(request, model), request.autoguidance, dtype),
+        music=segments.music(music_of(model, song)),
         root_x=lambda frame: model.normalizer.unnormalize(frame)[..., 4],
         targets=segments.targets(request),
         overlap=request.overlap,
@@ -147,25 +147,19 @@ def naive_dance(
     """
     segments, device = SegmentPlan.of(request, model.config.num_frames), model.abar.device
     k, n = segments.count, request.dancers
-    M = segments.music(_music(model, song))
+    M = segments.music(music_of(model, song))
     targets: Sequence[Sequence[int] | None] = [None] * k  # EDGE's dancers know of nobody
     if isinstance(request, GroupDanceRequest):
         targets = segments.targets(request) or targets
     S = torch.tensor([range(n) if order is None else order for order in targets], device=device)
-    weight = _weight(request, model)
+    weight = weight_of(request, model)
     if ramp and k > 1 and request.sampler != "ddpm":
         times = sampling_times(request.sampler, request.steps, model.abar.cpu())
         weight = ramp_up(request.guidance, times)
     bind = binder(model, weight, request.autoguidance, dtype)
     conditions = Conditions(M, swap=S, **style_of(model, song, request, segments))
-    parts = [bind(conditions.rows(slice(i, i + AT_ONCE))) for i in range(0, k, AT_ONCE)]
-
-    def denoise_in_parts(x_t, t):
-        pairs = zip(parts, x_t.split(AT_ONCE), strict=True)
-        return torch.cat([denoise(x, t) for denoise, x in pairs])
-
     x = sample(
-        denoise_in_parts,
+        in_parts([bind(part) for part in split(conditions)]),
         (k, n, segments.window, model.config.motion_dim),
         sampler_options(model, request),
         generator=torch.Generator().manual_seed(request.seed),
@@ -174,6 +168,21 @@ def naive_dance(
         callback=report and (lambda i, total, _: report(i + 1, total)),
     )
     return join(model.normalizer.unnormalize(x), request.overlap)[:, : request.frames].cpu()
+
+
+def split(conditions: Conditions) -> list[Conditions]:
+    """Those of `AT_ONCE` segments at a time."""
+    return [conditions.rows(slice(i, i + AT_ONCE)) for i in range(0, len(conditions), AT_ONCE)]
+
+
+def in_parts(parts: Sequence[Callable[[Tensor, int], Tensor]]) -> Callable[[Tensor, int], Tensor]:
+    """One function of many segments from one for each part of them, see `split`."""
+
+    def denoise_in_parts(x_t: Tensor, t: int) -> Tensor:
+        pairs = zip(parts, x_t.split(AT_ONCE), strict=True)
+        return torch.cat([denoise(x, t) for denoise, x in pairs])
+
+    return denoise_in_parts
 
 
 def binder(model, guidance, autoguidance: float, dtype=None) -> Callable:
@@ -223,11 +232,13 @@ def sampler_options(model, request: SegmentedRequest) -> SamplerOptions:
     return SamplerOptions(model.abar, request.sampler, request.steps, request.eta, clamp)
 
 
-def _music(model, song) -> Tensor:
+def music_of(model, song) -> Tensor:
+    """The song's features as the network knows them (F, m)."""
     return model.music_normalizer.normalize(song.features().to(model.abar.device))
 
 
-def _weight(request: SegmentedRequest, model) -> float | Callable[[int], float]:
+def weight_of(request: SegmentedRequest, model) -> float | Callable[[int], float]:
+    """The weight of guidance, or how it changes with the step."""
     if request.sampler == "ddpm":
         return off_at_the_end(request.guidance, model.config.num_steps)
     return request.guidance

@@ -39,6 +39,21 @@ class EDGERequest(SegmentedRequest):
 
 
 @dataclass(frozen=True, kw_only=True)
+class GCDRequest(SegmentedRequest):
+    """What can be asked of GCD.
+
+    >>> GCDRequest(gamma=-1).gamma
+    -1.0
+    """
+
+    family: ClassVar[str] = "gcd"
+
+    gamma: float = option(
+        0.0, "Above 0 dancers are more in step, below more varied.", low=-100, high=100
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
 class GroupDanceRequest(SegmentedRequest):
     """What can be asked of TCDiff++.
 

@@ -23,8 +23,9 @@ from dancediff.axes import FPS
 from dancediff.generation.autoregressive_dance import autoregressive_pieces
 from dancediff.generation.autoregressive_request import FACTRequest
 from dancediff.generation.dance_request import DanceRequest
+from dancediff.generation.gcd_dance import gcd_dance
 from dancediff.generation.group_dance import group_pieces, naive_dance
-from dancediff.generation.group_request import EDGERequest, GroupDanceRequest
+from dancediff.generation.group_request import EDGERequest, GCDRequest, GroupDanceRequest
 from dancediff.generation.request import request_of
 from dancediff.generation.segments import SegmentPlan
 from dancediff.generation.solo_dance import solo_pieces, solo_seams
@@ -35,10 +36,11 @@ from dancediff.nn.conditioning import cached_music
 from dancediff.nn.precision import chosen_dtype
 from dancediff.papers.edge.model import EDGE, moved, start_slots
 from dancediff.papers.fact.model import FACT
+from dancediff.papers.gcd.model import GCD
 from dancediff.papers.lodge.model import Lodge
 from dancediff.papers.tcdiffpp.model import TCDiffPP
 
-Network = TCDiffPP | EDGE | Lodge | AutoregressiveNetwork
+Network = TCDiffPP | EDGE | GCD | Lodge | AutoregressiveNetwork
 
 
 class Pipeline(ABC):
@@ -55,7 +57,7 @@ class Pipeline(ABC):
 
     def __init__(self, model: Network, name: str | None = None):
         """Take over a network; where it is and its weights stay as they are."""
-        self.model = model
+        self.model: Any = model  # one of `PIPELINES`
         self.name = name or self.request.family
 
     @property
@@ -178,6 +180,19 @@ class EDGEPipeline(Pipeline):
         return SegmentPlan.of(request, self.config.num_frames).seams()
 
 
+class GCDPipeline(Pipeline):
+    """GCD: a group whose dancers see each other, all segments at once."""
+
+    request = GCDRequest
+
+    def _pieces(self, song, request, *, report, dtype, watch=None):
+        _refuse(watch)
+        yield gcd_dance(self.model, song, request, report=report, dtype=dtype)
+
+    def _seams(self, song, request):
+        return SegmentPlan.of(request, self.config.num_frames).seams()
+
+
 class LodgePipeline(Pipeline):
     """Lodge: a long solo, which a group can dance together."""
 
@@ -211,6 +226,7 @@ class FACTPipeline(AutoregressivePipeline):
 PIPELINES: dict[type, type[Pipeline]] = {
     TCDiffPP: GroupDancePipeline,
     EDGE: EDGEPipeline,
+    GCD: GCDPipeline,
     Lodge: LodgePipeline,
     FACT: FACTPipeline,
 }

@@ -6,12 +6,13 @@ which values it may have: the command line, panels and the generated page read i
 
 from dancediff.generation.autoregressive_request import FACTRequest
 from dancediff.generation.dance_request import DanceRequest
-from dancediff.generation.group_request import EDGERequest, GroupDanceRequest
+from dancediff.generation.group_request import EDGERequest, GCDRequest, GroupDanceRequest
 from dancediff.generation.presets import PRESETS
 from dancediff.generation.solo_request import LodgeRequest
 
 REQUESTS: dict[str, type[DanceRequest]] = {
-    one.family: one for one in (GroupDanceRequest, LodgeRequest, EDGERequest, FACTRequest)
+    one.family: one
+    for one in (GroupDanceRequest, LodgeRequest, EDGERequest, GCDRequest, FACTRequest)
 }
 RENAMED = {  # old name: (new name, what the old values are now)
     "feet": ("foot_contact", {"planted": True, "free": False}),

@@ -5,7 +5,8 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from dancediff.diffusion.schedule import cosine_abar
+from dancediff.diffusion.conditions import Conditions
+from dancediff.diffusion.schedule import Generators, cosine_abar
 from dancediff.motion.representation import Normalizer
 from dancediff.music.features import MusicNormalizer
 
@@ -45,3 +46,7 @@ class DanceNetwork(NormalizedNetwork):
     def __init__(self, motion_dim: int, music_dim: int, num_steps: int):
         super().__init__(motion_dim, music_dim)
         self.register_buffer("abar", cosine_abar(num_steps), persistent=False)
+
+    def with_draws(self, conditions: Conditions, generator: Generators = None) -> Conditions:
+        """The conditions with what the network draws for each row besides noise; here nothing."""
+        return conditions

@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 import torch
+from einops import repeat
 from torch import Tensor, nn
 
 from dancediff.nn.attention import Attention, FeedForward
@@ -65,6 +66,15 @@ class DecoderLayer(nn.Module):
         for block, norm, film in zip(blocks, self.norms, self.films, strict=True):
             h = h + film(self.dropout(block(norm(h))), cond)
         return h
+
+
+def token_frames(h: Tensor) -> Tensor:
+    """The frame that each token of (b, (f n), d) belongs to: shared by all dancers.
+
+    >>> token_frames(torch.zeros(1, 2, 3, 8)).tolist()
+    [0, 0, 1, 1, 2, 2]
+    """
+    return repeat(torch.arange(h.shape[2], device=h.device), "f -> (f n)", n=h.shape[1])
 
 
 class DanceDecoder(MusicConditioning):

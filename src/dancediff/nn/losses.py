@@ -9,11 +9,20 @@ Symbols (axes: f frames · d motion features · j joints; any axes in front of f
 """
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import torch
 from torch import Tensor
 
 from dancediff.motion.representation import TCDIFFPP, MotionSpec, Normalizer, joints_of
+
+
+class TermWeights(Protocol):
+    """The weights of a paper's losses; a frozen dataclass."""
+
+    def terms(self) -> dict[str, float]:
+        """The weights by the name of their term."""
+        ...
 
 
 @dataclass(frozen=True)

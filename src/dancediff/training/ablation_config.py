@@ -28,7 +28,7 @@ from dancediff.training.tables import check_table, read_toml
 SEED_STRIDE = 100_000  # more than there are held-out songs: no song meets the same noise twice
 FIRST_SEED = 1_000_000  # of the held-out songs; those of the training set begin at 0
 TRUTH = "choreographer"  # the row of the dances that were made, not learned
-FAMILIES = {"TCDiffPP": "tcdiffpp", "EDGE": "edge", "Lodge": "lodge"}
+FAMILIES = {"TCDiffPP": "tcdiffpp", "EDGE": "edge", "GCD": "gcd", "Lodge": "lodge"}
 _FIXED = ("data", "held_out")  # all variants are measured on the same songs
 
 

@@ -12,8 +12,8 @@ Read first: a file of configs/.
 from dataclasses import dataclass, field
 
 from dancediff.music.features import BLOCKS
+from dancediff.nn.losses import TermWeights
 from dancediff.own import own_function
-from dancediff.papers.lodge.losses import LodgeWeights
 from dancediff.papers.tcdiffpp.losses import LossWeights
 
 OPTIMIZERS = ("adamw", "adam", "adan", "muon")
@@ -133,7 +133,7 @@ class TrainConfig:
     preview_every: int = 0  # steps from one filmstrip to the next; 0: never
     metrics_every: int = 0  # steps from one row of metrics to the next; 0: never
     patience: int = 0  # evaluations without a better loss after which a run ends; 0: any number
-    weights: LossWeights | LodgeWeights = field(default_factory=LossWeights)
+    weights: TermWeights = field(default_factory=LossWeights)
     extensions: TrainingExtensions = field(default_factory=TrainingExtensions)
 
     def __post_init__(self):

@@ -13,7 +13,7 @@ from abc import ABC, abstractmethod
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Generic, TypeVar, cast
+from typing import Any, ClassVar, Generic, TypeVar, cast
 
 import torch
 from torch import Tensor
@@ -27,8 +27,8 @@ from dancediff.extensions.level_weights import draw_levels, weights_of
 from dancediff.extensions.music_dropout import with_dropped_blocks
 from dancediff.extensions.own_overlap import with_own_overlap
 from dancediff.nn.dance_network import DanceNetwork, NormalizedNetwork
-from dancediff.nn.losses import compare
-from dancediff.papers.tcdiffpp.losses import five_losses
+from dancediff.nn.losses import Comparison, compare
+from dancediff.papers.tcdiffpp.losses import LossWeights, five_losses
 from dancediff.training.config import TrainConfig
 from dancediff.training.extended_losses import extended_losses
 
@@ -109,7 +109,8 @@ class Objective(BatchLosses[DanceNetwork]):
         M, share = batch.M, self.config.extensions.music_dropout
         if share:
             M = with_dropped_blocks(M, share, noised.generator)
-        return Conditions(M, music_mask=noised.mask, genre=genre, energy=energy, **own)
+        conditions = Conditions(M, music_mask=noised.mask, genre=genre, energy=energy, **own)
+        return self.model.with_draws(conditions, noised.generator)
 
     @cached_property
     def has_genre(self) -> bool:
@@ -138,7 +139,17 @@ class Objective(BatchLosses[DanceNetwork]):
 
 
 class GroupObjective(Objective):
-    """Eq. 18 of TCDiff++, for `TCDiffPP` and `EDGE`."""
+    """Eq. 18 of TCDiff++, for `TCDiffPP` and `EDGE`; other networks of groups override `terms`."""
+
+    weights: ClassVar[type] = LossWeights  # of its terms, the table [weights] of a config
+
+    def terms(self, c: Comparison) -> dict[str, Tensor]:
+        """The terms that compare a guess with the truth."""
+        return five_losses(c)
+
+    def own_terms(self, model: Any, batch: Batch, noised: Noised, c: Conditions) -> dict:
+        """Terms that need more than a guess and the truth; here none."""
+        return {}
 
     def losses(self, model: DanceNetwork, batch, number: int) -> dict[str, Tensor]:
         """All terms of a `Batch` by name, and their weighted sum "total"."""
@@ -148,10 +159,11 @@ class GroupObjective(Objective):
         with self.deterministic_autocast(number):
             x_t = self._with_own_overlap(model, x_0, noised, conditions)
             guess = model(x_t, noised.t, conditions)
+            own = self.own_terms(model, batch, noised, conditions)
         x_raw, x_hat = guess if isinstance(guess, tuple) else (guess, guess)  # EDGE adapts nothing
         return extended_losses(
             compare(x_raw.float(), x_hat.float(), x_0, model.normalizer),
-            five_losses,
+            lambda c: self.terms(c) | own,
             self.config.weights.terms(),
             extensions=self.config.extensions,
             reconstruction="simple",

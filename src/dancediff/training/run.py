@@ -20,7 +20,7 @@ from dancediff.genre import GENRES
 from dancediff.nn.dance_network import DanceNetwork
 from dancediff.own import is_own
 from dancediff.papers.edge.model import EDGE, EDGEConfig
-from dancediff.papers.tcdiffpp.losses import LossWeights
+from dancediff.papers.gcd.model import GCD, GCDConfig
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 from dancediff.training.autoregressive import (
     MODELS as AUTOREGRESSIVE,
@@ -29,25 +29,22 @@ from dancediff.training.autoregressive import is_autoregressive, train_autoregre
 from dancediff.training.checkpoint import NAME, check_free
 from dancediff.training.config import GroupData, TrainConfig, TrainingExtensions
 from dancediff.training.evaluator import Evaluator
+from dancediff.training.gcd import GCDObjective
 from dancediff.training.group_takes import solos_of, takes_for
 from dancediff.training.lodge import is_lodge, train_lodge
+from dancediff.training.objective import GroupObjective
 from dancediff.training.own_network import check_network
 from dancediff.training.statistics import fit_statistics, take_over
 from dancediff.training.tables import check_all, check_sizes, read_training
 from dancediff.training.trainer import Trainer, name_of
 from dancediff.training.validation_metrics import ValidationMetrics
 
-MODELS: dict[str, tuple[type[TCDiffPP] | type[EDGE], type]] = {
+MODELS: dict[str, tuple[type[DanceNetwork], type]] = {
     "TCDiffPP": (TCDiffPP, TCDiffPPConfig),
     "EDGE": (EDGE, EDGEConfig),
+    "GCD": (GCD, GCDConfig),
 }
-TABLES: dict[str, type] = {  # the table [model] follows from the class in it
-    "data": GroupData,
-    "model": TCDiffPPConfig,
-    "train": TrainConfig,
-    "weights": LossWeights,
-    "extensions": TrainingExtensions,
-}
+OBJECTIVES: dict[type, type[GroupObjective]] = {GCD: GCDObjective}  # else `GroupObjective`
 NAMES = ("extensions", "genres")  # lists of names in the table [model] beside the sizes
 
 
@@ -80,7 +77,7 @@ def check_tables(config: dict, source: str) -> dict:
         names, genres = model.get("extensions", []), model.get("genres")
         sizes = {key: value for key, value in model.items() if key not in NAMES}
         config = config | {"model": sizes}
-    tables = check_all(config, TABLES | {"model": config_class}, source)
+    tables = check_all(config, tables_of(model_class, config_class), source)
     for key, value in zip(NAMES, (names, [] if genres is None else genres), strict=True):
         if not isinstance(value, list | tuple):
             raise ValueError(f"{source}: 'model': {key}={value!r} should be a list of names")
@@ -118,6 +115,26 @@ def network_classes(kind) -> tuple[type, type]:
     return MODELS[kind]
 
 
+def objective_class(model_class: type[nn.Module]) -> type[GroupObjective]:
+    """What a network of a group is trained to do.
+
+    >>> objective_class(EDGE).__name__, objective_class(GCD).__name__
+    ('GroupObjective', 'GCDObjective')
+    """
+    return OBJECTIVES.get(paper_class(model_class), GroupObjective)
+
+
+def tables_of(model_class: type[nn.Module], config_class: type) -> dict[str, type]:
+    """The tables of a config for a network and the class of its sizes."""
+    return {
+        "data": GroupData,
+        "model": config_class,
+        "train": TrainConfig,
+        "weights": objective_class(model_class).weights,
+        "extensions": TrainingExtensions,
+    }
+
+
 def own_class_in(path) -> str | None:
     """The class of the user's own that a config names, or None.
 
@@ -131,7 +148,8 @@ def own_class_in(path) -> str | None:
 def settings_of(tables: dict) -> TrainConfig:
     """How to train, of checked tables."""
     extensions = TrainingExtensions(**tables["extensions"])
-    weights = LossWeights(**tables["weights"])
+    model_class, _ = network_classes(tables["model"].get("class", "TCDiffPP"))
+    weights = objective_class(model_class).weights(**tables["weights"])
     return TrainConfig(**tables["train"], weights=weights, extensions=extensions)
 
 
@@ -185,8 +203,8 @@ def train_from_config(
         evaluates = settings.evaluate_every > 0 or settings.metrics_every > 0
         takes, held_out = takes_for(corpus, data, sizes, evaluates=evaluates)
     torch.manual_seed(settings.seed)
-    model: TCDiffPP | EDGE = build(model_class, sizes, extensions, genres)
-    if model_class not in (TCDiffPP, EDGE):
+    model: DanceNetwork = build(model_class, sizes, extensions, genres)
+    if all(model_class is not ours for ours, _ in MODELS.values()):
         check_network(model, paper_class(model_class))
     if isinstance(model, EDGE):
         takes, held_out = solos_of(takes), solos_of(held_out)
@@ -202,6 +220,7 @@ def train_from_config(
         _windows(takes, corpus, model, settings),
         settings,
         out,
+        objective=objective_class(model_class)(model, settings),
         evaluator=Evaluator(validation, settings, preview, metrics),
         data_name=name_of(takes, tables["data"]),
         **options,

@@ -72,6 +72,7 @@ def dance_windows(model: DanceNetwork, batch: Batch, seed: int) -> Tensor:
     conditions = Conditions(batch.M, swap=batch.label, genre=batch.genre, energy=batch.energy)
     options = SamplerOptions(model.abar, "ddim", STEPS, eta=0.0, clamp=None)
     generator = torch.Generator().manual_seed(seed)
+    conditions = model.with_draws(conditions, generator)
     with torch.inference_mode(), cached_music(model):
         run = guided(cast(Denoiser, model).denoise, conditions, 1.0)
         x = sample(run, batch.x.shape, options, generator=generator)

@@ -9,10 +9,10 @@ Symbols (axes: b batch · n dancers · f frames · k memory tokens · d channels
 """
 
 import torch
-from einops import rearrange, repeat
+from einops import rearrange
 from torch import Tensor, nn
 
-from dancediff.nn.decoder import DecoderLayer
+from dancediff.nn.decoder import DecoderLayer, token_frames
 from dancediff.nn.ssm import MambaBlock
 
 
@@ -68,15 +68,6 @@ class GroupDanceLayerWithoutSSM(DecoderLayer):
         tokens = rearrange(h, "b n f d -> b (f n) d")
         tokens = super().forward(tokens, memory, cond, token_frames(h), memory_frames)
         return rearrange(tokens, "b (f n) d -> b n f d", n=h.shape[1])
-
-
-def token_frames(h: Tensor) -> Tensor:
-    """The frame that each token of (b, (f n), d) belongs to: shared by all dancers.
-
-    >>> token_frames(torch.zeros(1, 2, 3, 8)).tolist()
-    [0, 0, 1, 1, 2, 2]
-    """
-    return repeat(torch.arange(h.shape[2], device=h.device), "f -> (f n)", n=h.shape[1])
 
 
 class SequenceDecoder(nn.Module):

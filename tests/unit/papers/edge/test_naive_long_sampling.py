@@ -12,13 +12,10 @@ from dancediff.diffusion.schedule import cosine_abar, q_sample
 from dancediff.generation.group_dance import AT_ONCE, naive_dance
 from dancediff.generation.pipeline import pipeline_of
 from dancediff.generation.request import GroupDanceRequest
+from dancediff.motion.blend import cross_fade
 from dancediff.motion.representation import Normalizer, pack, unpack
 from dancediff.motion.rotation import rotation_about, slerp
-from dancediff.papers.edge.naive_long_sampling import (
-    Consistency,
-    cross_fade,
-    join,
-)
+from dancediff.papers.edge.naive_long_sampling import Consistency, join
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 
 ABAR = cosine_abar()
