@@ -24,6 +24,11 @@ class GCDObjective(GroupObjective):
 
     weights: ClassVar[type] = GCDWeights
 
+    def conditions(self, batch: Batch, noised: Noised, **own: Tensor | None) -> Conditions:
+        """As for every network, and a latent."""
+        conditions = super().conditions(batch, noised, **own)
+        return self.model.with_draws(conditions, noised.generator)
+
     def terms(self, c: Comparison) -> dict[str, Tensor]:
         """Reconstruction and geometry."""
         return geometric_losses(c)

@@ -109,8 +109,7 @@ class Objective(BatchLosses[DanceNetwork]):
         M, share = batch.M, self.config.extensions.music_dropout
         if share:
             M = with_dropped_blocks(M, share, noised.generator)
-        conditions = Conditions(M, music_mask=noised.mask, genre=genre, energy=energy, **own)
-        return self.model.with_draws(conditions, noised.generator)
+        return Conditions(M, music_mask=noised.mask, genre=genre, energy=energy, **own)
 
     @cached_property
     def has_genre(self) -> bool:
