@@ -21,11 +21,11 @@ class GCDWeights:
     0.001
     """
 
-    simple: float = 1.0
-    vel: float = 1.0
-    fk: float = 1.0
-    contact: float = 0.005
-    contrast: float = 0.001
+    simple: float = 1.0  # reconstruction
+    vel: float = 1.0  # change from frame to frame
+    fk: float = 1.0  # where joints are
+    contact: float = 0.005  # feet that stand still
+    contrast: float = 0.001  # groups against dancers thrown together
 
     def terms(self) -> dict[str, float]:
         """The weights by the name of their term."""

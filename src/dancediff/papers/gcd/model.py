@@ -37,19 +37,19 @@ class GCDConfig:
     5
     """
 
-    d_model: int = 128
-    num_heads: int = 4
-    num_layers: int = 3
-    ff_dim: int = 256
-    critic_layers: int = 1
+    d_model: int = 128  # width of a token
+    num_heads: int = 4  # of attention
+    num_layers: int = 3  # blocks of the decoder
+    ff_dim: int = 256  # width inside a feed-forward block
+    critic_layers: int = 1  # blocks of the critic
     negatives: int = 2  # of each group, for the contrast
-    max_dancers: int = 5
-    num_frames: int = 150  # 5 seconds
-    motion_dim: int = 151
-    music_dim: int = 35
-    dropout: float = 0.0
-    cond_drop: float = 0.2
-    num_steps: int = 1000
+    max_dancers: int = 5  # of a group
+    num_frames: int = 150  # of one segment: 5 seconds
+    motion_dim: int = 151  # features of a dancer's frame
+    music_dim: int = 35  # features of a frame of music
+    dropout: float = 0.0  # share of values that are set to zero in training
+    cond_drop: float = 0.2  # share of windows in training that hear no music
+    num_steps: int = 1000  # noise levels
 
     @classmethod
     def paper(cls, **changes) -> "GCDConfig":
