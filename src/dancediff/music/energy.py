@@ -36,7 +36,15 @@ def song_loudness(M: Tensor) -> float:
     >>> round(song_loudness(torch.cat([M, M])) - song_loudness(M), 6)
     0.0
     """
-    power = _power(M)
+    return loudness_of(frame_power(M))
+
+
+def loudness_of(power: Tensor) -> float:
+    """How loud the loud parts are, from the A-weighted power of each frame (f,); in dB.
+
+    >>> round(loudness_of(torch.tensor([0.0, 1.0, 100.0])), 6)       # the others are 10 dB under it
+    20.0
+    """
     sounding = power > _SILENT
     if not sounding.any():
         return -math.inf
@@ -73,13 +81,17 @@ def energy_curve(M: Tensor, loudness: float | None = None) -> Tensor:
     loudness = song_loudness(M) if loudness is None else loudness
     if loudness == -math.inf:
         return torch.zeros(len(M))
-    now = _smooth(_power(M))
+    now = _smooth(frame_power(M))
     energy = EVEN + (10 * torch.log10(now.clamp_min(_SILENT)) - loudness) / SLOPE
     return torch.where(now > _SILENT, energy, 0).clamp(0, 1).float()
 
 
-def _power(M: Tensor) -> Tensor:
-    """A-weighted power of each frame, (f, 35) -> (f,) float64."""
+def frame_power(M: Tensor) -> Tensor:
+    """A-weighted power of each frame, (f, 35) -> (f,) float64.
+
+    >>> frame_power(torch.zeros(2, NUM_FEATURES)).shape
+    torch.Size([2])
+    """
     basis, weight = _bands()
     parts = [part[:, MFCC].double() @ basis for part in M.split(_AT_ONCE)]  # dB, (f, b)
     return torch.cat([10 ** (part / 10) @ weight for part in parts])

@@ -31,7 +31,7 @@ _MASKED = 1e6  # a std so large that no value is far from the mean
 _SHORTEST = 16 * HOP  # librosa's filters want half a second; shorter sound is padded with silence
 _WINDOW = 2048  # samples of a spectrum
 _RATE: dict[str, Any] = {"sr": SAMPLE_RATE, "hop_length": HOP}
-_BINS = 36  # notes an octave
+BINS = 36  # notes an octave
 _AT_ONCE = 9000  # frames: spectra of five minutes take a quarter of a gigabyte
 _REACH = 150  # frames around a part that its lowest chroma filters and their resampling can see
 
@@ -106,7 +106,7 @@ def _mel_and_tuning(y: np.ndarray, at_once: int) -> tuple[np.ndarray, float]:
         loud.append(strength[pitch > 0])
     pitch, strength = np.concatenate(pitches), np.concatenate(loud)
     clear = pitch[strength >= np.median(strength)] if len(pitch) else pitch
-    tuning = librosa.pitch_tuning(clear, bins_per_octave=_BINS) if len(clear) else 0.0
+    tuning = librosa.pitch_tuning(clear, bins_per_octave=BINS) if len(clear) else 0.0
     return np.concatenate(mel, axis=1), float(tuning)
 
 
@@ -118,7 +118,7 @@ def _constant_q(y: np.ndarray, tuning: float, at_once: int) -> np.ndarray:
     for start, stop in _parts(frames, at_once):
         first, last = max(start - _REACH, 0), min(stop + _REACH, frames)
         part = y[first * HOP : last * HOP]
-        C = np.abs(librosa.cqt(part, n_bins=7 * _BINS, bins_per_octave=_BINS, tuning=tuning,
+        C = np.abs(librosa.cqt(part, n_bins=7 * BINS, bins_per_octave=BINS, tuning=tuning,
                                **_RATE))  # fmt: skip
         parts.append(C[:, start - first : stop - first])
     return np.concatenate(parts, axis=1)

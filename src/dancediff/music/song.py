@@ -20,7 +20,7 @@ from dancediff.music.sound_rate import HOP, SAMPLE_RATE
 SILENT = 1e-4  # peak below which a song counts as silent
 LONG = 1 << 26  # samples (12 minutes in stereo) from which on a song's sound stays in its file
 _PART = 1 << 24  # samples that are squared at a time
-_LOUDNESS = 0.1  # RMS to which a song is set before its features are taken
+LOUDNESS = 0.1  # RMS to which a song is set before its features are taken
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,7 +149,7 @@ class Music:
         power = sum(np.square(part, dtype=np.float64).sum() for part in parts)
         rms = float(np.sqrt(power / len(y)))
         if rms > SILENT * 0.1:
-            y *= _LOUDNESS / rms
+            y *= LOUDNESS / rms
         beats = track_beats(beat_onset(y))
         return torch.from_numpy(music_features(y, beats=beats)), beats
 
