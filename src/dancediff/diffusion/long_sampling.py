@@ -167,22 +167,34 @@ class LongSampler(ABC):
         """Its frames (n, F', d), as soon as they are final."""
         context = noise = None
         for number in range(self.num_segments):
-            segment = self.plan(number, context)
-            x_T = self.first_input(segment, noise)
-            x = self.sampled(segment, x_T)
-            dancers = self.by_dancer(segment, x)
-            x, noise = x[dancers], x_T[dancers]
-            if context is not None:
-                x = SEAMS[self.seam](context, x)
+            x, noise = self.danced(self.plan(number, context), context, noise)
             rest = x[:, self.stride :]
             context = rest[:, : self.overlap - self.resampled]
             yield x[:, : self.stride]
         yield rest
 
-    def plan(self, number: int, context: Tensor | None) -> Segment:
-        """A segment that goes on from ``context``, which is by dancer."""
+    def danced(
+        self, segment: Segment, context: Tensor | None, before: Tensor | None
+    ) -> tuple[Tensor, Tensor]:
+        """A segment joined to its context, and its noise; both (n, f, d) by dancer.
+
+        ``context``: that of the plan, by dancer; ``before``: the noise of the segment before.
+        """
+        x_T = self.first_input(segment, before)
+        x = self.sampled(segment, x_T)
+        dancers = self.by_dancer(segment, x)
+        x = x[dancers]
+        if context is not None:
+            x = SEAMS[self.seam](context, x)
+        return x, x_T[dancers]
+
+    def plan(self, number: int, context: Tensor | None, start: int | None = None) -> Segment:
+        """A segment that goes on from ``context``, which is by dancer.
+
+        ``start``: its first frame in the dance, if segments do not follow each other.
+        """
         n, f, _ = self.shape
-        start, k = number * self.stride, 0
+        start, k = number * self.stride if start is None else start, 0
         order = torch.arange(n) if self.initial_order is None else self.initial_order
         if context is not None:
             order = self.rank(context[:, 0]).cpu()

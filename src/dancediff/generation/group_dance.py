@@ -62,15 +62,25 @@ def group_pieces(
 
 def long_group_sampler(model, song, request: GroupDanceRequest, *, dtype=None) -> LongGroupSampler:
     """How a resolved request is danced by TCDiff++."""
-    segments, constraint = SegmentPlan.of(request, model.config.num_frames), request.constraint()
+    segments = SegmentPlan.of(request, model.config.num_frames)
+    music = segments.music(music_of(model, song))
+    style, targets = style_of(model, song, request, segments), segments.targets(request)
+    return sampler_of(model, request, music, style, targets, dtype=dtype)
+
+
+def sampler_of(
+    model, request: GroupDanceRequest, music: Tensor, style: dict, targets: Sequence, *, dtype=None
+) -> "StyledGroupSampler":
+    """A sampler of segments with this music (k, f, m), standardised, and this style and order."""
+    constraint = request.constraint()
     assert request.pinning and request.seam  # only naive long sampling has none
     return StyledGroupSampler(
-        style=style_of(model, song, request, segments),
-        shape=(request.dancers, segments.window, model.config.motion_dim),
+        style=style,
+        shape=(request.dancers, model.config.num_frames, model.config.motion_dim),
         bind=binder(model, weight_of(request, model), request.autoguidance, dtype),
-        music=segments.music(music_of(model, song)),
+        music=music,
         root_x=lambda frame: model.normalizer.unnormalize(frame)[..., 4],
-        targets=segments.targets(request),
+        targets=targets,
         overlap=request.overlap,
         pinning=request.pinning,
         seam=request.seam,
@@ -111,12 +121,13 @@ def style_of(model, song, request: SegmentedRequest, segments: SegmentPlan) -> d
 
 
 def hooks_of(
-    model, request: GroupDanceRequest, constraint: Constraint | None
+    model, request: GroupDanceRequest, constraint: Constraint | None, *more: Source
 ) -> list[ConstraintHook | Projection]:
-    """What changes guesses while a request is danced by TCDiff++."""
+    """What changes guesses while a request is danced by TCDiff++; ``more`` asks for more."""
     normalizer, sources = model.normalizer.on_cpu(), list[Source]()
     if request.pinning in NOISY_CONTEXT and request.seam == "copy":
         sources.append(InitialFrames())
+    sources += more
     if constraint is not None:
         sources.append(control.normalized(constraint, normalizer))
     if request.order_constraint:
@@ -234,7 +245,12 @@ def sampler_options(model, request: SegmentedRequest) -> SamplerOptions:
 
 def music_of(model, song) -> Tensor:
     """The song's features as the network knows them (F, m)."""
-    return model.music_normalizer.normalize(song.features().to(model.abar.device))
+    return standardised(model, song.features())
+
+
+def standardised(model, M: Tensor) -> Tensor:
+    """Features as the network gets them, where it is; (F, m) raw -> (F, m)."""
+    return model.music_normalizer.normalize(M.to(model.abar.device))
 
 
 def weight_of(request: SegmentedRequest, model) -> float | Callable[[int], float]:

@@ -10,7 +10,7 @@ Symbols (axes: n dancers · f frames of a piece · F frames of the dance · d mo
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any, ClassVar
@@ -30,6 +30,8 @@ from dancediff.generation.request import request_of
 from dancediff.generation.segments import SegmentPlan
 from dancediff.generation.solo_dance import solo_pieces, solo_seams
 from dancediff.generation.solo_request import LodgeRequest
+from dancediff.generation.steered_dance import SteeredDance
+from dancediff.generation.stream import Stream
 from dancediff.motion.motion import Motion
 from dancediff.motion.representation import TCDIFFPP
 from dancediff.nn.conditioning import cached_music
@@ -95,24 +97,23 @@ class Pipeline(ABC):
         # cloned: what was made in inference mode could not be used in training
         return self._motion(x[:, : request.frames].clone(), song, request)
 
-    def stream(self, song, *, progress=False, **options) -> Generator[Motion, None, None]:
-        """The same dance as `generate`, handed out piece by piece as it is ready.
+    def stream(self, song, *, progress=False, opening: float | None = None, **options) -> Stream:
+        """The same dance as `generate`, handed out piece by piece as it is ready; see `Stream`.
 
         Memory does not grow with the song: what was handed out is forgotten. (Lodge makes a solo
         first and keeps it: 60 MB an hour. EDGE hands out the whole dance.) The options are checked
         at once, the dancing begins with the first piece that is asked for.
 
+        ``opening``: so many seconds of the song are enough to begin with. The first dance is then
+        danced to music features of that part, which `generate` takes of the whole song.
+
         Raises: ValueError as `generate`.
         """
-        return self._stream(song, self.resolve(song, **options), progress)
+        return Stream(self, song, options, progress=progress, opening=opening)
 
-    def _stream(self, song, request: DanceRequest, progress) -> Generator[Motion, None, None]:
-        left = request.frames
-        with self._ready(request, progress) as how:
-            for x in self._pieces(song, request, **how):
-                if left > 0:
-                    yield self._motion(x[:, :left].clone(), song, request)
-                left -= x.shape[1]
+    def steered(self, song, request: Any) -> SteeredDance | None:
+        """The dance of a stream that can be steered; None where it cannot."""
+        return None
 
     @contextmanager
     def _ready(self, request: DanceRequest, progress) -> Iterator[dict]:
@@ -159,6 +160,10 @@ class GroupDancePipeline(Pipeline):
 
     def _seams(self, song, request):
         return SegmentPlan.of(request, self.config.num_frames).seams(request.resampled)
+
+    def steered(self, song, request):
+        """None with long_sampling="naive"."""
+        return SteeredDance(self.model, song, request) if request.pinning else None
 
 
 class EDGEPipeline(Pipeline):

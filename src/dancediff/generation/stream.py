@@ -1,0 +1,268 @@
+r"""A dance that is handed out while it is made, and can be steered meanwhile.
+
+Read first: `dancediff.generation.pipeline` · `dancediff.generation.steered_dance`.
+
+    stream = model.stream(song, dancers=3)
+    for piece in stream:                      # 2.5 s each
+        show(piece, at=stream.begins)
+        stream.set(swap=(2, 1, 0))            # from the next segment on
+    again = Stream.replay(model, song, stream.log)    # the same dance to the last bit
+"""
+
+import contextlib
+import time
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import torch
+
+from dancediff.axes import FPS
+from dancediff.generation.opening import Opening
+from dancediff.generation.steered_dance import SteeredDance
+from dancediff.motion.motion import Motion
+
+KNOBS = ("genre", "energy", "swap", "formation", "steps")
+
+
+@dataclass
+class Timing:
+    """How long pieces took, in seconds.
+
+    >>> Timing(pieces=2, total=3.0).mean
+    1.5
+    """
+
+    first: float = float("nan")  # from the call of `stream` to the first piece
+    last: float = float("nan")  # the newest piece
+    longest: float = 0.0
+    total: float = 0.0
+    pieces: int = 0
+
+    @property
+    def mean(self) -> float:
+        """Of all pieces."""
+        return self.total / max(self.pieces, 1)
+
+    def add(self, seconds: float) -> None:
+        """One more piece."""
+        self.last, self.longest = seconds, max(self.longest, seconds)
+        self.total, self.pieces = self.total + seconds, self.pieces + 1
+
+
+class _StoppedError(Exception):
+    """Leaves a segment that nobody wants any more."""
+
+
+class Stream(Iterator[Motion]):
+    """The pieces of a dance, each as soon as it is ready; `Pipeline.stream` makes it.
+
+    One thread takes the pieces; `set`, `seek` and `stop` may be called by any. What they ask for
+    holds from the next segment on. Models other than TCDiff++ make their dance before they hand
+    out the first of it, and can only be stopped.
+
+    - ``begins``: seconds of the song at which the piece handed out last begins.
+    - ``timing``: how long pieces took.
+    - ``log``: plain values from which `replay` makes the same dance.
+    """
+
+    def __init__(
+        self, pipeline, song, options: dict, *, progress=False, opening: float | None = None
+    ):
+        """Check the options; nothing is danced yet."""
+        self._called = time.perf_counter()
+        self._opening = None if opening is None else Opening(song, opening)
+        heard = song if self._opening is None else self._opening
+        self.pipeline, self.song, self._progress = pipeline, heard, progress
+        self.request = pipeline.resolve(heard, **options)
+        self._given, self._seconds = options, opening
+        self._dance: SteeredDance | None = pipeline.steered(heard, self.request)
+        self._made: Iterator[Motion] | None = None
+        self._changes: deque[dict] = deque()  # asked for, but not taken up yet
+        self._taken: list[dict] = []
+        self._script: deque[dict] = deque()  # of a replay
+        self._stopped = False
+        self._shown = 0.0  # when the first piece was handed out
+        self.timing, self.begins, self.danced = Timing(), 0.0, 0.0
+
+    def __next__(self) -> Motion:
+        """The next piece."""
+        if self._script and "stop" in self._script[0] and self._is_due(self._script[0]):
+            self.stop()
+        begun = time.perf_counter()
+        if self._made is None:
+            if self._stopped or self.is_over:
+                raise StopIteration
+            self._made = self._make()
+        try:
+            piece = next(self._made)
+        except (StopIteration, _StoppedError):
+            self._made = None
+            raise StopIteration from None
+        now = time.perf_counter()
+        if not self.timing.pieces:
+            self.timing.first, self._shown = now - self._called, now
+            if self._opening is not None:
+                self._opening.hear_all()
+        self.timing.add(now - begun)
+        self.danced += piece.num_frames / FPS
+        return piece
+
+    def set(self, **knobs) -> None:
+        """Ask for something else from the next segment on.
+
+        - ``genre``, ``energy``: as in `generate`, of models that know them.
+        - ``swap``: the dancers from left to right at the end of the next segments; None: any.
+        - ``formation``: one (x, z) in metres for each dancer, at the end of the next segments;
+          None: anywhere. It goes with no swap: the newer of the two counts.
+        - ``steps``: denoising steps; fewer are faster.
+
+        Raises: ValueError naming the knob, its value and what is allowed.
+        """
+        unknown = [name for name in knobs if name not in KNOBS]
+        if unknown:
+            raise ValueError(f"{unknown[0]}= cannot be set while dancing; {', '.join(KNOBS)} can")
+        if {"swap", "formation"} <= knobs.keys():
+            raise ValueError("set swap= or formation=, not both: places say an order, too")
+        dance = self._steered()
+        self._resolved(knobs)
+        if knobs.get("formation") is not None:
+            self._refuse_constraints("formation")
+            dance.formation(knobs["formation"])
+        self._changes.append({"set": knobs})
+
+    def seek(self, seconds: float) -> None:
+        """Go on at another second of the song; the dancers go on from where they are.
+
+        Raises: ValueError for a place outside the dance.
+        """
+        self._steered()
+        self._refuse_constraints("seek")
+        if not 0 <= seconds < self.request.seconds:
+            raise ValueError(f"seek({seconds}) must lie in 0 ... {self.request.seconds:g} s")
+        self._changes.append({"seek": float(seconds)})
+
+    def stop(self) -> None:
+        """Hand out no more; a segment that is being made in another thread is left."""
+        if not self._stopped:
+            self._stopped = True
+            self._taken.append({"piece": self.timing.pieces, "stop": True})
+        if self._made is not None:
+            with contextlib.suppress(ValueError):  # it runs in another thread, and looks itself
+                self._made.close()  # type: ignore[attr-defined] # a generator
+                self._made = None
+
+    close = stop  # as of a generator
+
+    @property
+    def is_over(self) -> bool:
+        """Whether all of the dance was handed out, and nobody asks to go elsewhere."""
+        if self._dance is None:
+            return self.timing.pieces > 0
+        waiting = any("seek" in change for change in (*self._changes, *self._script))
+        return self._dance.over and not waiting
+
+    def ahead(self, played: float | None = None) -> float:
+        """Seconds of dance that are ready minus seconds that were played.
+
+        By default the dance is played without a pause since its first piece was handed out.
+        """
+        if played is None:
+            played = time.perf_counter() - self._shown if self.timing.pieces else 0.0
+        return self.danced - played
+
+    @property
+    def log(self) -> dict:
+        """What was asked for, and before which piece it was taken up; to be stored as JSON.
+
+        Raises: ValueError for ``constraints=``, which are no plain values.
+        """
+        if self._given.get("constraints"):
+            raise ValueError("a log holds plain values; leave constraints= out")
+        options = {
+            name: value if name != "dtype" else str(value).removeprefix("torch.")
+            for name, value in self._given.items()
+            if value is not None
+        }
+        return {"options": options, "opening": self._seconds, "calls": list(self._taken)}
+
+    @classmethod
+    def replay(cls, pipeline, song, log: dict, *, progress=False) -> "Stream":
+        """The stream of a ``log``: the same calls before the same pieces, the same dance.
+
+        The same machine and number of threads give the same bytes.
+        """
+        options = dict(log["options"])
+        if "dtype" in options:
+            options["dtype"] = getattr(torch, options["dtype"], options["dtype"])
+        made = cls(pipeline, song, options, progress=progress, opening=log["opening"])
+        made._script.extend(log["calls"])
+        return made
+
+    def _make(self) -> Iterator[Motion]:
+        with self.pipeline._ready(self.request, self._progress) as how:
+            report = how.pop("report")
+
+            def checked(done: int, total: int) -> None:
+                if self._stopped:
+                    raise _StoppedError
+                if report is not None:
+                    report(done, total)
+
+            how["report"] = checked
+            if self._dance is None:
+                left = self.request.frames
+                for x in self.pipeline._pieces(self.song, self.request, **how):
+                    if left > 0:
+                        self.begins = self.danced
+                        yield self.pipeline._motion(x[:, :left].clone(), self.song, self.request)
+                    left -= x.shape[1]
+                return
+            for start, x in self._dance.pieces(self._take_up, **how):
+                self.begins = start / FPS
+                yield self.pipeline._motion(x.clone(), self.song, self.request)
+
+    def _take_up(self) -> None:
+        """Do what was asked for since the last segment, and note when."""
+        if self._stopped:
+            raise _StoppedError
+        while self._script and self._is_due(self._script[0]) and "stop" not in self._script[0]:
+            self._do(self._script.popleft())
+        while self._changes:
+            self._do(self._changes.popleft())
+
+    def _do(self, change: dict) -> None:
+        dance = self._steered()
+        if "seek" in change:
+            dance.seek(round(change["seek"] * FPS))
+        else:
+            knobs = change["set"]
+            self.request = self._resolved(knobs)
+            dance.ask(self.request, ordered="swap" in knobs)
+            if "formation" in knobs:
+                dance.form(knobs["formation"])
+        self._taken.append({"piece": self.timing.pieces} | change)
+
+    def _is_due(self, change: dict) -> bool:
+        return change["piece"] <= self.timing.pieces
+
+    def _resolved(self, knobs: dict) -> Any:
+        """The request with these knobs; raises ValueError as `generate`."""
+        changed = {name: value for name, value in knobs.items() if name != "formation"}
+        if "swap" in changed:
+            changed["swap_at"] = None
+        asked = replace(self.request, **changed)
+        return asked.resolve(self.pipeline.model, self.song) if changed else self.request
+
+    def _steered(self) -> SteeredDance:
+        if self._dance is None:
+            raise ValueError(
+                f"the model {self.pipeline.name!r} cannot be steered: its dance is made before the "
+                "first piece is handed out; use a model of tcdiffpp with long_sampling='lgds'"
+            )
+        return self._dance
+
+    def _refuse_constraints(self, name: str) -> None:
+        if self.request.constraint() is not None:
+            raise ValueError(f"{name} goes with no start=, end= or constraints=; leave them out")

@@ -1,0 +1,205 @@
+"""A stream that is steered: changes hold from the next segment on, and can be made again."""
+
+import json
+import threading
+from dataclasses import dataclass
+
+import pytest
+import torch
+
+from dancediff.generation.opening import Opening
+from dancediff.generation.pipeline import pipeline_of
+from dancediff.generation.stream import Stream
+from dancediff.music.synth import synth_song
+from tiny_lodge import tiny_lodge
+from tiny_tcdiffpp import tiny_tcdiffpp
+
+
+@dataclass
+class Tune:
+    """As much of a song as a stream looks at."""
+
+    duration: float = 12.0
+    name: str = "tune"
+    tempo: float = 120.0
+    is_silent: bool = False
+    peak: float = 0.5
+
+    def features(self):
+        generator = torch.Generator().manual_seed(int(self.duration))
+        return torch.randn(1 + int(30 * self.duration), 35, generator=generator)
+
+
+ASK = {"dancers": 3, "seconds": 12, "steps": 2, "seed": 4}
+
+
+@pytest.fixture(scope="module")
+def model():
+    return tiny_tcdiffpp()
+
+
+@pytest.fixture(scope="module")
+def listening():
+    """A model that knows genres and listens to energy."""
+    return tiny_tcdiffpp(("preconditioning", "genre_condition", "energy_condition"))
+
+
+def whole(pieces):
+    return torch.cat([piece.root for piece in pieces], 1)
+
+
+def steered(stream, calls):
+    """All pieces; ``calls[k]`` is done once k pieces are there."""
+    pieces = []
+    calls.get(0, lambda _: None)(stream)
+    for piece in stream:
+        pieces.append(piece)
+        calls.get(len(pieces), lambda _: None)(stream)
+    return pieces
+
+
+@pytest.mark.parametrize(
+    "change", [{"genre": "salsa"}, {"energy": 0.2}, {"swap": (2, 1, 0)}, {"steps": 1},
+               {"formation": [(-2, 1), (0, -1), (2, 1)]}]
+)  # fmt: skip
+def test_a_change_holds_from_the_next_segment_on(listening, change):
+    song = Tune()
+    plain = list(listening.stream(song, **ASK))
+    other = steered(listening.stream(song, **ASK), {2: lambda stream: stream.set(**change)})
+    assert [p.num_frames for p in plain] == [p.num_frames for p in other] == [75, 75, 75, 75, 60]
+    # the third piece was danced with the second segment, but for its end
+    assert torch.equal(whole(plain[:2]), whole(other[:2]))
+    assert not torch.equal(whole(plain[3:]), whole(other[3:]))
+
+
+def test_dancers_stand_where_they_were_asked_to(model):
+    places = [(-1.5, 0.5), (0.2, -0.5), (1.5, 0.5)]
+    stream = model.stream(Tune(), **ASK | {"steps": 8, "foot_contact": False})
+    pieces = steered(stream, {1: lambda stream: stream.set(formation=places)})
+    at = whole(pieces)[:, 75 + 149, [0, 2]]
+    torch.testing.assert_close(at, torch.tensor(places), atol=0.05, rtol=0)
+
+
+def test_it_goes_on_elsewhere_in_the_song(model):
+    begins, pieces = [], []
+    stream = model.stream(Tune(), **ASK)
+    for piece in stream:
+        pieces.append(piece)
+        begins.append(stream.begins)
+        if len(pieces) == 1:
+            stream.seek(8.0)
+        if stream.is_over:
+            stream.seek(2.0)  # it wakes up again
+        if len(pieces) == 6:
+            break
+    assert begins[:2] == [0, 8] and 2.0 in begins
+    x = whole(pieces)
+    steps = x.diff(dim=1).norm(dim=-1)
+    assert steps[:, 74].max() < 4 * steps.max(1).values.median()  # nobody jumps
+    assert pieces[1].num_frames == 60 and begins[2] == 10
+
+
+@pytest.mark.parametrize("pinning", ["same_noise", "init"])
+def test_a_log_makes_the_same_dance_again(listening, pinning):
+    song = Tune(20.0)
+    stream = listening.stream(song, **ASK | {"pinning": pinning})
+    pieces = steered(
+        stream,
+        {
+            0: lambda stream: stream.set(genre={"salsa": 1, "jazz": 3}),
+            1: lambda stream: stream.set(swap=(1, 2, 0), energy=((0.0, 0.1), (9.0, 0.9))),
+            2: lambda stream: stream.seek(7.3),
+            3: lambda stream: stream.set(steps=1),
+            5: lambda stream: stream.stop(),
+        },
+    )
+    assert len(pieces) == 5
+    log = json.loads(json.dumps(stream.log))
+    again = Stream.replay(listening, song, log)
+    made = list(again)
+    assert len(made) == 5 and torch.equal(whole(pieces), whole(made))
+    assert all(torch.equal(a.pose, b.pose) for a, b in zip(pieces, made, strict=True))
+    assert json.loads(json.dumps(again.log)) == log
+
+
+@pytest.mark.parametrize(
+    "knobs, words",
+    [
+        ({"tempo": 3}, "tempo= cannot be set while dancing"),
+        ({"swap": (0, 1)}, "swap"),
+        ({"genre": "salsa"}, "needs a model that knows genres"),
+        ({"formation": [(0, 0)]}, "1 places for 3 dancers"),
+        ({"formation": [(0, 0)] * 3, "swap": (0, 1, 2)}, "not both"),
+        ({"steps": 0}, "steps=0"),
+    ],
+)
+def test_it_refuses_what_it_cannot_do_at_once(model, knobs, words):
+    stream = model.stream(Tune(), **ASK)
+    with pytest.raises(ValueError, match=words):
+        stream.set(**knobs)
+    assert stream.log["calls"] == []
+
+
+def test_seek_and_formation_need_a_dance_without_constraints(model):
+    stream = model.stream(Tune(), start=[(-1, 0), (0, 0), (1, 0)], **ASK)
+    for call in (lambda: stream.seek(3), lambda: stream.set(formation=[(0, 0)] * 3)):
+        with pytest.raises(ValueError, match="leave them out"):
+            call()
+    with pytest.raises(ValueError, match="must lie in 0"):
+        model.stream(Tune(), **ASK).seek(12.5)
+
+
+def test_a_dance_made_in_advance_cannot_be_steered():
+    stream = pipeline_of(tiny_lodge()).stream(Tune(), seconds=3, steps=1)
+    with pytest.raises(ValueError, match="cannot be steered"):
+        stream.set(genre="salsa")
+    assert sum(piece.num_frames for piece in stream) == 90
+
+
+def test_stop_leaves_a_segment_that_another_thread_makes(model):
+    begun, stopped = threading.Event(), []
+
+    def progress(done, total):
+        begun.set()
+        stopped.append(done)
+
+    stream = model.stream(Tune(60.0), progress=progress, dancers=3, steps=50)
+    pieces: list = []
+    thread = threading.Thread(target=lambda: pieces.extend(stream))
+    thread.start()
+    assert begun.wait(60)
+    stream.stop()
+    thread.join(60)
+    assert not thread.is_alive() and not pieces
+    assert len(stopped) < 50
+    assert not model.model.training
+
+
+def test_an_opening_is_enough_to_begin_with(model):
+    song, _ = synth_song(2, seconds=40.0)
+    stream = model.stream(song, opening=16.0, dancers=1, steps=1)
+    first = next(stream)
+    assert first.num_frames == 75 and stream.timing.pieces == 1 and stream.timing.first > 0
+    pieces = [first, *stream]
+    assert sum(piece.num_frames for piece in pieces) == 1200
+    again = Stream.replay(model, song, json.loads(json.dumps(stream.log)))
+    assert torch.equal(whole(pieces), whole(list(again)))
+
+
+def test_an_opening_has_features_of_its_own():
+    song, _ = synth_song(2, seconds=40.0)
+    opening = Opening(song, 20.0)
+    assert len(opening.features_until(450)) == 601
+    assert len(opening.features_until(460)) == len(opening.features()) == 1201
+    assert len(Opening(song, 60.0).features_until(5)) == 1201
+    with pytest.raises(ValueError, match="at least 15 s"):
+        Opening(song, 3.0)
+
+
+def test_ahead_is_what_is_ready_minus_what_was_played(model):
+    stream = model.stream(Tune(), **ASK)
+    next(stream)
+    assert stream.ahead(played=1.0) == 1.5 and stream.ahead() < 2.5
+    next(stream)
+    assert stream.ahead(played=1.0) == 4.0 and stream.timing.pieces == 2
+    assert stream.timing.longest >= stream.timing.last > 0
