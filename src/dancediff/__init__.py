@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from dancediff.metrics.report import evaluate
     from dancediff.motion.motion import Motion
     from dancediff.music.song import Music
+    from dancediff.viz.learning_curves import learning_curves
     from dancediff.viz.stage import play
 
 _HOME = {
@@ -29,6 +30,7 @@ _HOME = {
     "choreograph": "dancediff.data.choreographer.choreograph",
     "evaluate": "dancediff.metrics.report",
     "genres": "dancediff.genre",
+    "learning_curves": "dancediff.viz.learning_curves",
     "load": "dancediff.hub",
     "packaged_models": "dancediff.hub",
     "packaged_song": "dancediff.hub",
@@ -41,6 +43,7 @@ __all__ = [
     "choreograph",
     "evaluate",
     "genres",
+    "learning_curves",
     "load",
     "packaged_models",
     "packaged_song",

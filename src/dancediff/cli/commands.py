@@ -177,7 +177,10 @@ class Train:
         folder = self.out / "previews"
         folder.mkdir(exist_ok=True)
         song = hub.packaged_song()
-        dance = pipeline_of(model).generate(song, dancers=3, seconds=5, seed=0)
+        pipeline = pipeline_of(model)
+        half = {"overlap": model.config.num_frames // 2}  # 75 is too long for short segments
+        options = half if "overlap" in pipeline.request.names() else {}
+        dance = pipeline.generate(song, dancers=3, seconds=5, seed=0, **options)
         dance.save(folder / f"step_{step:06d}.npz")
         save_filmstrip(dance, folder / f"step_{step:06d}.png", song)
 
