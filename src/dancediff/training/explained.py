@@ -36,10 +36,8 @@ def explain_config(path) -> str:
     else:
         run.check_tables(config, source)
         model_class, sizes = run.network_classes(config["model"].get("class", "TCDiffPP"))
-        tables, family = (
-            run.tables_of(model_class, sizes),
-            paper_class(model_class).__name__.lower(),
-        )
+        tables = run.tables_of(model_class, sizes)
+        family = paper_class(model_class).__name__.lower()
     lines = [f"{path} sets what has a star; a value in brackets is what it would be without."]
     for table, kind in tables.items():
         lines += ["", f"[{table}]", *_table(table, kind, config, family)]

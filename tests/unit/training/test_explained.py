@@ -11,7 +11,8 @@ from dancediff.training.explained import defaults_of, explain_config, notes_of
 from places import ROOT
 
 SIZES = [sizes for _, sizes in [*run.MODELS.values(), *autoregressive.MODELS.values()]]
-KINDS = {*SIZES, *run.TABLES.values(), *lodge.TABLES.values()} - {lodge.TABLES["model"]}
+GROUPS = {kind for pair in run.MODELS.values() for kind in run.tables_of(*pair).values()}
+KINDS = {*SIZES, *GROUPS, *lodge.TABLES.values()} - {lodge.TABLES["model"]}
 CONFIGS = sorted((ROOT / "configs").glob("[!a]*.toml"))
 
 
