@@ -74,6 +74,33 @@ class FiLM(nn.Module):
         return shift.addcmul(1 + scale, h)
 
 
+class ConcatSquashLinear(nn.Module):
+    r"""A linear layer whose output a condition gates and shifts.
+
+    $$\text{CSL}(x, c) = (W x + b) \odot \sigma(W_g c + b_g) + W_b c$$
+
+    Source: TCDiff++ section 4.3, after Grathwohl et al. 2019 (FFJORD).
+
+    Shapes: x (..., d_in), c (..., d_cond) -> (..., d_out).
+
+    >>> ConcatSquashLinear(4, 6, 2)(torch.randn(3, 4), torch.randn(3, 2)).shape
+    torch.Size([3, 6])
+    """
+
+    def __init__(self, d_in: int, d_out: int, d_cond: int):
+        """Gate and shift start at zero: first the layer is half a linear map."""
+        super().__init__()
+        self.linear = nn.Linear(d_in, d_out)
+        self.gate = nn.Linear(d_cond, d_out)
+        self.shift = nn.Linear(d_cond, d_out, bias=False)
+        for parameter in (*self.gate.parameters(), *self.shift.parameters()):
+            nn.init.zeros_(parameter)
+
+    def forward(self, x: Tensor, c: Tensor) -> Tensor:
+        """See the equation."""
+        return self.linear(x) * torch.sigmoid(self.gate(c)) + self.shift(c)
+
+
 def sinusoid(t: Tensor, channels: int) -> Tensor:
     r"""Sines and cosines of t at geometrically spaced frequencies from 1 to 1/10000.
 

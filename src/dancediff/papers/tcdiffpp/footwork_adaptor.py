@@ -17,36 +17,10 @@ from torch import Tensor, nn
 from dancediff.axes import FPS
 from dancediff.motion.representation import TCDIFFPP
 from dancediff.motion.skeleton import LOWER_BODY
+from dancediff.nn.conditioning import ConcatSquashLinear
 
 ON_FLOOR = TCDIFFPP.floor
 FASTEST = 3.0  # normalised units a second: the width of the stage in less than a second
-
-
-class ConcatSquashLinear(nn.Module):
-    r"""A linear layer whose output a condition gates and shifts.
-
-    $$\text{CSL}(x, c) = (W x + b) \odot \sigma(W_g c + b_g) + W_b c$$
-
-    Source: TCDiff++ section 4.3, after Grathwohl et al. 2019 (FFJORD).
-
-    Shapes: x (..., d_in), c (..., d_cond) -> (..., d_out).
-
-    >>> ConcatSquashLinear(4, 6, 2)(torch.randn(3, 4), torch.randn(3, 2)).shape
-    torch.Size([3, 6])
-    """
-
-    def __init__(self, d_in: int, d_out: int, d_cond: int):
-        """Gate and shift start at zero: first the layer is half a linear map."""
-        super().__init__()
-        self.linear = nn.Linear(d_in, d_out)
-        self.gate = nn.Linear(d_cond, d_out)
-        self.shift = nn.Linear(d_cond, d_out, bias=False)
-        for parameter in (*self.gate.parameters(), *self.shift.parameters()):
-            nn.init.zeros_(parameter)
-
-    def forward(self, x: Tensor, c: Tensor) -> Tensor:
-        """See the equation."""
-        return self.linear(x) * torch.sigmoid(self.gate(c)) + self.shift(c)
 
 
 def ground_velocity(x_raw: Tensor) -> Tensor:
