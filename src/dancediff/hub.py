@@ -27,6 +27,7 @@ from dancediff.extensions.own_class import class_name, own_network
 from dancediff.generation.pipeline import Network, Pipeline, pipeline_of
 from dancediff.music.song import Music
 from dancediff.own import is_own
+from dancediff.papers.bailando.model import Bailando, BailandoConfig
 from dancediff.papers.edge.model import EDGE, EDGEConfig
 from dancediff.papers.fact.model import FACT, FACTConfig
 from dancediff.papers.gcd.model import GCD, GCDConfig
@@ -41,6 +42,7 @@ _CLASSES: dict[str, tuple[type, type]] = {
     "GCD": (GCD, GCDConfig),
     "Lodge": (Lodge, LodgeConfig),
     "FACT": (FACT, FACTConfig),
+    "Bailando": (Bailando, BailandoConfig),
 }
 _FILES = {"Lodge": {"global": "global_stage.", "local": "local_stage."}}  # whose weights lie where
 _ONE_FILE = {"model": ""}

@@ -33,7 +33,7 @@ def roll_out(
     $$x_{f} \dots x_{f + keep - 1} = \text{step}(x_{f-s} \dots x_{f-1},\ M_{f-s} \dots
       M_{f-s+w-1})_{1 \dots keep}$$
 
-    Source: FACT section 3.2; MNET does the same.  ``window`` is w; the music begins where the
+    Source: FACT; MNET does the same.  ``window`` is w; the music begins where the
     history does.
 
     Shapes: history (n, s, d), M (F, m) -> pieces (n, keep, d).

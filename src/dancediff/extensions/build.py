@@ -13,6 +13,7 @@ from dancediff.extensions.lodge_stages import extended_lodge
 from dancediff.extensions.networks import Extended, ExtendedEDGE, ExtendedGCD, ExtendedTCDiffPP
 from dancediff.extensions.registry import REGISTRY
 from dancediff.genre import GENRES
+from dancediff.papers.bailando.model import Bailando
 from dancediff.papers.edge.model import EDGE
 from dancediff.papers.fact.model import FACT
 from dancediff.papers.gcd.model import GCD
@@ -32,6 +33,7 @@ FAMILIES: dict[type[nn.Module], str] = {
     TCDiffPP: "tcdiffpp",
     Lodge: "lodge",
     FACT: "fact",
+    Bailando: "bailando",
 }
 EXTENSIONS = {  # names by class
     model_class: tuple(e.name for e in REGISTRY.values() if e.kind == "network" and f in e.models)

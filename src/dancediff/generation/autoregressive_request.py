@@ -37,6 +37,23 @@ class AutoregressiveRequest(DanceRequest):
 
 
 @dataclass(frozen=True, kw_only=True)
+class UnitRequest(AutoregressiveRequest):
+    """What can be asked of models that draw a dance from a vocabulary of units."""
+
+    temperature: float = option(
+        1.0, "Below 1 likely units are drawn more often, above 1 unlikely ones.", low=0.01, high=100
+    )
+    top_k: int = option(None, "From how many of the most likely units is drawn.", low=1)
+
+
+@dataclass(frozen=True, kw_only=True)
+class BailandoRequest(UnitRequest):
+    """What can be asked of Bailando."""
+
+    family: ClassVar[str] = "bailando"
+
+
+@dataclass(frozen=True, kw_only=True)
 class FACTRequest(AutoregressiveRequest):
     """What can be asked of FACT: nothing is random but the poses before the first frame."""
 
@@ -46,3 +63,6 @@ class FACTRequest(AutoregressiveRequest):
 
     def _limits(self, config) -> dict[str, int]:
         return super()._limits(config) | {"keep": config.targets}
+
+
+AUTOREGRESSIVE: tuple[type[AutoregressiveRequest], ...] = (FACTRequest, BailandoRequest)

@@ -21,7 +21,7 @@ from torch import Tensor
 from dancediff.autoregression.network import AutoregressiveNetwork
 from dancediff.axes import FPS
 from dancediff.generation.autoregressive_dance import autoregressive_pieces
-from dancediff.generation.autoregressive_request import FACTRequest
+from dancediff.generation.autoregressive_request import BailandoRequest, FACTRequest
 from dancediff.generation.dance_request import DanceRequest
 from dancediff.generation.gcd_dance import gcd_dance
 from dancediff.generation.group_dance import group_pieces, naive_dance
@@ -36,6 +36,7 @@ from dancediff.motion.motion import Motion
 from dancediff.motion.representation import TCDIFFPP
 from dancediff.nn.conditioning import cached_music
 from dancediff.nn.precision import chosen_dtype
+from dancediff.papers.bailando.model import Bailando
 from dancediff.papers.edge.model import EDGE, moved, start_slots
 from dancediff.papers.fact.model import FACT
 from dancediff.papers.gcd.model import GCD
@@ -228,12 +229,19 @@ class FACTPipeline(AutoregressivePipeline):
     request = FACTRequest
 
 
+class BailandoPipeline(AutoregressivePipeline):
+    """Bailando; see `dancediff.papers.bailando.model`."""
+
+    request = BailandoRequest
+
+
 PIPELINES: dict[type, type[Pipeline]] = {
     TCDiffPP: GroupDancePipeline,
     EDGE: EDGEPipeline,
     GCD: GCDPipeline,
     Lodge: LodgePipeline,
     FACT: FACTPipeline,
+    Bailando: BailandoPipeline,
 }
 
 

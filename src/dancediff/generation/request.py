@@ -4,7 +4,7 @@ Read first: `dancediff.generation.dance_request`. An option's ``metadata`` says 
 which values it may have: the command line, panels and the generated page read it there.
 """
 
-from dancediff.generation.autoregressive_request import FACTRequest
+from dancediff.generation.autoregressive_request import AUTOREGRESSIVE
 from dancediff.generation.dance_request import DanceRequest
 from dancediff.generation.group_request import EDGERequest, GCDRequest, GroupDanceRequest
 from dancediff.generation.presets import PRESETS
@@ -12,7 +12,7 @@ from dancediff.generation.solo_request import LodgeRequest
 
 REQUESTS: dict[str, type[DanceRequest]] = {
     one.family: one
-    for one in (GroupDanceRequest, LodgeRequest, EDGERequest, GCDRequest, FACTRequest)
+    for one in (GroupDanceRequest, LodgeRequest, EDGERequest, GCDRequest, *AUTOREGRESSIVE)
 }
 RENAMED = {  # old name: (new name, what the old values are now)
     "feet": ("foot_contact", {"planted": True, "free": False}),

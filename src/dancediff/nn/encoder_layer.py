@@ -2,7 +2,7 @@ r"""A transformer encoder's layer, in which a mask may hide tokens from each oth
 
 Read first: Vaswani et al. 2017 section 3.
 
-Symbols (axes: b batch · l tokens · d channels)
+Symbols (axes: b batch · l tokens · h heads · d channels · c channels of a head)
     h      what the network knows about each token                        (b, l, d)
     mask   True where a token (row) sees another one (column), or numbers
            that are added to the logits                                   (l, l)

@@ -23,6 +23,8 @@ from dancediff.autoregression.network import AutoregressiveNetwork
 from dancediff.data.augment import Augmentation
 from dancediff.data.take import DanceTake
 from dancediff.data.windows import GroupCut, WindowSampler
+from dancediff.nn.quantizer import VectorQuantizer
+from dancediff.papers.bailando.model import Bailando, BailandoConfig
 from dancediff.papers.fact.model import FACT, FACTConfig
 from dancediff.training.checkpoint import NAME, check_free, load_average
 from dancediff.training.config import GroupData, TrainConfig
@@ -34,7 +36,10 @@ from dancediff.training.statistics import fit_statistics
 from dancediff.training.tables import check_all, check_sizes
 from dancediff.training.trainer import Trainer, name_of
 
-MODELS: dict[str, tuple[Any, type]] = {"FACT": (FACT, FACTConfig)}
+MODELS: dict[str, tuple[Any, type]] = {
+    "FACT": (FACT, FACTConfig),
+    "Bailando": (Bailando, BailandoConfig),
+}
 
 
 @dataclass(frozen=True)
@@ -119,6 +124,11 @@ def train_autoregressive(
     takes, held_out = solos_of(takes), solos_of(held_out)
     torch.manual_seed(tables["train"].get("seed", 0))
     model = model_class(sizes)
+    if world is not None and world.size > 1 and has_codebook(model):
+        raise ValueError(
+            f"{type(model).__name__} has a codebook, which each process would learn differently; "
+            "train in one process"
+        )
     fit_statistics(model, takes, real=corpus.real)
     model.standing = torch.stack([take.x.mean((0, 1)) for take in takes]).mean(0)
     model.to(device if world is None else world.device)
@@ -129,6 +139,11 @@ def train_autoregressive(
         options = {"data_name": name_of(takes, tables["data"]), **run}
         model = _trained(model, stage, one, Path(out) / stage, windows, validation, show, options)
     return model.requires_grad_(True).eval()
+
+
+def has_codebook(model: AutoregressiveNetwork) -> bool:
+    """Does it learn a vocabulary of units?"""
+    return any(isinstance(part, VectorQuantizer) for part in model.modules())
 
 
 def _settings(tables: dict, stage: str) -> TrainConfig | None:

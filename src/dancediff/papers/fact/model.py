@@ -1,6 +1,6 @@
 r"""FACT: a transformer that sees 2 s of dance and 4 s of music, and guesses what comes next.
 
-Read first: Li et al. 2021 (AI Choreographer) section 3.
+Read first: Li et al. 2021 (AI Choreographer).
 
 Symbols (axes: b batch · s frames of motion that it sees · w frames of music · k frames that it
          guesses · d motion, m music features)
@@ -87,7 +87,7 @@ class FACT(AutoregressiveNetwork):
 
     All tokens see all others. The guess of frame s + i is read off the i-th motion token.
 
-    Source: AI Choreographer section 3.2 and fig. 2; sizes of the released code.  Differs: 30
+    Source: AI Choreographer, the FACT model; sizes of the released code.  Differs: 30
     frames a second instead of 60; the 151-d vector, whose rotations are 6-D and whose contacts are
     guessed like the rest, instead of 219-d; places are seen from the last frame of the history, so
     that a dance is the same anywhere on the stage; attention is scaled by the width of a head,
@@ -160,7 +160,7 @@ class FACT(AutoregressiveNetwork):
     ) -> Iterator[Tensor]:
         """Roll out: ``request.keep`` frames of each guess; nothing is drawn.
 
-        Source: AI Choreographer section 3.2, where one frame is kept.
+        Source: AI Choreographer, where one frame is kept.
         """
         how = {"frames": request.frames, "keep": request.keep, "window": self.config.music_frames}
         return roll_out(self, history, M, **how)
@@ -169,7 +169,7 @@ class FACT(AutoregressiveNetwork):
 def future_loss(guess: Tensor, truth: Tensor) -> Tensor:
     r"""The frames after the history, all alike: $\lVert x_{s+i} - \hat x_{s+i} \rVert^2$.
 
-    Source: AI Choreographer section 3.2: k frames are supervised, though one is kept.
+    Source: AI Choreographer, future-N supervision: k frames are supervised, though one is kept.
     Shapes: (b, k, d) normalised -> scalar.
 
     >>> future_loss(torch.ones(1, 2, 3), torch.zeros(1, 2, 3)).item()

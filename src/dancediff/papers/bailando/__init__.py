@@ -1,0 +1,1 @@
+"""Bailando: dances as words of a learned vocabulary, chosen one after the other."""
