@@ -10,10 +10,11 @@ from dancediff.generation.group_request import EDGERequest, GCDRequest, GroupDan
 from dancediff.generation.presets import PRESETS
 from dancediff.generation.solo_request import LodgeRequest
 
-REQUESTS: dict[str, type[DanceRequest]] = {
-    one.family: one
-    for one in (GroupDanceRequest, LodgeRequest, EDGERequest, GCDRequest, *AUTOREGRESSIVE)
-}
+_ALL: tuple[type[DanceRequest], ...] = (
+    *(GroupDanceRequest, LodgeRequest, EDGERequest, GCDRequest),
+    *AUTOREGRESSIVE,
+)
+REQUESTS: dict[str, type[DanceRequest]] = {one.family: one for one in _ALL}
 RENAMED = {  # old name: (new name, what the old values are now)
     "feet": ("foot_contact", {"planted": True, "free": False}),
     "spacing": ("collision_avoidance", {"kept": True, "free": False}),
