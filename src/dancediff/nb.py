@@ -115,10 +115,16 @@ def judge(exercise: str, answer) -> Verdict:
 
 
 def check(exercise: str, answer=None) -> None:
-    """Check an answer and print the verdict; never raises."""
+    """Check an answer and print the verdict; never raises.
+
+    A wrong prediction is told how many of its parts are right, the second time also where to look.
+    """
     verdict = judge(exercise, answer)
+    again = _status.get(exercise) == WRONG
     _status[exercise] = verdict.mark
     _say(f"{verdict.mark} {exercise} {verdict.text}")
+    if again and verdict.more:
+        _say(f"   {verdict.more}")
     task = EXERCISES.get(exercise)
     if task and verdict.mark == WRONG and _has_numbers(task, answer) and not task.accepts:
         name = getattr(answer, "__name__", "your answer")

@@ -9,7 +9,7 @@ answers are right, tested for what it must achieve.
 import copy
 import inspect
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -22,10 +22,14 @@ SHOWN = 6  # numbers of an answer in a verdict
 
 @dataclass(frozen=True)
 class Verdict:
-    """What a check found: one of OPEN, WRONG, RIGHT, and a sentence."""
+    """What a check found: one of OPEN, WRONG, RIGHT, and a sentence.
+
+    ``more`` is for who is wrong a second time: it names a part of a prediction that is wrong.
+    """
 
     mark: str
     text: str = ""
+    more: str = ""
 
     def __str__(self) -> str:
         return f"{self.mark} {self.text}"
@@ -72,39 +76,78 @@ class Exercise:
         if self.accepts is None:
             where = f" for {', '.join(map(_name, case))}"
             return self._compare(got, self.spec(*copies(case)), where)
-        wrong = self.accepts(got, *case)
+        try:
+            wrong = self.accepts(got, *case)
+        except Exception as err:  # of another kind than the text asks for
+            wrong = f"what you return, {_kind(got)}, cannot be read as the text asks: {err}"
         return self._wrong(wrong) if wrong else Verdict(RIGHT, self.title)
 
     def _compare(self, got, want, where: str) -> Verdict:
         if isinstance(want, dict):
             return self._compare_dicts(got, want)
-        if not isinstance(got, torch.Tensor | np.ndarray | float | int | np.generic | list | tuple):
-            return self._wrong(f"type {type(got).__name__}, expected {type(want).__name__}")
-        a, b = torch.as_tensor(got).double(), torch.as_tensor(want).double()
-        if a.shape != b.shape:
-            return self._wrong(f"shape {tuple(a.shape)}, expected {tuple(b.shape)}{where}")
-        if not torch.isfinite(a).all():
-            return self._wrong(f"some of your numbers are not finite{where}")
-        off = ~torch.isclose(a, b, rtol=1e-3, atol=1e-4)
-        if off.any():
-            first = off.nonzero()[0].tolist()
-            at = f", first difference at {first}" if first else ""
-            k = int(off.flatten().nonzero()[0])
-            return self._wrong(f"yours {_numbers(a, k)}, expected {_numbers(b, k)}{at}{where}")
-        return Verdict(RIGHT, self.title)
+        try:
+            wrong = _unlike(got, want)
+        except (TypeError, ValueError) as err:
+            wrong = f"{_kind(got)} that is not all numbers, or ragged: {err}"
+        return self._wrong(wrong + where) if wrong else Verdict(RIGHT, self.title)
 
     def _compare_dicts(self, got, want: dict) -> Verdict:
         if not isinstance(got, dict) or set(got) != set(want):
             return self._wrong(f"expected a dict with the keys {', '.join(map(repr, want))}")
-        if any(_unanswered(value) for value in got.values()):
-            return Verdict(OPEN, "not attempted yet")
+        missing = [key for key in want if _unanswered(got[key])]
+        if missing:
+            some = "not attempted yet"
+            if len(missing) < len(want):
+                some = f"{len(missing)} of {len(want)} have no answer yet, first {missing[0]!r}"
+            return Verdict(OPEN, some)
+        for key, right in want.items():
+            if other := _other_kind(got[key], right):
+                return self._wrong(f"{key!r}: {got[key]!r} {other}")
         off = [key for key in want if got[key] != want[key]]
         if off:
-            return self._wrong(f"yours says {off[0]!r}: {got[off[0]]}, expected {want[off[0]]}")
+            verdict = self._wrong(f"{len(want) - len(off)} of {len(want)} are right")
+            return replace(verdict, more=f"look again at {off[0]!r}")
         return Verdict(RIGHT, self.title)
 
     def _wrong(self, text: str) -> Verdict:
         return Verdict(WRONG, f"{text}\n   hint: {self.hint}")
+
+
+def _unlike(got, want) -> str:
+    """What is wrong with numbers that should be others, or "".
+
+    >>> _unlike([1.0, 2.0], [1.0, 3.0])
+    'yours [1, 2], expected [1, 3], first difference at [1]'
+    """
+    if not isinstance(got, torch.Tensor | np.ndarray | float | int | np.generic | list | tuple):
+        return f"type {type(got).__name__}, expected {type(want).__name__}"
+    a, b = torch.as_tensor(got).double(), torch.as_tensor(want).double()
+    if a.shape != b.shape:
+        return f"shape {tuple(a.shape)}, expected {tuple(b.shape)}"
+    if not torch.isfinite(a).all():
+        return "some of your numbers are not finite"
+    off = ~torch.isclose(a, b, rtol=1e-3, atol=1e-4)
+    if not off.any():
+        return ""
+    first = off.nonzero()[0].tolist()
+    at = f", first difference at {first}" if first else ""
+    k = int(off.flatten().nonzero()[0])
+    return f"yours {_numbers(a, k)}, expected {_numbers(b, k)}{at}"
+
+
+def _other_kind(got, want) -> str:
+    """What is wrong with the kind of an answer to one part of a prediction, or "".
+
+    >>> _other_kind("2", 2), _other_kind(2.0, 2)
+    ('is a text, expected a number without quotation marks', '')
+    """
+    kind = "True or False" if isinstance(want, bool) else "a number"
+    if isinstance(got, str):
+        return f"is a text, expected {kind} without quotation marks"
+    if not isinstance(got, int | float | np.generic):
+        return f"is a {type(got).__name__}, expected {kind}"
+    truth = isinstance(got, bool | np.bool_)
+    return f"is no number, expected {kind}" if truth and not isinstance(want, bool) else ""
 
 
 def _unanswered(answer) -> bool:
@@ -149,10 +192,14 @@ def _numbers(x: torch.Tensor, k: int) -> str:
 def _kind(v) -> str:
     if isinstance(v, torch.Tensor | np.ndarray):
         return f"{'a tensor' if isinstance(v, torch.Tensor) else 'an array'} {tuple(v.shape)}"
-    return f"a {type(v).__name__}"
+    name = type(v).__name__
+    return f"{'an' if name[0] in 'aeiou' else 'a'} {name}"
 
 
 def _name(v) -> str:
     if inspect.isfunction(v):  # where it lies in memory tells nobody anything
         return v.__name__.strip("_")
-    return _kind(v) if isinstance(v, torch.Tensor) else f"{v!r}"
+    if isinstance(v, list) and len(v) > SHOWN and isinstance(v[0], int):
+        return f"[{', '.join(map(str, v[:3]))}, …, {v[-1]}]"
+    hidden = isinstance(v, torch.Tensor) or (isinstance(v, list) and isinstance(v[0], torch.Tensor))
+    return _kind(v) if hidden else f"{v!r}"

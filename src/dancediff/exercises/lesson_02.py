@@ -35,11 +35,12 @@ def _tempo(M):
 
 
 def _tempo_cases() -> list[tuple]:
-    steady, gap = torch.zeros(300, 35), torch.zeros(300, 35)
+    steady, gap, rounded = torch.zeros(3, 300, 35)
     steady[7::15, BEATS] = 1  # 120 beats a minute
     gap[7::20, BEATS] = 1  # 90, and the tracker has missed two
     gap[[67, 187], BEATS] = 0
-    return [(steady,), (gap,)]
+    rounded[np.cumsum([7, 15, 14, 15, 15, 16, 15, 14, 15, 15, 31, 15, 16]), BEATS] = 1
+    return [(steady,), (gap,), (rounded,)]
 
 
 class _Rises:

@@ -27,7 +27,13 @@ def _leaks_cases() -> list[tuple]:
     grid = [(take, start) for take in "abc" for start in range(0, 451, 75)]
     by_take = ([w for w in grid if w[0] != "b"], [w for w in grid if w[0] == "b"])
     apart = ([("a", 0), ("b", 150)], [("a", 150), ("b", 0), ("c", 0)])  # they touch, no more
-    return [(grid[::2], grid[1::2]), by_take, apart, ([("a", 100), ("a", 130)], [("a", 0)])]
+    return [
+        (grid[::2], grid[1::2]),
+        by_take,
+        apart,
+        ([("a", 100), ("a", 130)], [("a", 0)]),
+        ([("a", 0)], [("a", 100), ("b", 149)]),
+    ]
 
 
 def _split(takes):

@@ -12,8 +12,11 @@ def _x0_from(x_t, eps, t, abar):
 def _x0_cases() -> list[tuple]:
     draw = torch.Generator().manual_seed(0)
     abar = cosine_abar(1000)
-    x_0, eps = (torch.randn(2, 3, 4, generator=draw, dtype=torch.float64) for _ in range(2))
-    return [(q_sample(x_0, t, abar, eps), eps, t, abar) for t in (0, 250, 800)]
+    cases = []
+    for t in (0, 250, 800):
+        x_0, eps = torch.randn(2, 2, 3, 4, generator=draw, dtype=torch.float64)
+        cases.append((q_sample(x_0, t, abar, eps), eps, t, abar))
+    return cases
 
 
 def _further(x_s, s, t, abar, eps):
@@ -29,7 +32,10 @@ def _further_cases() -> list[tuple]:
 
 def _noise_cases() -> list[tuple]:
     draw = torch.Generator().manual_seed(0)
-    return [(torch.randn(3, 20, 151, generator=draw, dtype=torch.float64), cosine_abar(1000))]
+    noises = [
+        torch.randn(n, f, 151, generator=draw, dtype=torch.float64) for n, f in ((3, 20), (1, 9))
+    ]
+    return [(eps, cosine_abar(1000)) for eps in noises]
 
 
 def _fool_the_loss(eps, abar):

@@ -25,6 +25,9 @@ def _mixes_without_order(got, h) -> str:
     order = [(h[0] == dancer).all(-1).all(-1).nonzero().item() for dancer in h[1]]
     if not torch.allclose(got[1], got[0][order], atol=1e-4):
         return "the same dancers in another order get other tokens"
+    added = got - h
+    if added.abs().max() > 1e-4 and torch.allclose(added, added.mean().expand_as(h), atol=1e-4):
+        return "all tokens of all groups get the same number added; groups do not hear each other"
     changed = (got[2, 1:] - got[0, 1:]).abs().amax((1, 2))
     if (changed < 1e-4).any():
         return f"dancer {1 + int(changed.argmin())} does not change when dancer 0 is replaced"

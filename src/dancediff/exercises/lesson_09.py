@@ -19,13 +19,14 @@ def _swap_pairs() -> list[tuple]:
 
 def _out_of_order() -> list[tuple]:
     cases = [
-        ([-1.0, 0.2, 1.1], [2, 1, 0]),
-        ([0.3, 0.0, -0.2, 0.1], [1, 3, 0, 2]),
-        ([-0.8, 0.1, 0.9], [0, 1, 2]),  # all is well
-        ([0.9, -1.4, 0.1], [1, 2, 0]),  # here, too
-        ([0.0, 0.1], [0, 1]),
+        ([-1.0, 0.2, 1.1], [2, 1, 0], 0.45),
+        ([0.3, 0.0, -0.2, 0.1], [1, 3, 0, 2], 0.6),
+        ([-0.8, 0.1, 0.9], [0, 1, 2], 0.45),  # all is well
+        ([0.9, -1.4, 0.1], [1, 2, 0], 0.8),  # here, too, just
+        ([0.3, 0.0, -0.35], [2, 1, 0], 0.3),  # and here; the usual gap would move them
+        ([0.0, 0.1], [0, 1], 0.45),
     ]
-    return [(torch.tensor(x), torch.tensor(S), 0.45) for x, S in cases]
+    return [(torch.tensor(x), torch.tensor(S), gap) for x, S, gap in cases]
 
 
 def _stands_in_order(got, x, S, gap) -> str:

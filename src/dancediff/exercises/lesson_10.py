@@ -15,7 +15,8 @@ def _join(segments, overlap):
 def _segments() -> list[tuple]:
     draw = torch.Generator().manual_seed(0)
     sizes = ((3, 2, 10, 4, 5), (2, 1, 6, 3, 2), (1, 2, 8, 3, 4))  # segments, n, f, d, overlap
-    return [(torch.randn(*shape, generator=draw), overlap) for *shape, overlap in sizes]
+    cases = [(torch.randn(*shape, generator=draw), overlap) for *shape, overlap in sizes]
+    return [(list(cases[0][0]), cases[0][1]), *cases]
 
 
 def _backwards(first):

@@ -19,22 +19,24 @@ def _slides(foot):
 
 
 def _feet() -> list[tuple]:
-    """A foot that slides all ways, a little under and over 30 cm/s, and one that is lifted."""
-    angle = torch.arange(24) / 24 * 2 * torch.pi + 0.05
+    """A foot that slides all ways, a little under and over 30 cm/s; one is lifted, one stops."""
+    angle = torch.arange(25) / 25 * 2 * torch.pi + 0.05
     way = torch.stack([angle.cos(), 0 * angle, angle.sin()], -1)
-    step = way[:, None] * torch.tensor([0.25, 0.35, 0.45]).repeat(8)[:, None, None] / 30
+    step = way[:, None] * torch.tensor([0.25, 0.35, 0.45]).repeat(9)[:25, None, None] / 30
     both = step.expand(-1, 2, -1).cumsum(0)
     ankle, toe = torch.zeros_like(both), torch.zeros_like(both)
     ankle[:, 0], toe[:, 1] = both[:, 0], both[:, 1]
     lifted = both * torch.tensor([0.1, 0.0, 0.1])
-    lifted[..., 1] = torch.arange(24)[:, None] / 60  # half a metre a second, upwards
-    return [(both,), (ankle,), (toe,), (lifted,)]
+    lifted[..., 1] = torch.arange(25)[:, None] / 60  # half a metre a second, upwards
+    stops = both.clone()
+    stops[9:] = both[9]
+    return [(both,), (ankle,), (toe,), (lifted,), (stops,)]
 
 
 def _dances() -> list[tuple]:
     from dancediff.data.choreographer import choreograph
 
-    return [(choreograph(BEATS, dancers=2, seed=seed, seconds=6)[0],) for seed in (1, 2)]
+    return [(choreograph(BEATS, dancers=n, seed=n, seconds=6)[0],) for n in (1, 2)]
 
 
 def _other_kind(got, dance) -> str:
@@ -126,5 +128,5 @@ SPECS = {
     "13.1": {"spec": _slides, "cases": _feet},
     "13.2": {"spec": _stand_still, "cases": _dances, "accepts": _fools_pfc},
     "13.3": {"spec": _rhythm, "cases": _rhythms, "accepts": _is_no_fool},
-    "13.5": {"spec": _move, "cases": lambda: _dances()[:1], "accepts": _fools_published_energy},
+    "13.5": {"spec": _move, "cases": _dances, "accepts": _fools_published_energy},
 }

@@ -20,11 +20,12 @@ def unlike(got, shape, kinds=torch.Tensor) -> str:
 
 
 def walks(sizes=((2, 40), (3, 30), (5, 20))) -> list[tuple]:
-    """Roots that wander over a stage, one metre up (n, f, 3)."""
+    """Roots that wander over a stage, one metre up (n, f, 3); no three of them in a row."""
     draw = torch.Generator().manual_seed(0)
     cases = []
     for n, f in sizes:
         root = 0.02 * torch.randn(n, f, 3, generator=draw).cumsum(1)
-        places = torch.stack([torch.linspace(-1.5, 1.5, n), torch.ones(n), torch.zeros(n)], -1)
+        angle = torch.arange(n) * 2 * torch.pi / n + torch.pi / 2  # two: one behind the other
+        places = torch.stack([1.5 * angle.cos(), torch.ones(n), 1.5 * angle.sin()], -1)
         cases.append((root * torch.tensor([1.0, 0.1, 1.0]) + places[:, None],))
     return cases

@@ -64,8 +64,18 @@ NEAR_MISSES = {
         arm_up(lambda pose: torch.zeros(3, 3)),
         stand_up_first,
         lambda pose: pose,
+        lambda pose: pose.new_tensor(quarter()).expand(24, 3, 3).clone(),  # all joints
+        arm_up(lambda pose: 1.2 * world_rotations(pose)[13].mT @ quarter()),  # longer bones
     ],
-    "01.3": [six_as_columns, six_not_squared, six_left_handed, six_changes_nothing],
+    "01.3": [
+        six_as_columns,
+        six_not_squared,
+        six_left_handed,
+        six_changes_nothing,
+        lambda d6: rot6d_to_matrix(d6.flip(-1)),  # the rows exchanged, and backwards
+        lambda d6: rot6d_to_matrix(d6.unflatten(-1, (3, 2)).transpose(-1, -2).flatten(-2)),
+        lambda d6: rot6d_to_matrix(d6)[..., :2, :],  # no third row
+    ],
     "01.4": [
         lambda: ([1.0, 0, 0, 0, 1, 0], [1.0, 0, 0, 0, 1.01, 0]),  # rows at right angles
         lambda: ([1.0, 0, 0, 1, 0, 0], [1.0, 0, 0, 1, 0.01, 0]),  # parallel

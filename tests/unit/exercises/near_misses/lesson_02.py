@@ -46,6 +46,10 @@ NEAR_MISSES = {
         lambda M: 60 / np.median(np.diff(beat_frames(M))),  # takes frames for seconds
         lambda M: 60 * 30 * len(beat_frames(M)) / len(M),
         lambda M: np.diff(beat_frames(M)),
+        lambda M: 60 * 30 / np.diff(beat_frames(M)).min(),  # the smallest gap: beats are rounded
+        lambda M: 120.0,  # that of the lesson's song
+        lambda M: 60 * 25 / np.median(np.diff(beat_frames(M))),  # another frame rate
+        lambda M: 30 / np.median(np.diff(beat_frames(M))),  # a second
     ],
     "02.3": [
         {"onset": True, "mfcc": True, "chroma": False, "peaks": False, "beats": False},
@@ -84,5 +88,8 @@ NEAR_MISSES = {
         lambda beats, seconds: gaps_of([0, *beats, seconds]) if len(beats) else [],
         lambda beats, seconds: [b - a for a, b in gaps_of([0, *beats, seconds])],  # how long only
         lambda beats, seconds: [(0, seconds)],
+        lambda beats, seconds: gaps_of([0, *beats, seconds])[:1],  # the first only
+        lambda beats, seconds: gaps_of([0, *beats[::-1], seconds]),  # unsorted
+        lambda beats, seconds: [(b, a) for a, b in gaps_of([0, *beats, seconds])],  # stop, start
     ],
 }

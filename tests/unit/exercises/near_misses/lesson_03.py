@@ -50,6 +50,9 @@ NEAR_MISSES = {
         lambda height: (9.81 / 2 / -height.diff(n=2).mean()) ** 0.5,  # half of g is for places
         lambda height: (-height.diff(n=2).mean() / 9.81) ** 0.5,  # seconds a frame
         lambda height: 60.0,  # believes the header
+        lambda height: (9.81 * len(height) / -height.diff(n=2).sum()) ** 0.5,  # sum over fewer
+        lambda height: (9.81 / -height.diff(n=3).mean()) ** 0.5,  # one difference too many
+        lambda height: 120.0,
     ],
     "03.2": [
         lambda train, test: sum(w in train for w in test),  # only the very same window
@@ -59,6 +62,17 @@ NEAR_MISSES = {
             any(a == b and abs(s - t) <= 150 for b, t in train) for a, s in test
         ),
         lambda train, test: sum(any(abs(s - t) < 150 for _, t in train) for _, s in test),
+        lambda train, test: sum(  # later windows only
+            any(a == b and 0 <= s - t < 150 for b, t in train) for a, s in test
+        ),
+        lambda train, test: sum(  # earlier windows only
+            any(a == b and 0 <= t - s < 150 for b, t in train) for a, s in test
+        ),
+        lambda train, test: sum(
+            any(a == b and abs(s - t) < 150 for a, s in test) for b, t in train
+        ),
+        lambda train, test: sum(any(a == b and abs(s - t) < 75 for b, t in train) for a, s in test),
+        lambda train, test: any(a == b and abs(s - t) < 150 for b, t in train for a, s in test),
     ],
     "03.3": [
         lambda takes: {name for name, *_ in takes[::5]},  # takes as they come
@@ -77,5 +91,8 @@ NEAR_MISSES = {
         lambda train, new: scaled(new, *scale_of(train)).clamp(-1, 1),  # hides what is new
         lambda train, new: scaled(new, train.amin(), train.amax()),  # one scale for all channels
         lambda train, new: (new - train.mean((0, 1))) / train.std((0, 1)),
+        lambda train, new: (new - train.amin((0, 1))) / (train.amax((0, 1)) - train.amin((0, 1))),
+        lambda train, new: scaled(new, train[0].amin(0), train[0].amax(0)),  # the first clip's
+        lambda train, new: scaled(train, *scale_of(train))[: len(new)],  # the wrong dances
     ],
 }

@@ -10,6 +10,9 @@ NEAR_MISSES = {
         lambda x_t, eps, t, abar: (x_t - (1 - abar[t]).sqrt() * eps) / abar[t],
         lambda x_t, eps, t, abar: (x_t + (1 - abar[t]).sqrt() * eps) / abar[t].sqrt(),
         lambda x_t, eps, t, abar: x_t - eps,
+        lambda x_t, eps, t, abar: (x_t - (1 - abar[t - 1]).sqrt() * eps) / abar[t - 1].sqrt(),
+        lambda x_t, eps, t, abar: (x_t - (1 - abar[t]).sqrt() * eps) * abar[t].sqrt(),
+        lambda x_t, eps, t, abar: (x_t - abar[t].sqrt() * eps) / (1 - abar[t]).sqrt(),
     ],
     "04.2": [
         lambda x_s, s, t, abar, eps: (
@@ -41,6 +44,9 @@ NEAR_MISSES = {
         lambda eps, abar: (960, eps),  # the right guess
         lambda eps, abar: (960, eps + 0.01),
         lambda eps, abar: (960, eps[0]),
+        lambda eps, abar: (960.5, eps + 0.1),  # between two steps
+        lambda eps, abar: (960, 1.2 * eps),  # a loss of 0.04
+        lambda eps, abar: (eps + 0.1, 960),  # the other way round
     ],
     "04.5": [
         cosine_abar,  # 60% in the middle

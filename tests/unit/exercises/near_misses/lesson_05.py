@@ -2,6 +2,8 @@
 
 import torch
 
+from dancediff.exercises import EXERCISES
+
 NEAR_MISSES = {
     "05.1": [
         {"simple": True, "vel": True, "fk": True, "contact": True, "dist": True},
@@ -15,6 +17,13 @@ NEAR_MISSES = {
         lambda p_hat, p: (p_hat - p).diff(dim=1).square().mean(),  # time, as the released code
         lambda p_hat, p: ((p_hat - p)[:, None] - (p_hat - p)).square().mean(),  # with herself
         lambda p_hat, p: ((p_hat - p)[:, None] - (p_hat - p)).square().sum(),
+        lambda p_hat, p: 3 * EXERCISES["05.2"].spec(p_hat, p),  # the sum over x, y, z
+        lambda p_hat, p: EXERCISES["05.2"].spec(p_hat, p).sqrt(),
+        lambda p_hat, p: (p_hat - p).var(dim=0).mean(),  # half of it
+        lambda p_hat, p: (  # distances instead of offsets
+            (torch.pdist(p_hat[:, 0]) - torch.pdist(p[:, 0])).square().mean()
+        ),
+        lambda p_hat, p: EXERCISES["05.2"].spec(p_hat[..., [0, 2]], p[..., [0, 2]]),  # no height
     ],
     "05.3": [
         lambda p: p,
@@ -24,5 +33,9 @@ NEAR_MISSES = {
         lambda p: torch.cat([p[:1] + 10, p[1:]]),  # the others stand well
         lambda p: p + 0.1 * torch.arange(len(p))[:, None, None],  # too little
         lambda p: p[0],
+        lambda p: p + 0.6 * torch.arange(len(p))[:, None, None] * torch.eye(3)[0],  # only in a row
+        lambda p: p + 0.6 * torch.arange(len(p))[:, None, None] * torch.eye(3)[2],
+        lambda p: p.flip(0),  # exchanged: steps change
+        lambda p: p + 10 * torch.linspace(0, 1, p.shape[1])[:, None],  # all drift
     ],
 }

@@ -19,6 +19,15 @@ NEAR_MISSES = {
         lambda A, B, C, delta, length: (
             (C * torch.exp(delta * A) ** torch.arange(length)[:, None] * delta * B).sum(-1).flip(0)
         ),
+        lambda A, B, C, delta, length: (
+            C * torch.exp(-delta * A) ** torch.arange(length)[:, None] * delta * B
+        ).sum(-1),  # it grows
+        lambda A, B, C, delta, length: (
+            C * torch.exp(delta * A) ** torch.arange(length)[:, None] * delta * B
+        ).mean(-1),
+        lambda A, B, C, delta, length: (
+            C * (1 + delta * A) ** torch.arange(length)[:, None] * delta * B
+        ).sum(-1),  # Euler's step
     ],
     "08.2": [
         lambda f, k: torch.full((f,), 10.0),  # forgets always
@@ -47,5 +56,11 @@ NEAR_MISSES = {
             tokens.reshape(-1, n, tokens.shape[-1]).transpose(0, 1)
         ).reshape(tokens.shape),  # not put back
         lambda tokens, n, memory: memory(tokens.reshape(-1, n, tokens.shape[-1]).transpose(0, 1)),
+        lambda tokens, n, memory: (
+            memory(tokens.reshape(-1, n, tokens.shape[-1]).transpose(0, 1).flip(1))
+            .transpose(0, 1)
+            .reshape(tokens.shape)
+        ),  # from behind
+        lambda tokens, n, memory: tokens,
     ],
 }

@@ -4,6 +4,8 @@ from itertools import pairwise
 
 import torch
 
+from dancediff.exercises import EXERCISES
+
 
 def as_places(x, S, gap):
     """The places of the guess, given out in the order S; the gap is forgotten."""
@@ -38,6 +40,9 @@ NEAR_MISSES = {
         lambda S1, S2: S1.argsort()[S2],  # where a rank goes, not who stands in a place
         lambda S1, S2: S1[S2].argsort(),
         lambda S1, S2: (S1 + S2) % len(S1),
+        lambda S1, S2: S2.argsort()[S1],
+        lambda S1, S2: S1,
+        lambda S1, S2: torch.arange(len(S1)),
     ],
     "09.2": [
         as_places,
@@ -46,6 +51,9 @@ NEAR_MISSES = {
         lambda x, S, gap: x,
         lambda x, S, gap: x[S],
         lambda x, S, gap: evenly(x, S.argsort(), gap),  # the wrong way round
+        lambda x, S, gap: EXERCISES["09.2"].spec(x, S, torch.tensor(0.45)),  # the usual gap
+        lambda x, S, gap: EXERCISES["09.2"].spec(x, S, 0.9 * gap),
+        lambda x, S, gap: EXERCISES["09.2"].spec(x, torch.arange(len(x)), gap),  # S is forgotten
     ],
     "09.3": [
         lambda root: with_zeros(root[..., [0, 2]].diff(dim=1)),  # per frame, as the released code
@@ -54,5 +62,8 @@ NEAR_MISSES = {
         lambda root: 30 * root[..., [0, 2]].diff(dim=1),  # a frame is missing
         lambda root: with_zeros(30 * root[..., [0, 2]].diff(dim=1)).roll(-1, dims=1),  # behind
         lambda root: with_zeros(30 * root[..., [0, 2]].diff(dim=1)).norm(dim=-1),  # no direction
+        lambda root: with_zeros(30 * root[..., [2, 0]].diff(dim=1)),  # z before x
+        lambda root: with_zeros(-30 * root[..., [0, 2]].diff(dim=1)),
+        lambda root: torch.cat([x[:, :1] for x in [30 * root[..., [0, 2]].diff(dim=1)]] * 1, 1),
     ],
 }

@@ -45,6 +45,18 @@ NEAR_MISSES = {
         lambda segments, overlap: torch.cat(  # takes the stride for the overlap
             [segments[0], *(s[:, s.shape[1] - overlap :] for s in segments[1:])], 1
         ),
+        lambda segments, overlap: torch.cat(  # the first is cut, too, and the last is not
+            [*(s[:, overlap:] for s in segments[:-1]), segments[-1]], 1
+        ),
+        lambda segments, overlap: torch.cat(  # one frame too many
+            [segments[0], *(s[:, overlap - 1 :] for s in segments[1:])], 1
+        ),
+        lambda segments, overlap: torch.cat(  # dancers instead of frames
+            [segments[0], *(s[:, overlap:] for s in segments[1:])], 0
+        ),
+        lambda segments, overlap: torch.cat(  # a tensor only, not a list
+            [segments[0], *segments[1:, :, overlap:]], 1
+        ),
     ],
     "10.2": [
         lambda first: first[:, -30:],  # jumps back a second
@@ -62,5 +74,8 @@ NEAR_MISSES = {
         lambda start, places: torch.arange(len(start)),
         lambda start, places: best(start, places).argsort(),  # who takes a place, not which place
         lambda start, places: torch.cdist(start, places).min(),
+        lambda start, places: torch.cdist(start, places).argmin(0),  # places choose
+        lambda start, places: best(places, start),  # who takes a place
+        lambda start, places: best(start * torch.tensor([1.0, 0]), places),  # sideways only
     ],
 }

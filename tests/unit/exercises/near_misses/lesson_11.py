@@ -33,6 +33,9 @@ NEAR_MISSES = {
         lambda v: ((v[:-2] >= v[1:-1]) & (v[1:-1] <= v[2:])).nonzero()[:, 0] + 1,  # all of it
         lambda v: (v[1:-1] < v.mean()).nonzero()[:, 0] + 1,  # slow, not slowest
         lambda v: (v[:-2] > v[1:-1]) & (v[1:-1] <= v[2:]),  # which, not where
+        lambda v: ((v[:-2] > v[1:-1]) & (v[1:-1] <= v[2:])).nonzero()[:, 0] + 2,  # a frame late
+        lambda v: v.argmin()[None],  # the deepest only
+        lambda v: (v[1:] > v[:-1]).nonzero()[:, 0],  # wherever it rises
     ],
     "11.2": [
         lambda frames: wave(frames, torch.zeros(24)),  # all together: a valley a second
@@ -52,6 +55,9 @@ NEAR_MISSES = {
         lambda N, n: frames_from(N, n, first=0).clamp(max=N - 1),  # begin at the border
         lambda N, n: frames_from(N, n, stop=-1).clamp(min=0),  # one too few
         lambda N, n: torch.arange(0, N + 1, n).clamp(4, N - 4),  # middles only
+        lambda N, n: frames_from(N, n).clamp(0, N - 1),  # frames twice at both ends
+        lambda N, n: frames_from(N, n)[1:-1],  # inner borders only
+        lambda N, n: torch.arange(0, N + 1, n).clamp(4, N - 4)[:, None] + torch.arange(-3, 5),
     ],
     "11.4": [
         lambda root: root - root[:, :1],  # heights, too
@@ -60,6 +66,9 @@ NEAR_MISSES = {
         lambda root: root * torch.tensor([0.0, 1, 0]),  # and it goes nowhere
         lambda root: root - root[:, :1] * torch.tensor([1.0, 1, 0]),  # z is not up
         forget_in_place,  # right, and the dance it was cut from is spoilt
+        lambda root: root - root[:, -1:] * torch.tensor([1.0, 0, 1]),  # ends at 0
+        lambda root: root.diff(dim=1, prepend=root[:, :1]),  # steps
+        lambda root: root - root[:, :1] * torch.tensor([1.0, 0, 0]),  # x only
     ],
     "11.5": [
         {

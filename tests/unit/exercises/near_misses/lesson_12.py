@@ -36,6 +36,13 @@ NEAR_MISSES = {
         ),  # nobody changes sides
         lambda R, swap: R[:, swap] * torch.tensor([-1.0, 1, 1]),
         lambda R, swap: R[:, swap].mT,
+        lambda R, swap: (
+            torch.diag(torch.tensor([1.0, 1, -1]))
+            @ R[:, swap]
+            @ torch.diag(torch.tensor([1.0, 1, -1]))
+        ),  # the mirror stands at z = 0
+        lambda R, swap: R[:, swap] @ torch.diag(torch.tensor([-1.0, 1, 1])),  # one side
+        lambda R, swap: -R[:, swap],
     ],
     "12.2": [
         lambda times, s: sum(t > 50 * (1 - s) for t in times[:-2]),  # the released code
@@ -43,6 +50,10 @@ NEAR_MISSES = {
         lambda times, s: round(s * (len(times) - 1)),  # a share of the steps, not of the way
         lambda times, s: sum(t + 1 > (times[0] + 1) * (1 - s) for t in times[:-1]),  # the last, too
         lambda times, s: sum(t + 1 > 1000 * (1 - s) for t in times[1:-1]),  # where they end
+        lambda times, s: sum(t > (times[0] + 1) * (1 - s) for t in times[:-2]),  # t for t + 1
+        lambda times, s: sum(t + 1 >= (times[0] + 1) * (1 - s) for t in times[:-2]),  # as many
+        lambda times, s: sum(t + 1 > times[0] * (1 - s) for t in times[:-2]),  # T - 1 for T
+        lambda times, s: int(s * 1000),
     ],
     "12.3": [
         {
@@ -80,5 +91,8 @@ NEAR_MISSES = {
         lambda real, made: ((1 - real).relu() + (1 + made).relu()).mean(),  # twice as much
         lambda real, made: 0.5 * ((1 - real).relu() + (1 + made).relu()),  # one for each dance
         lambda real, made: 0.5 * ((-real).relu() + made.relu()).mean(),  # without the margin
+        lambda real, made: 0.5 * ((1 - real).relu() + (1 + made).relu()).sum(),
+        lambda real, made: 0.5 * ((1 - real) + (1 + made)).mean(),  # below 0, too
+        lambda real, made: 0.5 * (1 - real).relu().mean(),  # real ones only
     ],
 }

@@ -30,6 +30,11 @@ NEAR_MISSES = {
         lambda foot: (steps(foot).norm(dim=-1) > 9).any(1),  # frames twice
         lambda foot: (30 * foot.diff(dim=0).norm(dim=-1) > 0.3).any(1),  # lifting is no sliding
         lambda foot: steps(foot).norm(dim=-1) > 0.3,  # one answer each for ankle and toe
+        lambda foot: (steps(foot).norm(dim=-1) > 0.3)[:, 0],  # the ankle only
+        lambda foot: (steps(foot).norm(dim=-1) > 0.3)[:, 1],
+        lambda foot: (steps(foot).abs() > 0.3).any(-1).any(1),  # along x or z alone
+        lambda foot: (steps(foot).norm(dim=-1) <= 0.3).any(1),
+        lambda foot: steps(foot).mean(1).norm(dim=-1) > 0.3,  # of their middle
     ],
     "13.2": [
         lambda dance: dance,
@@ -37,6 +42,9 @@ NEAR_MISSES = {
         lambda dance: dance.frames(0, 1),
         lambda dance: replace(dance, root=2 * dance.root),
         lambda dance: replace(dance, root=dance.root.mean(1, keepdim=True).expand_as(dance.root)),
+        lambda dance: replace(dance, root=0 * dance.root),  # the limbs still dance
+        lambda dance: replace(dance, pose=dance.pose.flip(1), root=dance.root.flip(1)),
+        lambda dance: replace(dance, root=dance.root * float("nan")),
     ],
     "13.3": [
         lambda music, motion: both_ways(music, motion)[0],  # BAS: rests everywhere are perfect
@@ -60,5 +68,7 @@ NEAR_MISSES = {
         lambda dance: replace(dance, root=dance.root.flip(1) + 30),  # backwards
         lambda dance: replace(dance, root=dance.root + 30 * torch.eye(3)[0]).frames(0, 90),
         lambda dance: dance.joints() + 30,
+        lambda dance: replace(dance, root=dance.root * float("nan")),
+        lambda dance: replace(dance, pose=dance.pose.flip(0), root=30 + 2 * dance.root),
     ],
 }

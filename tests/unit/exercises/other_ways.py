@@ -1,0 +1,533 @@
+"""Right answers to the exercises, each written otherwise than its solution.
+
+A checker must take them all. Predictions have one right answer and none here.
+"""
+
+import itertools
+import math
+from dataclasses import replace
+
+import numpy as np
+import torch
+import torch.nn.functional as F
+from torch import cat, stack, tensor, zeros
+
+from dancediff.metrics.rhythm import closeness
+from dancediff.motion.motion import Motion
+from dancediff.motion.rotation import rotation_about
+from dancediff.motion.skeleton import world_rotations
+
+# 01 · A dance is a tensor
+
+
+def hand_by_world_rotations(pose):
+    out = pose.clone()
+    up = rotation_about("z", tensor(math.pi / 2)) @ rotation_about("x", tensor(0.7))
+    out[16] = world_rotations(pose)[13].inverse() @ up
+    out[18] = out[20] = torch.eye(3)
+    return out
+
+
+def hand_slightly_bent(pose):
+    out = hand_by_world_rotations(pose)
+    out[18] = rotation_about("y", tensor(0.3))
+    return out
+
+
+def six_in_a_loop(d6):
+    flat = d6.reshape(-1, 2, 3)
+    rows = []
+    for a, b in flat:
+        b1 = a / a.norm()
+        b2 = b - b1.dot(b) * b1
+        b2 = b2 / b2.norm()
+        rows.append(stack([b1, b2, torch.linalg.cross(b1, b2)]))
+    return stack(rows).reshape(*d6.shape[:-1], 3, 3)
+
+
+def six_by_crosses(d6):
+    b1 = F.normalize(d6[..., :3], dim=-1)
+    b3 = F.normalize(torch.cross(b1, d6[..., 3:], dim=-1), dim=-1)
+    return stack([b1, torch.cross(b3, b1, dim=-1), b3], -2)
+
+
+# 02 · What the model hears
+
+
+def tones_cross():
+    S = np.full((128, 2), -50.0)
+    S[::2, 1] += 25
+    S[1::2, 1] -= 30
+    return S
+
+
+def tempo_from_sorted_gaps(M):
+    beats = [f for f in range(len(M)) if M[f, 34] == 1]
+    gaps = sorted(b - a for a, b in itertools.pairwise(beats))
+    return 1800 / gaps[len(gaps) // 2]
+
+
+def stretches_by_arrays(beats, seconds):
+    t = np.concatenate([[0.0], beats, [seconds]])
+    where = np.diff(t) > 2.2
+    return np.stack([t[:-1][where], t[1:][where]], axis=1)
+
+
+# 03 · A data set you can trust
+
+
+def leaks_by_frames(train, test):
+    seen = {(take, f) for take, start in train for f in range(start, start + 150)}
+    return len([1 for take, s in test if seen & {(take, f) for f in range(s, s + 150)}])
+
+
+def split_by_union_find(takes):
+    parent = {}
+
+    def root(x):
+        while parent.setdefault(x, x) != x:
+            x = parent[x]
+        return x
+
+    for name, song, parts in takes:
+        for other in (("song", song), *parts):
+            parent[root(other)] = root(name)
+    groups = {}
+    for name, *_ in takes:
+        groups.setdefault(root(name), []).append(name)
+    chosen = []
+    for group in sorted(groups.values(), key=len):
+        if len(chosen) + len(group) <= 0.4 * len(takes):
+            chosen += group
+    return chosen
+
+
+def rescale_flat(train, new):
+    flat = train.reshape(-1, train.shape[-1])
+    low, high = flat.min(0).values, flat.max(0).values
+    middle, half = (low + high) / 2, (high - low) / 2
+    return (new - middle) / half
+
+
+# 05 · A denoiser that listens
+
+
+def distance_in_a_loop(p_hat, p):
+    total, pairs = 0.0, list(itertools.combinations(range(len(p)), 2))
+    for i, j in pairs:
+        total = total + (((p[i] - p[j]) - (p_hat[i] - p_hat[j])) ** 2).mean()
+    return total / len(pairs)
+
+
+def distance_by_variance(p_hat, p):
+    """The mean square over pairs is twice the unbiased variance over dancers."""
+    return 2 * (p_hat - p).var(dim=0).mean()
+
+
+def far_circle(p):
+    angle = torch.arange(len(p)) * 2 * math.pi / len(p)
+    return p + 100 * stack([angle.cos(), 0 * angle, angle.sin()], -1)[:, None]
+
+
+def upstairs(p):
+    out = p.clone()
+    for k in range(len(p)):
+        out[k, :, 1] += 12 * k
+    return out
+
+
+# 06 · The sampling lab
+
+
+def clip_by_minimum(x, mean, std, C):
+    waves = torch.einsum("fg,gd->fd", C, x - mean)
+    waves = torch.minimum(torch.maximum(waves, -4 * std), 4 * std)
+    return torch.einsum("gf,gd->fd", C, waves) + mean
+
+
+def soft_landing(path, y):
+    s = torch.linspace(0, 1, len(path))
+    return path + (3 * s**2 - 2 * s**3) * (y - path[-1])
+
+
+def cosine_landing(path, y):
+    s = (1 - torch.cos(math.pi * torch.arange(len(path)) / (len(path) - 1))) / 2
+    return (1 - s) * path + s * (path + y - path[-1])
+
+
+# 07 · Who stands where?
+
+
+def attention(h):
+    rows = h.movedim(1, 2)  # (b, f, n, d)
+    weights = torch.softmax(rows @ rows.mT, dim=-1)
+    return (weights @ rows).movedim(2, 1)
+
+
+def hears_the_others(h):
+    return h.sum(1, keepdim=True) - h
+
+
+def ranks_by_counting(root):
+    x = root[:, 0, 0]
+    return (x[None] < x[:, None]).sum(1)
+
+
+def ranks_in_a_loop(root):
+    order = sorted(range(len(root)), key=lambda k: root[k, 0, 0].item())
+    return [order.index(k) for k in range(len(root))]
+
+
+def mark_in_a_loop(tokens, table):
+    return stack([token + table[k % len(table)] for k, token in enumerate(tokens)])
+
+
+def mark_in_frames(tokens, table):
+    return (tokens.reshape(-1, *table.shape) + table).reshape(tokens.shape)
+
+
+# 08 · A memory for time
+
+
+def kernel_step_by_step(A, B, C, delta, length):
+    state, out = delta * B, []
+    for _ in range(length):
+        out.append((C * state).sum())
+        state = torch.exp(delta * A) * state
+    return stack(out)
+
+
+def kernel_by_einsum(A, B, C, delta, length):
+    powers = torch.exp(delta * torch.outer(torch.arange(length), A))
+    return torch.einsum("ks,s,s->k", powers, B, C) * delta
+
+
+def forgets_once(f, k):
+    delta = zeros(f)
+    delta[k] = 7.0
+    return delta
+
+
+def forgets_a_little_always(f, k):
+    return torch.where(torch.arange(f) == k, 50.0, 0.05 / f)
+
+
+def remember_one_by_one(tokens, n, memory):
+    out = torch.empty_like(tokens)
+    for k in range(n):
+        out[k::n] = memory(tokens[None, k::n])[0]
+    return out
+
+
+# 09 · Changing places
+
+
+def order_by_permuting(S1, S2):
+    return tensor([S1[k].item() for k in S2.tolist()])
+
+
+def order_from_the_right(x, S, gap):
+    y, order = x.clone(), S.tolist()
+    for left, right in reversed(list(itertools.pairwise(order))):
+        y[left] = min(y[left], y[right] - gap)
+    return y - y.mean() + x.mean()
+
+
+def order_only_if_needed(x, S, gap):
+    if (x[S].diff() >= gap).all():
+        return x
+    y = torch.empty_like(x)
+    y[S] = gap * 1.5 * torch.arange(len(x))
+    return y - y.mean() + x.mean()
+
+
+def velocity_by_shifting(root):
+    before = cat([root[:, :1], root[:, :-1]], 1)
+    return (root - before)[..., ::2] / (1 / 30)
+
+
+def velocity_in_numpy(root):
+    floor = root.numpy()[:, :, [0, 2]]
+    return np.diff(floor, axis=1, prepend=floor[:, :1]) * 30
+
+
+# 10 · A long group dance
+
+
+def join_from_behind(segments, overlap):
+    stride = segments[0].shape[1] - overlap
+    n, f, d = segments[0].shape
+    out = zeros(n, f + (len(segments) - 1) * stride, d)
+    for k in reversed(range(len(segments))):
+        out[:, k * stride : k * stride + f] = segments[k]
+    return out
+
+
+def join_two_and_two(segments, overlap):
+    dance = segments[0]
+    for segment in list(segments)[1:]:
+        dance = cat([dance, segment[:, overlap:]], 1)
+    return dance
+
+
+def all_turn_right_back(first):
+    last, step = first[:, -1:], first[:, -1:] - first[:, -2:-1]
+    return last - step * torch.arange(30)[:, None]
+
+
+def all_march_aside(first):
+    """At right angles to how they came, and a little faster."""
+    last, step = first[:, -1:], first[:, -1:] - first[:, -2:-1]
+    aside = stack([-step[..., 2], 0 * step[..., 1], step[..., 0]], -1)
+    return last + 1.5 * aside * torch.arange(30)[:, None]
+
+
+def assign_by_loop(start, places):
+    best, found = math.inf, None
+    for goes in itertools.permutations(range(len(start))):
+        way = sum((start[i] - places[k]).norm().item() for i, k in enumerate(goes))
+        if way < best:
+            best, found = way, goes
+    return list(found)
+
+
+def assign_by_scipy(start, places):
+    from scipy.optimize import linear_sum_assignment
+
+    return linear_sum_assignment(torch.cdist(start, places).numpy())[1]
+
+
+# 11 · Think in phrases
+
+
+def valleys_in_a_loop(v):
+    return [i for i in range(1, len(v) - 1) if v[i - 1] > v[i] <= v[i + 1]]
+
+
+def valleys_by_signs(v):
+    step = v.diff()
+    return torch.where((step[:-1] < 0) & (step[1:] >= 0))[0] + 1
+
+
+def ripple_up_and_down(frames):
+    t, k = np.arange(frames)[:, None] / 30, np.arange(24)
+    joints = np.zeros((frames, 24, 3))
+    joints[..., 1] = 0.3 * np.cos(np.pi * t - np.pi * k / 24)
+    return joints
+
+
+def hard_frames_by_rows(N, n):
+    rows = [torch.arange(k * n - 4, k * n + 4) for k in range(1, N // n)]
+    return stack([torch.arange(8), *rows, torch.arange(N - 8, N)])
+
+
+def hard_frames_by_clamping(N, n):
+    return torch.arange(0, N + 1, n).clamp(4, N - 4)[:, None] + torch.arange(-4, 4)
+
+
+def forget_axis_by_axis(root):
+    out = root.clone()
+    for axis in (0, 2):
+        out[:, :, axis] = root[:, :, axis] - root[:, :1, axis]
+    return out
+
+
+def forget_by_steps(root):
+    steps = root.diff(dim=1, prepend=root[:, :1])
+    return cat([steps.cumsum(1)[..., :1], root[..., 1:2], steps.cumsum(1)[..., 2:]], -1)
+
+
+# 12 · Fill in the rest
+
+
+def mirror_by_signs(R, swap):
+    signs = tensor([[1.0, -1, -1], [-1, 1, 1], [-1, 1, 1]])
+    return signs * R[:, swap]
+
+
+def mirror_by_einsum(R, swap):
+    D = tensor([-1.0, 1.0, 1.0])
+    return torch.einsum("i,fjik,k->fjik", D, R[:, swap], D)
+
+
+def held_step_by_step(times, s):
+    count, T = 0, times[0] + 1
+    for begin, end in itertools.pairwise(times):
+        if end != -1 and begin + 1 > T * (1 - s):
+            count += 1
+    return count
+
+
+def join_by_fading(paths):
+    """Steps near a seam: from one side's to the other's by a cosine."""
+    n = paths.shape[1]
+    step = paths.diff(dim=1, prepend=paths[:, :1]).flatten()
+    s = (1 - torch.cos(math.pi * torch.arange(1, 16) / 16)) / 2
+    for seam in range(n, len(step), n):
+        a, b = step[seam - 8].item(), step[seam + 8].item()
+        step[seam - 7 : seam + 8] = a + (b - a) * s
+    return (paths[0, 0] + step.cumsum(0)).numpy()
+
+
+def critic_by_clamping(real, made):
+    return 0.5 * (1 - real).clamp(min=0).mean() + 0.5 * (1 + made).clamp(min=0).mean()
+
+
+def critic_by_torch(real, made):
+    real_side = F.hinge_embedding_loss(real, -torch.ones_like(real), margin=1.0)
+    made_side = F.hinge_embedding_loss(-made, -torch.ones_like(made), margin=1.0)
+    return (real_side + made_side) / 2
+
+
+# 13 · Can you measure a dance?
+
+
+def skates_in_centimetres(foot):
+    step = foot[1:] - foot[:-1]
+    return torch.hypot(step[..., 0], step[..., 2]).amax(1) > 0.01
+
+
+def skates_by_squares(foot):
+    vx, _, vz = (30 * (foot[1:] - foot[:-1])).unbind(-1)
+    fast = vx**2 + vz**2 > 0.09
+    return fast[:, 0] | fast[:, 1]
+
+
+def statue_in_the_middle(dance):
+    still = dance.pose[:, 60:61].repeat(1, dance.pose.shape[1], 1, 1, 1)
+    return Motion(still, 0 * dance.root)
+
+
+def slow_motion(dance):
+    """The first second, in as many frames as the whole dance has."""
+    frames = (torch.arange(dance.root.shape[1]) * 0 + 3).long()
+    return replace(dance, pose=dance.pose[:, frames], root=dance.root[:, frames])
+
+
+def rhythm_by_product(music, motion):
+    return closeness(music, motion, 0.1) * closeness(motion, music, 0.1)
+
+
+def move_aside(dance):
+    return replace(dance, root=dance.root - tensor([0.0, 0.0, 40.0]))
+
+
+def move_up(dance):
+    return Motion(dance.pose, dance.root + tensor([0.0, 60.0, 0.0]))
+
+
+OTHER_WAYS = {
+    "01.2": [hand_by_world_rotations, hand_slightly_bent],
+    "01.3": [six_in_a_loop, six_by_crosses],
+    "01.4": [
+        lambda: (tensor([0.0, 1, 0, 0.004, 1, 0]), tensor([0.0, 1, 0, -0.004, 1, 0])),
+        lambda: np.array([[3.0, 0, 0, -3, 0, 0.005], [3.0, 0, 0, -3, 0, -0.005]]),
+    ],
+    "02.1": [tones_cross, lambda: torch.tensor([[-30.0, -80.0], [-60.0, -10.0]] * 64)],
+    "02.2": [
+        tempo_from_sorted_gaps,
+        lambda M: 1800 / (M[:, -1] == 1).nonzero()[:, 0].diff().median(),
+    ],
+    "02.4": [
+        lambda sound, starts, features: features(sound)[
+            np.asarray(starts)[:, None] + np.arange(150)
+        ],
+        lambda sound, starts, features: [M[s:][:150] for M in [features(sound)] for s in starts],
+    ],
+    "02.6": [
+        stretches_by_arrays,
+        lambda beats, seconds: [
+            [a, b] for a, b in zip([0, *beats], [*beats, seconds], strict=True) if b > a + 2.2
+        ],
+    ],
+    "03.1": [
+        lambda height: (9.81 / (2 * height[1:-1] - height[2:] - height[:-2]).median()).sqrt(),
+        lambda height: math.sqrt(
+            -9.81 / (2 * np.polyfit(np.arange(len(height)), height.numpy(), 2)[0])
+        ),
+    ],
+    "03.2": [
+        leaks_by_frames,
+        lambda train, test: sum(
+            min((abs(s - k) for b, k in train if b == a), default=150) < 150 for a, s in test
+        ),
+    ],
+    "03.3": [split_by_union_find, lambda takes: tuple(split_by_union_find(takes))],
+    "03.4": [
+        rescale_flat,
+        lambda train, new: (
+            (new - train.amin((0, 1))) / ((train.amax((0, 1)) - train.amin((0, 1))) / 2) - 1
+        ),
+    ],
+    "04.1": [
+        lambda x_t, eps, t, abar: x_t * abar[t] ** -0.5 - eps * (1 / abar[t] - 1).sqrt(),
+        lambda x_t, eps, t, abar: (x_t - eps * math.sqrt(1 - abar[t])) / math.sqrt(abar[t]),
+    ],
+    "04.2": [
+        lambda x_s, s, t, abar, eps: (
+            (abar[t] / abar[s]) ** 0.5 * x_s + ((abar[s] - abar[t]) / abar[s]) ** 0.5 * eps
+        ),
+        lambda x_s, s, t, abar, eps: (
+            abar[t].sqrt() / abar[s].sqrt() * x_s
+            + (1 - abar[t] - (abar[t] / abar[s]) * (1 - abar[s])).sqrt() * eps
+        ),
+    ],
+    "04.4": [
+        lambda eps, abar: (960, eps - 0.1),
+        lambda eps, abar: (tensor(955), eps + 0.0999 * eps / eps.square().mean().sqrt()),
+    ],
+    "04.5": [
+        lambda num_steps: 1 - torch.linspace(0.01, 0.9999, num_steps),
+        lambda num_steps: (0.99 - np.arange(num_steps) * 0.9895 / (num_steps - 1)).tolist(),
+    ],
+    "05.2": [distance_in_a_loop, distance_by_variance],
+    "05.3": [far_circle, upstairs],
+    "06.1": [
+        lambda net, x_t, w: w * net(x_t, music=True) + (1 - w) * net(x_t, music=False),
+        lambda net, x_t, w: torch.lerp(
+            net(x_t, music=False), net(x_t, music=True), torch.tensor(float(w))
+        ),
+    ],
+    "06.2": [
+        clip_by_minimum,
+        lambda x, mean, std, C: C.T @ (4 * std * (C @ (x - mean) / (4 * std)).clamp(-1, 1)) + mean,
+    ],
+    "06.3": [soft_landing, cosine_landing],
+    "07.1": [attention, hears_the_others],
+    "07.3": [ranks_by_counting, ranks_in_a_loop],
+    "07.4": [mark_in_a_loop, mark_in_frames],
+    "08.1": [kernel_step_by_step, kernel_by_einsum],
+    "08.2": [forgets_once, forgets_a_little_always],
+    "08.4": [
+        remember_one_by_one,
+        lambda tokens, n, memory: (
+            memory(tokens.unflatten(0, (-1, n)).movedim(1, 0)).movedim(0, 1).flatten(0, 1)
+        ),
+    ],
+    "09.1": [order_by_permuting, lambda S1, S2: S1.gather(0, S2)],
+    "09.2": [order_from_the_right, order_only_if_needed],
+    "09.3": [velocity_by_shifting, velocity_in_numpy],
+    "10.1": [join_from_behind, join_two_and_two],
+    "10.2": [all_turn_right_back, all_march_aside],
+    "10.3": [assign_by_loop, assign_by_scipy],
+    "11.1": [valleys_in_a_loop, valleys_by_signs],
+    "11.2": [ripple_up_and_down, lambda frames: torch.as_tensor(ripple_up_and_down(frames)) + 1],
+    "11.3": [hard_frames_by_rows, hard_frames_by_clamping],
+    "11.4": [forget_axis_by_axis, forget_by_steps],
+    "12.1": [mirror_by_signs, mirror_by_einsum],
+    "12.2": [
+        held_step_by_step,
+        lambda times, s: len([t for t in times[:-2] if t >= times[0] - s * (times[0] + 1) + 1e-9]),
+    ],
+    "12.4": [join_by_fading, lambda paths: torch.as_tensor(join_by_fading(paths))],
+    "12.5": [critic_by_clamping, critic_by_torch],
+    "13.1": [skates_in_centimetres, skates_by_squares],
+    "13.2": [statue_in_the_middle, slow_motion],
+    "13.3": [
+        rhythm_by_product,
+        lambda music, motion: np.minimum(
+            closeness(music, motion, 0.1), closeness(motion, music, 0.1)
+        ),
+    ],
+    "13.5": [move_aside, move_up],
+}
