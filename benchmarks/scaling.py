@@ -44,7 +44,8 @@ from tqdm.auto import tqdm
 from dancediff import hub
 from dancediff.extensions.preconditioning import preconditioning_of
 from dancediff.metrics.dances import find_dances
-from dancediff.metrics.measure import Measured, measure_all
+from dancediff.metrics.measure import Measured
+from dancediff.metrics.measure_all import measure_all
 from dancediff.metrics.rows import table_rows
 from dancediff.metrics.swaps import obeys
 from dancediff.motion.motion import Motion

@@ -25,6 +25,8 @@ class Evaluate:
     """Metrics of your own, each MODULE:FUNCTION, called with joints and fps."""
     window: int = 0
     """Cut every dance into windows of so many frames; 0 leaves it whole."""
+    keep: Path | None = None
+    """A folder for each dance's measurements: what is there is not measured again."""
     workers: int = 0
     """How many processes; 0 for one on each core."""
     backend: Literal["loky", "dask", "ray"] = "loky"
@@ -51,6 +53,8 @@ class Evaluate:
             raise ValueError("name dances or folders of them; see `dancediff evaluate --help`")
         for name in ("out", "drift"):
             self._check_file(name, getattr(self, name))
+        if self.keep is not None:
+            check_folder(self.keep, "--keep")
         song = hub.packaged_song() if self.song in ("packaged", hub.SONG) else self.song
         report = evaluate_dances(
             list(self.motion),
@@ -59,6 +63,7 @@ class Evaluate:
             window=self.window or None,
             metrics=self.metric,
             seed=self.seed,
+            kept=self.keep,
             progress=not self.json,
             workers=self.workers or joblib.cpu_count(),
             backend=self.backend,

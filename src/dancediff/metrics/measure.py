@@ -10,15 +10,12 @@ Symbols (axes: n dancers · f frames · j joints · w windows of a dance, 1 when
     rows    feature vectors: kinetic (w n, 72), geometric (w n, 32), group (w, 72)
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import partial
-from pathlib import Path
 
 import numpy as np
 from torch import Tensor
 
-from dancediff.backends import run_jobs
 from dancediff.metrics.collision import tif
 from dancediff.metrics.dances import Source, read_dance
 from dancediff.metrics.drift import Drift, drift
@@ -221,62 +218,3 @@ NUMBERS: dict[str, Callable] = {
     **{name: metric for name, (metric, _) in POSTURE.items()},
 }
 RHYTHM = {"MMC": "motion", "BAS": "music"}  # and the direction in which beats are compared
-
-
-def measure_all(
-    sources: list[Source],
-    beats: Iterable,
-    label: str,
-    *,
-    window: int | None = None,
-    metrics: tuple[str, ...] = (),
-    progress: bool = False,
-    **how,
-) -> tuple[list[Measured], dict[str, str]]:
-    """What `measure` returns for every dance, and why some could not be read.
-
-    ``beats`` has those of each dance, or None. ``how``: who computes, see
-    `dancediff.backends.run_jobs`; the results do not depend on it.
-
-    Raises: ValueError when not one dance can be read; ``label`` says of what.
-    """
-    from tqdm.auto import tqdm
-
-    jobs = [
-        partial(
-            _measure_or_reason,
-            source.absolute() if isinstance(source, Path) else source,
-            f"dance {k}",
-            times,
-            window,
-            metrics,
-        )
-        for k, (source, times) in enumerate(zip(sources, beats, strict=False))
-    ]
-    outcomes = run_jobs(_called, jobs, **how)
-    bar = partial(tqdm, total=len(jobs), desc=label, unit="dance", disable=not progress)
-    measured = dict(bar(outcomes))
-    found: list[Measured] = []
-    skipped: dict[str, str] = {}
-    for k, source in enumerate(sources):
-        if isinstance(measured[k], Measured):
-            found.append(measured[k])
-        else:
-            skipped[str(source) if isinstance(source, Path) else f"dance {k}"] = str(measured[k])
-    if not found:
-        name, why = next(iter(skipped.items()))
-        raise ValueError(f"none of the {len(skipped)} {label} can be read; {name}: {why}")
-    return found, skipped
-
-
-def _called(job: Callable):
-    return job()
-
-
-def _measure_or_reason(
-    source, name: str, beats, window: int | None, metrics: tuple[str, ...]
-) -> Measured | str:
-    try:
-        return measure(source, name=name, beats=beats, window=window, metrics=metrics)
-    except (ValueError, OSError, RecursionError) as err:  # the last: JSON in JSON in JSON ...
-        return " ".join(str(err).split())

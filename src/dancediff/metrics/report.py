@@ -16,7 +16,8 @@ import numpy as np
 
 from dancediff.atomic import atomic_write
 from dancediff.metrics.dances import find_dances
-from dancediff.metrics.measure import SHORTEST_WINDOW, Measured, measure_all
+from dancediff.metrics.measure import SHORTEST_WINDOW, Measured
+from dancediff.metrics.measure_all import measure_all
 from dancediff.metrics.rows import DRAWS, LEVEL, METRICS, Row, table_rows
 from dancediff.music.song import Music
 from dancediff.own import own_function
@@ -185,7 +186,8 @@ def evaluate_dances(
       and drawing them singly would make the intervals too narrow.
     - ``metrics``: functions of your own as "module:function", each called with the joints of a
       dance (n, f, j, 3) and ``fps=``; the mean over dances stands below the others.
-    - ``how``: ``workers``, ``backend`` and ``scheduler`` of `dancediff.backends.run_jobs`; the
+    - ``how``: ``workers``, ``backend`` and ``scheduler`` of `dancediff.backends.run_jobs`, and
+      ``kept``, a folder where measurements are kept so that a stopped evaluation goes on; the
       numbers do not depend on them.
 
     The reference is taken as it is, so intervals do not tell how it would vary.
