@@ -13,7 +13,7 @@ from torch import Tensor
 from dancediff.axes import FPS
 from dancediff.music.arriving_sound import ArrivingSound
 from dancediff.music.beat_tracking import TrackedBeats
-from dancediff.music.causal_frames import CausalFrames
+from dancediff.music.causal_frames import BACK, CausalFrames
 from dancediff.music.energy import energy_curve, loudness_of
 from dancediff.music.features import (
     BEATS,
@@ -39,8 +39,9 @@ class CausalMusic:
 
     ``window`` gives what `Music.features` would: the same columns in the same units. What belongs
     to a whole song is that of the song so far: its loudness, its loudest band and onset. The next
-    five seconds repeat the last bar, beats go on evenly; without a beat, the mean of the last
-    second goes on. All of it is put right as sound arrives. Notes are not tuned to the song.
+    five seconds repeat the onsets and the timbre of the last bar, and beats go on evenly; harmony,
+    and all of it where there is no beat, stays at the mean of the last second. All of it is put
+    right as sound arrives. Notes are not tuned to the song.
 
     The same samples give the same features, whatever the blocks. Memory does not grow.
 
@@ -147,8 +148,9 @@ class CausalMusic:
         bar = BAR * beat_line(frames.beats.beats().times)[1] * FPS
         bar = bar if frames.beats.has_beat else np.nan
         M[:, ONSET] = continued(onset[:, None], total, bar)
-        M[:, MFCC] = continued(rows[:, MFCC], total, bar)
-        M[:, CHROMA] = continued(cens(frames.chroma()), total, bar)
+        # what sounds now is known two frames later: until then it is as before, not as a bar ago
+        M[:, MFCC] = continued(np.pad(rows[:, MFCC], ((0, BACK), (0, 0)), mode="edge"), total, bar)
+        M[:, CHROMA] = continued(cens(frames.chroma()), total, np.nan)
         M[_peaks(M[:, 0] / max(frames.loudest_onset, 1e-9)), PEAKS] = 1
         at = np.round((self.beats() + LATE) * FPS).astype(int) - self.first_frame
         M[at[(at >= 0) & (at < total)], BEATS] = 1
