@@ -3,7 +3,7 @@ r"""What `CausalMusic` knows of songs as they play, against the whole songs.
     python benchmarks/causal_beats.py --data FOLDER OTHER --songs 12
 
 Takes as many songs of each folder, spread evenly over its names, and hears two minutes of each in
-blocks of 0.1 s, without waiting. The first 5 s are not scored. F-scores (70 ms) are against the
+blocks of 0.2 s, without waiting. The first 5 s are not scored. F-scores (70 ms) are against the
 beats that are tracked in the whole song. A beat counts as foretold if it was when it lay 1 s (3 s)
 ahead; beats less than half an interval after the one before are left out. Correlations are means
 over a block's columns, of rows when their time comes (or when they lie 1 s ahead), with those of
@@ -81,7 +81,7 @@ def listen(song: Music) -> Listened:
     """Hear a song in blocks and note what is known."""
     music, heard = CausalMusic(song.rate), Listened([Foretold(s) for s in AHEAD], [], [])
     asked = 0
-    for block in played(song, in_real_time=False):
+    for block in played(song, block=0.2, in_real_time=False):
         before, frame, begin = music.now, music.num_frames, time.process_time()
         music.push(block)
         if music.num_frames >= asked + 2.5 * FPS:  # as often as a segment begins
