@@ -32,6 +32,7 @@ from dancediff.generation.group_dance import (
 from dancediff.generation.group_request import GroupDanceRequest
 from dancediff.generation.opening import Opening
 from dancediff.generation.segments import SegmentPlan
+from dancediff.music.live_song import LiveSong
 
 JOIN = 15  # frames of the dance so far that a dance goes on from elsewhere in the song
 
@@ -57,7 +58,7 @@ class SteeredDance:
     """
 
     def __init__(self, model, song, request: GroupDanceRequest):
-        """``request`` is resolved; ``song`` is a `Music` or an `Opening`."""
+        """``request`` is resolved; ``song`` is a `Music`, an `Opening` or a `LiveSong`."""
         self.model, self.song, self.request = model, song, request
         self.over = False  # the song's end was reached
         self._formation: Constraint | None = None
@@ -188,7 +189,7 @@ class SteeredDance:
     def _heard(self) -> tuple[Tensor, Tensor]:
         """The song's features, raw and standardised; as much as the next segment needs to know."""
         M = self.song
-        if not isinstance(M, Opening) or self._start < 0:
+        if not isinstance(M, Opening | LiveSong) or self._start < 0:
             M = M.features()
         else:
             M = M.features_until(self._start + self.model.config.num_frames)
