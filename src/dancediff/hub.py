@@ -32,6 +32,7 @@ from dancediff.papers.edge.model import EDGE, EDGEConfig
 from dancediff.papers.fact.model import FACT, FACTConfig
 from dancediff.papers.gcd.model import GCD, GCDConfig
 from dancediff.papers.lodge.model import Lodge, LodgeConfig
+from dancediff.papers.mnet.model import MNET, MNETConfig
 from dancediff.papers.tcdiffpp.model import LARGEST, MOST_LAYERS, TCDiffPP, TCDiffPPConfig
 
 ASSETS = Path(__file__).parent / "assets"
@@ -43,6 +44,7 @@ _CLASSES: dict[str, tuple[type, type]] = {
     "Lodge": (Lodge, LodgeConfig),
     "FACT": (FACT, FACTConfig),
     "Bailando": (Bailando, BailandoConfig),
+    "MNET": (MNET, MNETConfig),
 }
 _FILES = {"Lodge": {"global": "global_stage.", "local": "local_stage."}}  # whose weights lie where
 _ONE_FILE = {"model": ""}

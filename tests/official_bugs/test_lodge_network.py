@@ -14,12 +14,12 @@ from dancediff.diffusion.samplers import SamplerOptions, sample, sampling_times
 from dancediff.diffusion.schedule import cosine_abar
 from dancediff.extensions.lodge_stages import ExtendedLocalDenoiser
 from dancediff.motion.skeleton import FOOT_JOINTS
+from dancediff.nn.mapping_network import MappingNetwork
 from dancediff.papers.lodge.cue_guidance import CueGuidance, guided_steps
 from dancediff.papers.lodge.foot_refine import FootRefine, contact_score, foot_features
 from dancediff.papers.lodge.global_diffusion import GlobalConfig, token_frames
 from dancediff.papers.lodge.local_diffusion import LocalConfig, LocalDenoiser
 from dancediff.papers.lodge.losses import l_focus, l_jacc, l_jvel
-from dancediff.papers.lodge.style import MappingNetwork
 
 SIZES = {"d_model": 16, "num_heads": 2, "num_layers": 1, "ff_dim": 32, "num_frames": 20}
 SIZES |= {"style_noise": 64, "dropout": 0.0}

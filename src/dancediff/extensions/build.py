@@ -18,6 +18,7 @@ from dancediff.papers.edge.model import EDGE
 from dancediff.papers.fact.model import FACT
 from dancediff.papers.gcd.model import GCD
 from dancediff.papers.lodge.model import Lodge
+from dancediff.papers.mnet.model import MNET
 from dancediff.papers.tcdiffpp.model import TCDiffPP
 
 Model = TypeVar("Model", bound=nn.Module)
@@ -34,6 +35,7 @@ FAMILIES: dict[type[nn.Module], str] = {
     Lodge: "lodge",
     FACT: "fact",
     Bailando: "bailando",
+    MNET: "mnet",
 }
 EXTENSIONS = {  # names by class
     model_class: tuple(e.name for e in REGISTRY.values() if e.kind == "network" and f in e.models)

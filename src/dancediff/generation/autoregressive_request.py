@@ -3,11 +3,13 @@
 Read first: `dancediff.generation.dance_request`.
 """
 
-from dataclasses import dataclass
-from typing import ClassVar
+from dataclasses import dataclass, replace
+from typing import ClassVar, Self
 
 from dancediff.generation.dance_request import DanceRequest
+from dancediff.generation.genre_mix import BY_TEMPO, mix_weights, resolved_genre
 from dancediff.generation.option import option
+from dancediff.generation.sampling_config import genre_option
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,4 +67,27 @@ class FACTRequest(AutoregressiveRequest):
         return super()._limits(config) | {"keep": config.targets}
 
 
-AUTOREGRESSIVE: tuple[type[AutoregressiveRequest], ...] = (FACTRequest, BailandoRequest)
+@dataclass(frozen=True, kw_only=True)
+class MNETRequest(AutoregressiveRequest):
+    """What can be asked of MNET."""
+
+    family: ClassVar[str] = "mnet"
+
+    genre: str | dict | None = genre_option()  # noqa: RUF009 - it is a field
+
+    def resolve(self, model, song) -> Self:
+        """As `DanceRequest.resolve`; the genre follows from the song."""
+        filled = super().resolve(model, song)
+        return replace(filled, genre=resolved_genre(self.genre, BY_TEMPO, model, song))
+
+    def genre_shares(self, genres: tuple[str, ...]) -> list[float]:
+        """The share of each genre, of a resolved request."""
+        assert self.genre is not None
+        return mix_weights(self.genre, genres)[0].tolist()
+
+
+AUTOREGRESSIVE: tuple[type[AutoregressiveRequest], ...] = (
+    FACTRequest,
+    BailandoRequest,
+    MNETRequest,
+)

@@ -21,7 +21,7 @@ from torch import Tensor
 from dancediff.autoregression.network import AutoregressiveNetwork
 from dancediff.axes import FPS
 from dancediff.generation.autoregressive_dance import autoregressive_pieces
-from dancediff.generation.autoregressive_request import BailandoRequest, FACTRequest
+from dancediff.generation.autoregressive_request import BailandoRequest, FACTRequest, MNETRequest
 from dancediff.generation.dance_request import DanceRequest
 from dancediff.generation.gcd_dance import gcd_dance
 from dancediff.generation.group_dance import group_pieces, naive_dance
@@ -41,6 +41,7 @@ from dancediff.papers.edge.model import EDGE, moved, start_slots
 from dancediff.papers.fact.model import FACT
 from dancediff.papers.gcd.model import GCD
 from dancediff.papers.lodge.model import Lodge
+from dancediff.papers.mnet.model import MNET
 from dancediff.papers.tcdiffpp.model import TCDiffPP
 
 Network = TCDiffPP | EDGE | GCD | Lodge | AutoregressiveNetwork
@@ -235,6 +236,12 @@ class BailandoPipeline(AutoregressivePipeline):
     request = BailandoRequest
 
 
+class MNETPipeline(AutoregressivePipeline):
+    """MNET; see `dancediff.papers.mnet.model`."""
+
+    request = MNETRequest
+
+
 PIPELINES: dict[type, type[Pipeline]] = {
     TCDiffPP: GroupDancePipeline,
     EDGE: EDGEPipeline,
@@ -242,6 +249,7 @@ PIPELINES: dict[type, type[Pipeline]] = {
     Lodge: LodgePipeline,
     FACT: FACTPipeline,
     Bailando: BailandoPipeline,
+    MNET: MNETPipeline,
 }
 
 

@@ -48,6 +48,7 @@ PAPER: dict[str, Values] = {
     "edge": _PAPERS | {"genre": "any", "frequency_clip": False},
     "fact": {"keep": 1, "seed_noise": 0.0},
     "bailando": {"top_k": 1, "seed_noise": 0.0},
+    "mnet": {"seed_noise": 0.0},
     "gcd": _PAPERS | {"genre": "any", "frequency_clip": False},
 }
 PACKAGED: dict[str, Values] = {
@@ -76,6 +77,7 @@ PACKAGED: dict[str, Values] = {
     "edge": _OURS | {"steps": 20, "genre": "by tempo", "autoguidance": 1.5, "frequency_clip": True},
     "fact": {"keep": 2, "seed_noise": 0.05},
     "bailando": {"top_k": 32, "seed_noise": 0.05},
+    "mnet": {"seed_noise": 0.05},
     "gcd": _OURS | {"steps": 20, "genre": "by tempo", "autoguidance": 1.5, "frequency_clip": True},
 }
 PRESETS = {"packaged": PACKAGED, "paper": PAPER}

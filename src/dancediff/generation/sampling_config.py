@@ -14,6 +14,16 @@ from dancediff.generation.option import option
 from dancediff.generation.presets import PAPER
 
 
+def genre_option() -> Any:
+    """The option of models that know genres."""
+    return option(
+        None,
+        "What to dance: a genre or a mix such as hiphop=0.7,house=0.3; default: by the song's "
+        "tempo; 'any': none in particular. Only models that know genres.",
+        parse=mix_of,
+    )
+
+
 @dataclass(frozen=True, kw_only=True)
 class SamplingConfig(DanceRequest):
     """The options that all denoisers share.
@@ -49,12 +59,7 @@ class SamplingConfig(DanceRequest):
         low=1,
         high=10,
     )
-    genre: str | dict | None = option(  # noqa: RUF009 - it is a field
-        None,
-        "What to dance: a genre or a mix such as hiphop=0.7,house=0.3; default: by the song's "
-        "tempo; 'any': none in particular. Only models that know genres.",
-        parse=mix_of,
-    )
+    genre: str | dict | None = genre_option()  # noqa: RUF009 - it is a field
     energy: float | str | tuple | None = option(
         None,
         "How full the dance is: a number multiplies the song's own energy, points such as "

@@ -26,6 +26,7 @@ from dancediff.data.windows import GroupCut, WindowSampler
 from dancediff.nn.quantizer import VectorQuantizer
 from dancediff.papers.bailando.model import Bailando, BailandoConfig
 from dancediff.papers.fact.model import FACT, FACTConfig
+from dancediff.papers.mnet.model import MNET, MNETConfig
 from dancediff.training.checkpoint import NAME, check_free, load_average
 from dancediff.training.config import GroupData, TrainConfig
 from dancediff.training.distributed import World
@@ -39,6 +40,7 @@ from dancediff.training.trainer import Trainer, name_of
 MODELS: dict[str, tuple[Any, type]] = {
     "FACT": (FACT, FACTConfig),
     "Bailando": (Bailando, BailandoConfig),
+    "MNET": (MNET, MNETConfig),
 }
 
 
@@ -121,7 +123,9 @@ def train_autoregressive(
     if takes is None:
         evaluates = any(one.evaluate_every > 0 for one in settings.values() if one is not None)
         takes, held_out = takes_for(corpus, data, sizes, evaluates=evaluates)
-    takes, held_out = solos_of(takes), solos_of(held_out)
+    takes, held_out = _of_genres(solos_of(takes), sizes), _of_genres(solos_of(held_out), sizes)
+    if not takes and hasattr(sizes, "genres"):
+        raise ValueError(f"no take has one of the genres {', '.join(sizes.genres)}; name others")
     torch.manual_seed(tables["train"].get("seed", 0))
     model = model_class(sizes)
     if world is not None and world.size > 1 and has_codebook(model):
@@ -141,6 +145,12 @@ def train_autoregressive(
     return model.requires_grad_(True).eval()
 
 
+def _of_genres(takes: list[DanceTake], sizes) -> list[DanceTake]:
+    """Those that a model can learn from which knows genres; all, where it knows none."""
+    genres = getattr(sizes, "genres", None)
+    return [take for take in takes if genres is None or take.genre in genres]
+
+
 def has_codebook(model: AutoregressiveNetwork) -> bool:
     """Does it learn a vocabulary of units?"""
     return any(isinstance(part, VectorQuantizer) for part in model.modules())
@@ -156,6 +166,7 @@ def _windows(takes: list[DanceTake], corpus: GroupData, model, tables: dict) -> 
     return WindowSampler(
         takes,
         GroupCut(model.config.num_frames),
+        genres=getattr(model.config, "genres", ()),
         augment=Augmentation(
             mirror=corpus.mirror, rotate=corpus.rotate, shift=corpus.shift, music=corpus.music
         ),

@@ -19,7 +19,7 @@ from torch import Tensor, nn
 
 from dancediff.genre import FINEDANCE
 from dancediff.nn.attention import FeedForward
-from dancediff.papers.lodge.style import MappingNetwork
+from dancediff.nn.mapping_network import MappingNetwork
 
 
 @dataclass(frozen=True)

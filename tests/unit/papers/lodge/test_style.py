@@ -3,7 +3,8 @@ import torch
 
 from dancediff.data.choreographer.genres import GENRES as CHOREOGRAPHED
 from dancediff.genre import GENRES, TEMPOS, genre_number
-from dancediff.papers.lodge.style import MappingNetwork, StyleToken
+from dancediff.nn.mapping_network import MappingNetwork
+from dancediff.papers.lodge.style import StyleToken
 
 GENRE = torch.tensor([0, 2, 2])
 
