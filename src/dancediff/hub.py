@@ -33,6 +33,7 @@ from dancediff.papers.fact.model import FACT, FACTConfig
 from dancediff.papers.gcd.model import GCD, GCDConfig
 from dancediff.papers.lodge.model import Lodge, LodgeConfig
 from dancediff.papers.mnet.model import MNET, MNETConfig
+from dancediff.papers.tcdiff.model import TCDiff, TCDiffConfig
 from dancediff.papers.tcdiffpp.model import LARGEST, MOST_LAYERS, TCDiffPP, TCDiffPPConfig
 
 ASSETS = Path(__file__).parent / "assets"
@@ -41,6 +42,7 @@ _CLASSES: dict[str, tuple[type, type]] = {
     "TCDiffPP": (TCDiffPP, TCDiffPPConfig),
     "EDGE": (EDGE, EDGEConfig),
     "GCD": (GCD, GCDConfig),
+    "TCDiff": (TCDiff, TCDiffConfig),
     "Lodge": (Lodge, LodgeConfig),
     "FACT": (FACT, FACTConfig),
     "Bailando": (Bailando, BailandoConfig),

@@ -18,6 +18,7 @@ from dancediff.generation.pipeline import pipeline_of
 from dancediff.music.synth import synth_song
 from dancediff.papers.edge.model import EDGE, EDGEConfig
 from dancediff.papers.gcd.model import GCD, GCDConfig
+from dancediff.papers.tcdiff.model import TCDiff, TCDiffConfig
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 from tiny_lodge import tiny_lodge
 
@@ -32,12 +33,14 @@ MODELS = {
     "tcdiffpp": lambda: build(TCDiffPP, TCDiffPPConfig(**TINY, fusion_hidden=32)),
     "edge": lambda: build(EDGE, EDGEConfig(**TINY)),
     "gcd": lambda: build(GCD, GCDConfig(**TINY)),
+    "tcdiff": lambda: build(TCDiff, TCDiffConfig(**TINY, fusion_hidden=32)),
     "lodge": lambda: pipeline_of(tiny_lodge(())).model,
 }
 ASKED = {  # long enough for a seam; guidance rises in long dances of EDGE, as in its code
     "tcdiffpp": {"seconds": 7, "dancers": 3, "swap": [2, 0, 1]},
     "edge": {"seconds": 5, "dancers": 2},
     "gcd": {"seconds": 7, "dancers": 3, "gamma": 1.0},
+    "tcdiff": {"seconds": 7, "dancers": 3},
     "lodge": {"seconds": 12, "genre": "hiphop"},
 }
 

@@ -8,6 +8,7 @@ Symbols (axes: b batch · n dancers · f frames · m music features · g genres)
     genre       shares of a mix of genres, at least 0; what they lack to 1 is no genre   (b, g)
     energy      how full the music is, 0 to 1; nan where that is unknown                 (b, f)
     latent      z, what a network of groups draws for a whole dance                      (b, z)
+    path        where everybody goes, normalised x and z on the floor               (b, n, f, 2)
 """
 
 from collections.abc import Callable
@@ -34,6 +35,7 @@ class Conditions:
     genre: Tensor | None = None
     energy: Tensor | None = None
     latent: Tensor | None = None
+    path: Tensor | None = None
 
     def __post_init__(self):
         """Without a mask all rows have music."""

@@ -10,7 +10,13 @@ from typing import Any, TypeVar
 from torch import nn
 
 from dancediff.extensions.lodge_stages import extended_lodge
-from dancediff.extensions.networks import Extended, ExtendedEDGE, ExtendedGCD, ExtendedTCDiffPP
+from dancediff.extensions.networks import (
+    Extended,
+    ExtendedEDGE,
+    ExtendedGCD,
+    ExtendedTCDiff,
+    ExtendedTCDiffPP,
+)
 from dancediff.extensions.registry import REGISTRY
 from dancediff.genre import GENRES
 from dancediff.papers.bailando.model import Bailando
@@ -19,18 +25,21 @@ from dancediff.papers.fact.model import FACT
 from dancediff.papers.gcd.model import GCD
 from dancediff.papers.lodge.model import Lodge
 from dancediff.papers.mnet.model import MNET
+from dancediff.papers.tcdiff.model import TCDiff
 from dancediff.papers.tcdiffpp.model import TCDiffPP
 
 Model = TypeVar("Model", bound=nn.Module)
 EXTENDED: dict[type[nn.Module], Callable[..., Any]] = {
     EDGE: ExtendedEDGE,
     GCD: ExtendedGCD,
+    TCDiff: ExtendedTCDiff,
     TCDiffPP: ExtendedTCDiffPP,
     Lodge: extended_lodge,
 }
 FAMILIES: dict[type[nn.Module], str] = {
     EDGE: "edge",
     GCD: "gcd",
+    TCDiff: "tcdiff",
     TCDiffPP: "tcdiffpp",
     Lodge: "lodge",
     FACT: "fact",

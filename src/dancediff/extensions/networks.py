@@ -1,4 +1,4 @@
-"""TCDiff++, EDGE and GCD with extensions: the plain network, step by step, with parts in between.
+"""Networks with extensions: the plain one of a paper, step by step, with parts in between.
 
 Read first: `dancediff.papers.tcdiffpp.model` and `dancediff.papers.edge.model`, the networks as the
 papers have them · `dancediff.extensions.parts`.
@@ -28,6 +28,8 @@ from dancediff.nn.conditioning import MusicConditioning
 from dancediff.nn.dance_network import DanceNetwork
 from dancediff.papers.edge.model import EDGE, EDGEConfig
 from dancediff.papers.gcd.model import GCD, GCDConfig
+from dancediff.papers.tcdiff.model import TCDiff, TCDiffConfig
+from dancediff.papers.tcdiff.trajectory_diffusion import on_path
 from dancediff.papers.tcdiffpp.footwork_adaptor import FootworkAdaptor, ground_velocity
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 
@@ -176,6 +178,43 @@ class ExtendedGCD(Extended, GCD):
         w = decoder.group_embedding(conditions.latent, music, x_t.shape[1])
         h = decoder.decode(h, [music, steps], parts.film(cond, run), w)
         return parts.read(decoder.read(h), h, run)
+
+
+class ExtendedTCDiff(Extended, TCDiff):
+    """TCDiff with extensions of its second stage; shapes as `TCDiff`.
+
+    >>> import torch
+    >>> sizes = {"d_model": 16, "num_layers": 1, "ff_dim": 32, "fusion_hidden": 32}
+    >>> model = ExtendedTCDiff(TCDiffConfig(**sizes), ["preconditioning"])
+    >>> conditions = Conditions(torch.randn(2, 20, 35), path=torch.zeros(2, 3, 20, 2))
+    >>> model(torch.randn(2, 3, 20, 151), torch.tensor([10, 900]), conditions).shape
+    torch.Size([2, 3, 20, 151])
+    """
+
+    def __init__(
+        self, config: TCDiffConfig, extensions: Sequence[str], genres: Sequence[str] = GENRES
+    ):
+        super().__init__(config)
+        self.parts = parts_of(config, extensions, genres=genres)
+        if "aligned_attention" in extensions:
+            align_attention(self.decoder)
+
+    def forward(self, x_t: Tensor, t: Tensor, conditions: Conditions) -> Tensor:
+        """Guess the clean dance."""
+        path = self.check(x_t, t, conditions)
+        decoder, parts = self.decoder, self.parts
+        x_t = on_path(x_t, path)
+        run = self.prepare(x_t, t, conditions)
+        h = parts.tokens(decoder.place(parts.embed(decoder.embed(x_t), run)), run)
+        music, steps, cond = decoder.condition(t, conditions)
+        cond, context = parts.film(cond, run), decoder.context(t, path)
+        h = decoder.decode(h, [music, steps], cond, context)
+        return on_path(parts.read(decoder.read(h), h, run), path)
+
+    def linear_guess(self, x_t: Tensor, t: Tensor, conditions: Conditions) -> Tensor:
+        """What preconditioning guesses without the network, on the path."""
+        path = self.check(x_t, t, conditions)
+        return on_path(super().linear_guess(on_path(x_t, path), t, conditions), path)
 
 
 def frame_tokens(

@@ -42,7 +42,7 @@ class Extension:
 
 
 GROUP, SOLO = ("tcdiffpp",), ("lodge",)
-BY_SEGMENTS = ("tcdiffpp", "edge", "gcd")
+BY_SEGMENTS = ("tcdiffpp", "edge", "gcd", "tcdiff")
 ALL = (*BY_SEGMENTS, "lodge")
 LINEAR = ("preconditioning",)
 

@@ -54,6 +54,13 @@ class GCDRequest(SegmentedRequest):
 
 
 @dataclass(frozen=True, kw_only=True)
+class TCDiffRequest(SegmentedRequest):
+    """What can be asked of TCDiff, whose navigator decides where everybody goes."""
+
+    family: ClassVar[str] = "tcdiff"
+
+
+@dataclass(frozen=True, kw_only=True)
 class GroupDanceRequest(SegmentedRequest):
     """What can be asked of TCDiff++.
 

@@ -25,13 +25,19 @@ from dancediff.generation.autoregressive_request import BailandoRequest, FACTReq
 from dancediff.generation.dance_request import DanceRequest
 from dancediff.generation.gcd_dance import gcd_dance
 from dancediff.generation.group_dance import group_pieces, naive_dance
-from dancediff.generation.group_request import EDGERequest, GCDRequest, GroupDanceRequest
+from dancediff.generation.group_request import (
+    EDGERequest,
+    GCDRequest,
+    GroupDanceRequest,
+    TCDiffRequest,
+)
 from dancediff.generation.request import request_of
 from dancediff.generation.segments import SegmentPlan
 from dancediff.generation.solo_dance import solo_pieces, solo_seams
 from dancediff.generation.solo_request import LodgeRequest
 from dancediff.generation.steered_dance import SteeredDance
 from dancediff.generation.stream import Stream
+from dancediff.generation.tcdiff_dance import tcdiff_dance
 from dancediff.motion.motion import Motion
 from dancediff.motion.representation import TCDIFFPP
 from dancediff.nn.conditioning import cached_music
@@ -42,9 +48,10 @@ from dancediff.papers.fact.model import FACT
 from dancediff.papers.gcd.model import GCD
 from dancediff.papers.lodge.model import Lodge
 from dancediff.papers.mnet.model import MNET
+from dancediff.papers.tcdiff.model import TCDiff
 from dancediff.papers.tcdiffpp.model import TCDiffPP
 
-Network = TCDiffPP | EDGE | GCD | Lodge | AutoregressiveNetwork
+Network = TCDiffPP | EDGE | GCD | TCDiff | Lodge | AutoregressiveNetwork
 
 
 class Pipeline(ABC):
@@ -200,6 +207,19 @@ class GCDPipeline(Pipeline):
         return SegmentPlan.of(request, self.config.num_frames).seams()
 
 
+class TCDiffPipeline(Pipeline):
+    """TCDiff: paths of the whole dance first, then all segments of bodies at once."""
+
+    request = TCDiffRequest
+
+    def _pieces(self, song, request, *, report, dtype, watch=None):
+        _refuse(watch)
+        yield tcdiff_dance(self.model, song, request, report=report, dtype=dtype)
+
+    def _seams(self, song, request):
+        return SegmentPlan.of(request, self.config.num_frames).seams()
+
+
 class LodgePipeline(Pipeline):
     """Lodge: a long solo, which a group can dance together."""
 
@@ -246,6 +266,7 @@ PIPELINES: dict[type, type[Pipeline]] = {
     TCDiffPP: GroupDancePipeline,
     EDGE: EDGEPipeline,
     GCD: GCDPipeline,
+    TCDiff: TCDiffPipeline,
     Lodge: LodgePipeline,
     FACT: FACTPipeline,
     Bailando: BailandoPipeline,

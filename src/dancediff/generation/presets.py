@@ -50,6 +50,7 @@ PAPER: dict[str, Values] = {
     "bailando": {"top_k": 1, "seed_noise": 0.0},
     "mnet": {"seed_noise": 0.0},
     "gcd": _PAPERS | {"genre": "any", "frequency_clip": False},
+    "tcdiff": _PAPERS | {"genre": "any", "frequency_clip": False},
 }
 PACKAGED: dict[str, Values] = {
     "tcdiffpp": _OURS
@@ -79,5 +80,7 @@ PACKAGED: dict[str, Values] = {
     "bailando": {"top_k": 32, "seed_noise": 0.05},
     "mnet": {"seed_noise": 0.05},
     "gcd": _OURS | {"steps": 20, "genre": "by tempo", "autoguidance": 1.5, "frequency_clip": True},
+    "tcdiff": _OURS
+    | {"steps": 20, "genre": "by tempo", "autoguidance": 1.5, "frequency_clip": True},
 }
 PRESETS = {"packaged": PACKAGED, "paper": PAPER}

@@ -6,12 +6,17 @@ which values it may have: the command line, panels and the generated page read i
 
 from dancediff.generation.autoregressive_request import AUTOREGRESSIVE
 from dancediff.generation.dance_request import DanceRequest
-from dancediff.generation.group_request import EDGERequest, GCDRequest, GroupDanceRequest
+from dancediff.generation.group_request import (
+    EDGERequest,
+    GCDRequest,
+    GroupDanceRequest,
+    TCDiffRequest,
+)
 from dancediff.generation.presets import PRESETS
 from dancediff.generation.solo_request import LodgeRequest
 
 _ALL: tuple[type[DanceRequest], ...] = (
-    *(GroupDanceRequest, LodgeRequest, EDGERequest, GCDRequest),
+    *(GroupDanceRequest, LodgeRequest, EDGERequest, GCDRequest, TCDiffRequest),
     *AUTOREGRESSIVE,
 )
 REQUESTS: dict[str, type[DanceRequest]] = {one.family: one for one in _ALL}

@@ -64,9 +64,12 @@ class SegmentPlan:
         >>> SegmentPlan(frames=6, window=4, overlap=2).music(M)[..., 0].tolist()
         [[0.0, 1.0, 2.0, 3.0], [2.0, 3.0, 4.0, 0.0]]
         """
+        return self.whole(M).unfold(0, self.window, self.stride).transpose(1, 2)
+
+    def whole(self, M: Tensor) -> Tensor:
+        """The music of all segments in one piece, (F, m) -> (window + (count - 1) stride, m)."""
         needed = self.window + self.stride * (self.count - 1)
-        M = M.repeat(-(-needed // len(M)), 1)[:needed]
-        return M.unfold(0, self.window, self.stride).transpose(1, 2)
+        return M.repeat(-(-needed // len(M)), 1)[:needed]
 
     def targets(self, request: GroupDanceRequest) -> Sequence[Sequence[int] | None]:
         """The order asked for at the end of each segment, or None; nothing without a swap."""

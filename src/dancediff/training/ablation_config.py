@@ -16,6 +16,7 @@ from hashlib import sha256
 
 from dancediff.data.choreographed import SIZES
 from dancediff.extensions.build import EXTENSIONS, paper_class
+from dancediff.extensions.build import FAMILIES as OF_NETWORKS
 from dancediff.extensions.own_class import own_network
 from dancediff.generation.dance_request import DanceRequest
 from dancediff.generation.request import REQUESTS, default_of, request_of
@@ -28,7 +29,7 @@ from dancediff.training.tables import check_table, read_toml
 SEED_STRIDE = 100_000  # more than there are held-out songs: no song meets the same noise twice
 FIRST_SEED = 1_000_000  # of the held-out songs; those of the training set begin at 0
 TRUTH = "choreographer"  # the row of the dances that were made, not learned
-FAMILIES = {"TCDiffPP": "tcdiffpp", "EDGE": "edge", "GCD": "gcd", "Lodge": "lodge"}
+FAMILIES = {network.__name__: family for network, family in OF_NETWORKS.items()}
 _FIXED = ("data", "held_out")  # all variants are measured on the same songs
 
 

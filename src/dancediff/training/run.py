@@ -21,6 +21,7 @@ from dancediff.nn.dance_network import DanceNetwork
 from dancediff.own import is_own
 from dancediff.papers.edge.model import EDGE, EDGEConfig
 from dancediff.papers.gcd.model import GCD, GCDConfig
+from dancediff.papers.tcdiff.model import TCDiff, TCDiffConfig
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 from dancediff.training.autoregressive import (
     MODELS as AUTOREGRESSIVE,
@@ -36,6 +37,7 @@ from dancediff.training.objective import GroupObjective
 from dancediff.training.own_network import check_network
 from dancediff.training.statistics import fit_statistics, take_over
 from dancediff.training.tables import check_all, check_sizes, read_training
+from dancediff.training.tcdiff import TCDiffObjective
 from dancediff.training.trainer import Trainer, name_of
 from dancediff.training.validation_metrics import ValidationMetrics
 
@@ -43,8 +45,12 @@ MODELS: dict[str, tuple[type[DanceNetwork], type]] = {
     "TCDiffPP": (TCDiffPP, TCDiffPPConfig),
     "EDGE": (EDGE, EDGEConfig),
     "GCD": (GCD, GCDConfig),
+    "TCDiff": (TCDiff, TCDiffConfig),
 }
-OBJECTIVES: dict[type, type[GroupObjective]] = {GCD: GCDObjective}  # else `GroupObjective`
+OBJECTIVES: dict[type, type[GroupObjective]] = {  # else `GroupObjective`
+    GCD: GCDObjective,
+    TCDiff: TCDiffObjective,
+}
 NAMES = ("extensions", "genres")  # lists of names in the table [model] beside the sizes
 
 

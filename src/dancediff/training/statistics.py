@@ -13,6 +13,7 @@ from dancediff.extensions.preconditioning import preconditioning_of
 from dancediff.motion.representation import TCDIFFPP, Normalizer
 from dancediff.music.features import MusicNormalizer
 from dancediff.nn.dance_network import NormalizedNetwork
+from dancediff.papers.tcdiff.model import TCDiff
 from dancediff.training.config import TrainingExtensions
 
 PLAIN = TrainingExtensions()
@@ -43,11 +44,21 @@ def fit_statistics(
         songs = {M.data_ptr(): M for M in (take.songs[0] for take in takes)}
         model.music_normalizer = MusicNormalizer.fit(list(songs.values()))
     model.music_normalizer = model.music_normalizer.without(extensions.masked_music)
+    if isinstance(model, TCDiff):
+        model.start.fit(list(_first_places(model, takes)))
     preconditioning = preconditioning_of(model)
     if preconditioning is not None:
         frames = [(take.real, take.num_dancers * take.num_frames) for take in takes]
         windows = _around_the_mean(model, takes)
         preconditioning.fit(windows, weights=window_weights(frames, real))
+
+
+def _first_places(model: TCDiff, takes: list[DanceTake]) -> Iterator[Tensor]:
+    """Where everybody stands at the beginning of windows, ranked and normalised (w, n, 2)."""
+    cut = GroupCut(model.config.num_frames)
+    for take in takes:
+        x, _ = half_overlapping(take, cut)
+        yield model.normalizer.normalize(x[:, :, 0])[..., TCDIFFPP.floor].clone()
 
 
 def _around_the_mean(model: NormalizedNetwork, takes: list[DanceTake]) -> Iterator[Tensor]:

@@ -1,0 +1,1 @@
+"""TCDiff: group dance in two stages, paths over the floor first, bodies on them second."""
