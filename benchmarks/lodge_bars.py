@@ -23,11 +23,12 @@ import joblib
 import numpy as np
 import torch
 import tyro
-from bars import Sampling, Window, windows
+from bars import Sampling
 from genre_judge import shaken, trained_judge, verdict
 from tqdm.auto import tqdm
 
 from dancediff import hub
+from dancediff.bench.held_out import Window, windows
 from dancediff.generation.request import LodgeRequest
 from dancediff.generation.solo_dance import LodgeSampler
 from dancediff.metrics.physical import fsr

@@ -22,41 +22,29 @@ Symbols (axes: b windows · n dancers · f frames)
     windows  dancer windows that were learned from, b n a step
 """
 
-import itertools
 import json
-import shutil
-import time
-import tomllib
-import warnings
-from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 
-import joblib
-import matplotlib.pyplot as plt
 import numpy as np
-import torch
 import tyro
-from bars import Sampling, Window, chosen, dance, windows
-from tqdm.auto import tqdm
+from bars import Sampling, dance
 
-from dancediff import hub
+from dancediff.bench.budget import Run, last_line
+from dancediff.bench.held_out import Window, chosen, windows
+from dancediff.bench.pictures import draw_quality
+from dancediff.bench.scores import danced, loaded, reference_of, scores_of
 from dancediff.extensions.preconditioning import preconditioning_of
 from dancediff.metrics.dances import find_dances
 from dancediff.metrics.measure import Measured
 from dancediff.metrics.measure_all import measure_all
 from dancediff.metrics.rows import table_rows
+from dancediff.generation.pipeline import Pipeline
+from dancediff.metrics.measure import Measured
 from dancediff.metrics.swaps import obeys
 from dancediff.motion.motion import Motion
-from dancediff.training.checkpoint import NAME
-from dancediff.training.run import train_from_config
-from dancediff.training.trainer import Trainer
-from dancediff.viz.palette import DANCER_COLORS
-from dancediff.viz.style import bare
 
-FOREVER = 10**7  # steps of the run that branches leave
-STABLE = 0.8  # share of a budget at the constant rate
 METRICS = (
     *("FID_k", "FID_g", "GMR", "GMC", "TIF", "Div_k", "Div_g", "MMC", "FSR", "PFC"),
     *("joint speed", "orders kept"),
@@ -70,178 +58,9 @@ BARE = Sampling(
 )
 
 
-class Counted:
-    """Windows that count how many dancers they handed out."""
-
-    def __init__(self, data):
-        self.data, self.windows = data, 0
-
-    def batch(self, number: int):
-        """As the data has it."""
-        batch = self.data.batch(number)
-        self.windows += batch[0].shape[0] * batch[0].shape[1]
-        return batch
-
-
-class BudgetTrainer(Trainer):
-    """A trainer that knows what it has spent, also after a pause.
-
-    ``spent.jsonl`` beside the checkpoint holds a line for every step that has had one: what was
-    spent until then. It is written before the checkpoint.
-    """
-
-    def __init__(self, *args, **options):
-        super().__init__(*args, **options)
-        self.data = Counted(self.data)
-        self.spent, self.data.windows = spent_until(self.out, self.first)
-
-    def step(self, step: int) -> dict[str, float]:
-        """As any trainer, timed."""
-        began = time.process_time()
-        row = super().step(step)
-        self.spent += time.process_time() - began
-        return row
-
-    def _save(self, step: int, logger, signals) -> None:
-        due = step % self.config.save_every == 0 or step == self.config.steps
-        if due or signals.stop or signals.save:
-            line = json.dumps({"step": step, "spent": self.spent, "windows": self.data.windows})
-            with (self.out / "spent.jsonl").open("a", encoding="utf-8") as file:
-                file.write(line + "\n")
-        super()._save(step, logger, signals)
-
-
-class StableTrainer(BudgetTrainer):
-    """Stops, with a checkpoint, as soon as ``until`` seconds are spent."""
-
-    until = np.inf
-
-    def _save(self, step: int, logger, signals) -> None:
-        enough = self.spent >= self.until
-        signals.save = signals.save or enough
-        super()._save(step, logger, signals)
-        if enough:
-            raise EnoughError
-
-
-class EnoughError(Exception):
-    """A training has spent what it was given."""
-
-
-def spent_until(folder: Path, step: int) -> tuple[float, int]:
-    """Seconds and dancer windows of a training's first steps.
-
-    Raises: ValueError where a checkpoint lies that no `BudgetTrainer` wrote.
-    """
-    if step == 0:
-        return 0.0, 0
-    path = folder / "spent.jsonl"
-    lines = path.read_text(encoding="utf-8").splitlines() if path.exists() else []
-    rows = [row for row in map(json.loads, lines) if row["step"] == step]
-    if not rows:
-        raise ValueError(f"{str(path)!r} does not say what the first {step} steps took; start anew")
-    return rows[-1]["spent"], rows[-1]["windows"]
-
-
-def write_config(path: Path, source: Path, **train) -> Path:
-    """A training config with other values in its table ``train``."""
-    tables = tomllib.loads(source.read_text(encoding="utf-8"))
-    tables["train"] = tables.get("train", {}) | {"evaluate_every": 0} | train
-    lines = []
-    for name, values in tables.items():
-        lines += [f"[{name}]", *(f"{key} = {json.dumps(value)}" for key, value in values.items())]
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    return path
-
-
-@dataclass(frozen=True)
-class Run:
-    """A training with one seed, and the branches that leave it."""
-
-    config: Path
-    seed: int
-    folder: Path
-    data: Path | None
-    takes: list | None = None
-
-    def models(self, minutes: tuple[float, ...]) -> Iterator[tuple[float, Path]]:
-        """Every budget and the folder of its model, trained if it is not there."""
-        for budget in sorted(minutes):
-            branch = self.folder / f"{budget:g}min"
-            if not (branch / "model" / "config.json").exists():
-                if not (branch / NAME).exists():
-                    self.stable(60 * STABLE * budget)
-                    self.leave(branch)
-                self.anneal(branch)
-            yield budget, branch
-
-    def train(self, config: Path, out: Path, trainer: type[Trainer]):
-        """Go on, or begin; other settings than those before are meant."""
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", message=".*written with other settings.*")
-            options = {"takes": self.takes, "data": self.data, "resume": True}
-            return train_from_config(config, out, trainer=trainer, **options)
-
-    def stable(self, seconds: float) -> None:
-        """Train at the constant rate until so much is spent.
-
-        Raises: ValueError when more is spent already: budgets are trained in rising order.
-        """
-        path = self.folder / "stable.toml"
-        if (self.folder / NAME).exists() and last_line(self.folder)["spent"] > 1.1 * seconds:
-            raise ValueError(
-                f"{str(self.folder)!r} has trained for longer than {seconds:g} s; a shorter budget "
-                "needs a folder of its own (--out)"
-            )
-        write_config(path, self.config, seed=self.seed, steps=FOREVER, decay=0.0)
-
-        class Until(StableTrainer):
-            until = seconds
-
-        try:
-            self.train(path, self.folder, Until)
-        except EnoughError:
-            return
-
-    def leave(self, branch: Path) -> None:
-        """Copy the run to where a branch goes on, the checkpoint last."""
-        branch.mkdir(parents=True, exist_ok=True)
-        for name in ("spent.jsonl", "losses.csv", NAME):
-            if (self.folder / name).exists():
-                shutil.copyfile(self.folder / name, branch / f"{name}.part")
-                (branch / f"{name}.part").replace(branch / name)
-
-    def anneal(self, branch: Path) -> None:
-        """Let the learning rate fall to zero over the rest of the budget, and save the model."""
-        left = branch / "left.toml"
-        if not left.exists():
-            done = last_line(branch)["step"]
-            more = max(1, round(done * (1 - STABLE) / STABLE))
-            changed = {"steps": done + more, "decay": more / (done + more)}
-            write_config(left, self.config, seed=self.seed, **changed)
-        model = self.train(left, branch, BudgetTrainer)
-        hub.save_model(model, branch / "model", card=f"A point of {Path(__file__).name}.\n")
-
-
-def last_line(folder: Path) -> dict:
-    """What a training has spent so far."""
-    lines = (folder / "spent.jsonl").read_text(encoding="utf-8").splitlines()
-    return json.loads(lines[-1])
-
-
-def _dance_to(path: Path, model: Path, window: Window, seed: int, sampling: Sampling) -> None:
-    torch.set_num_threads(1)
-    motion = dance(_loaded(model), window, seed=seed, naive=False, sampling=sampling)
-    motion.meta["kind"] = "generated"
-    motion.save(path)
-
-
-def _loaded(folder: Path, _known={}):  # noqa: B006 (one a process; models are small)
-    if folder not in _known:
-        _known.clear()
-        _known[folder] = hub.load(folder)
-    return _known[folder]
+def dance_window(model: Pipeline, window: Window, seed: int, *, sampling: Sampling) -> Motion:
+    """As the tables of bars.py have it: group models are asked for the window's orders."""
+    return dance(model, window, seed=seed, naive=False, sampling=sampling)
 
 
 @dataclass
@@ -275,7 +94,7 @@ class Scaling:
                 for budget, branch in run.models(self.budgets(seed)):
                     points.append(self.point(config.stem, seed, budget, branch))
                     self.write(points)
-        draw(points, self.figure)
+        draw_quality(points, METRICS, self.figure)
 
     def budgets(self, seed: int) -> tuple[float, ...]:
         """Minutes that are trained with a seed."""
@@ -304,7 +123,7 @@ class Scaling:
         """The strength with the lowest FID_k + GMR on songs that are not of the table."""
         if (
             len(self.autoguidance) == 1
-            or preconditioning_of(_loaded(branch / "model").model) is None
+            or preconditioning_of(loaded(branch / "model").model) is None
         ):
             return 1.0 if len(self.autoguidance) > 1 else self.autoguidance[0], {}
         some = chosen(list(windows(str(self.tuning), 150, ("synthetic",))), self.tuned)
@@ -318,35 +137,20 @@ class Scaling:
         self, branch: Path, some: list[Window], strength: float, name: str
     ) -> tuple[dict[str, list], float]:
         """Dance the windows again; every metric, and the share that ends in the order asked for."""
-        folder = branch / f"dances-{name}"
-        folder.mkdir(exist_ok=True)
-        files = [folder / f"{window.name}.npz" for window in some]
+        how = {"workers": self.workers}
         sampling = Sampling(**asdict(self.sampling) | {"autoguidance": strength})
-        jobs = [
-            joblib.delayed(_dance_to)(path, branch / "model", window, seed, sampling)
-            for seed, (path, window) in enumerate(zip(files, some, strict=True))
-            if not path.exists()
-        ]
-        if jobs:
-            run = joblib.Parallel(min(self.workers, len(jobs)), return_as="generator")
-            list(tqdm(run(jobs), total=len(jobs), desc=f"dancing {name}"))
-        beats = [window.beats for window in some]
-        how = {"window": 150, "workers": self.workers}
-        measured, _ = measure_all(list(files), beats, "dances", **how)
-        rows = {row.name: row for row in table_rows(measured, self.reference)}
+        by = partial(dance_window, sampling=sampling)
+        files = danced(branch / f"dances-{name}", branch / "model", some, by, **how)
         kept = [
             obeys(Motion.load(path).root, window.orders()[-1])
             for path, window in zip(files, some, strict=True)
         ]
-        cells = {name: [row.value, row.low, row.high] for name, row in rows.items()}
-        return cells, float(np.mean(kept))
+        return scores_of(files, some, self.reference, **how), float(np.mean(kept))
 
     @cached_property
     def reference(self) -> list[Measured]:
         """What the dances are compared with, measured once."""
-        sources = find_dances([self.other])
-        none = itertools.repeat(None)
-        return measure_all(sources, none, "reference", window=150, workers=self.workers)[0]
+        return reference_of(self.other, workers=self.workers)
 
     def write(self, points: list[dict]) -> None:
         """The points as a table of the pages: a row each and length."""
@@ -377,46 +181,6 @@ def rounded(cell: list):
     """A value with its interval, or alone; None where there is none."""
     value, *interval = (None if v is None or np.isnan(v) else float(f"{v:.4g}") for v in cell)
     return value if None in (value, *interval) else [value, *interval]
-
-
-def draw(points: list[dict], path: Path) -> None:
-    """A row for each metric and length, against seconds and against dancer windows."""
-    lengths = list(points[0]["scores"])
-    shape = (len(METRICS), 2 * len(lengths))
-    figure, panels = plt.subplots(*shape, figsize=(3.2 * shape[1], 2.0 * shape[0]), squeeze=False)
-    axes = [(frames, x) for frames in lengths for x in ("spent", "windows")]
-    for row, metric in zip(panels, METRICS, strict=True):
-        for panel, (frames, x) in zip(row, axes, strict=True):
-            for k, config in enumerate(dict.fromkeys(p["config"] for p in points)):
-                line = mean_line([p for p in points if p["config"] == config], metric, frames, x)
-                panel.plot(*line, "o-", ms=3, lw=1.2, color=DANCER_COLORS[k], label=config)
-            words = "seconds of computing" if x == "spent" else "dancer windows"
-            bare(panel).set(xscale="log", xlabel=words)
-            panel.set_title(f"{metric}, {frames} frames", loc="left", fontsize=8)
-    panels[0, 0].legend(frameon=False, fontsize=7)
-    figure.tight_layout()
-    path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=110)
-    plt.close(figure)
-
-
-def mean_line(points: list[dict], metric: str, frames: str, x: str) -> tuple[list, list]:
-    """Means over seeds, budget by budget.
-
-    >>> two = [{"minutes": 1, "spent": s, "scores": {"150": {"GMR": [v, None, None]}}}
-    ...        for s, v in ((60, 3.0), (62, 5.0))]
-    >>> mean_line(two, "GMR", "150", "spent")
-    ([61.0], [4.0])
-    """
-    budgets = sorted({p["minutes"] for p in points})
-    groups = [[p for p in points if p["minutes"] == budget] for budget in budgets]
-    where = [float(np.mean([p[x] for p in same])) for same in groups]
-    values = [
-        float(np.nanmean([np.nan if (v := p["scores"][frames][metric][0]) is None else v
-                          for p in same]))
-        for same in groups
-    ]  # fmt: skip
-    return where, values
 
 
 if __name__ == "__main__":

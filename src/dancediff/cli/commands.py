@@ -9,6 +9,7 @@ from typing import Literal
 
 import tyro
 
+from dancediff.cli.bench_models import BenchModels
 from dancediff.cli.convert import Convert
 from dancediff.cli.doctor import Doctor
 from dancediff.cli.evaluate import Evaluate
@@ -242,6 +243,7 @@ COMMANDS = {
     "prepare": Prepare,
     "train": Train,
     "ablate": Ablate,
+    "bench-models": BenchModels,
     "warm": Warm,
     "doctor": Doctor,
 }

@@ -5,6 +5,7 @@ import sys
 
 import pytest
 
+from dancediff.bench.budget import spent_until
 from dancediff.data.choreographed import choreograph_jobs, choreographed_takes
 from dancediff.data.prepare import prepare
 from dancediff.training.checkpoint import NAME, read_facts
@@ -86,7 +87,7 @@ def test_what_was_spent_is_known_after_a_pause(config, takes, tmp_path):
     assert second["windows"] == 4 * second["step"]
     (run.folder / "spent.jsonl").unlink()
     with pytest.raises(ValueError, match="does not say what the first"):
-        bench.spent_until(run.folder, second["step"])
+        spent_until(run.folder, second["step"])
 
 
 def test_points_are_scored_searched_written_and_drawn(takes, held, tmp_path, monkeypatch):

@@ -1,0 +1,1 @@
+"""Systems side by side: trained for the same computing, dancing the same windows, scored alike."""

@@ -1,0 +1,196 @@
+r"""Trainings with a budget of computing, and branches that leave them.
+
+Read first: `dancediff.training.trainer`.
+
+One run goes on at a constant learning rate. A branch leaves it when four fifths of a budget are
+spent, and lets the rate fall to zero over the rest: a branch is what a training of just that budget
+would be (Hägele et al. 2024). Budgets are minutes of processor time of all threads, so what else
+the machine does changes nothing. A run that was stopped goes on from its checkpoint.
+
+Symbols (axes: b windows · n dancers)
+    spent    processor time of a training, seconds
+    windows  dancer windows that were learned from, b n a step
+"""
+
+import json
+import shutil
+import time
+import tomllib
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from dancediff import hub
+from dancediff.training.checkpoint import NAME
+from dancediff.training.run import train_from_config
+from dancediff.training.trainer import Trainer
+
+FOREVER = 10**7  # steps of the run that branches leave
+STABLE = 0.8  # share of a budget at the constant rate
+
+
+class Counted:
+    """Windows that count how many dancers they handed out."""
+
+    def __init__(self, data):
+        self.data, self.windows = data, 0
+
+    def batch(self, number: int):
+        """As the data has it."""
+        batch = self.data.batch(number)
+        self.windows += batch[0].shape[0] * batch[0].shape[1]
+        return batch
+
+
+class BudgetTrainer(Trainer):
+    """A trainer that knows what it has spent, also after a pause.
+
+    ``spent.jsonl`` beside the checkpoint holds a line for every step that has had one: what was
+    spent until then. It is written before the checkpoint.
+    """
+
+    def __init__(self, *args, **options):
+        super().__init__(*args, **options)
+        if self.out is None:
+            raise ValueError("out=None: a training with a budget needs a folder for what it spent")
+        self.data = Counted(self.data)
+        self.spent, self.data.windows = spent_until(self.out, self.first)
+
+    def step(self, step: int) -> dict[str, float]:
+        """As any trainer, timed."""
+        began = time.process_time()
+        row = super().step(step)
+        self.spent += time.process_time() - began
+        return row
+
+    def _save(self, step: int, logger, signals) -> None:
+        due = step % self.config.save_every == 0 or step == self.config.steps
+        if due or signals.stop or signals.save:
+            line = json.dumps({"step": step, "spent": self.spent, "windows": self.data.windows})
+            assert self.out is not None
+            with (self.out / "spent.jsonl").open("a", encoding="utf-8") as file:
+                file.write(line + "\n")
+        super()._save(step, logger, signals)
+
+
+class StableTrainer(BudgetTrainer):
+    """Stops, with a checkpoint, as soon as ``until`` seconds are spent."""
+
+    until = np.inf
+
+    def _save(self, step: int, logger, signals) -> None:
+        enough = self.spent >= self.until
+        signals.save = signals.save or enough
+        super()._save(step, logger, signals)
+        if enough:
+            raise EnoughError
+
+
+class EnoughError(Exception):
+    """A training has spent what it was given."""
+
+
+def spent_until(folder: Path, step: int) -> tuple[float, int]:
+    """Seconds and dancer windows of a training's first steps.
+
+    Raises: ValueError where a checkpoint lies that no `BudgetTrainer` wrote.
+    """
+    if step == 0:
+        return 0.0, 0
+    path = folder / "spent.jsonl"
+    lines = path.read_text(encoding="utf-8").splitlines() if path.exists() else []
+    rows = [row for row in map(json.loads, lines) if row["step"] == step]
+    if not rows:
+        raise ValueError(f"{str(path)!r} does not say what the first {step} steps took; start anew")
+    return rows[-1]["spent"], rows[-1]["windows"]
+
+
+def write_config(path: Path, source: Path, **train) -> Path:
+    """A training config with other values in its table ``train``."""
+    tables = tomllib.loads(source.read_text(encoding="utf-8"))
+    tables["train"] = tables.get("train", {}) | {"evaluate_every": 0} | train
+    lines = []
+    for name, values in tables.items():
+        lines += [f"[{name}]", *(f"{key} = {json.dumps(value)}" for key, value in values.items())]
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return path
+
+
+@dataclass(frozen=True)
+class Run:
+    """A training with one seed, and the branches that leave it."""
+
+    config: Path
+    seed: int
+    folder: Path
+    data: Path | None
+    takes: list | None = None
+
+    def models(self, minutes: tuple[float, ...]) -> Iterator[tuple[float, Path]]:
+        """Every budget and the folder of its model, trained if it is not there."""
+        for budget in sorted(minutes):
+            branch = self.folder / f"{budget:g}min"
+            if not (branch / "model" / "config.json").exists():
+                if not (branch / NAME).exists():
+                    self.stable(60 * STABLE * budget)
+                    self.leave(branch)
+                self.anneal(branch)
+            yield budget, branch
+
+    def train(self, config: Path, out: Path, trainer: type[Trainer]):
+        """Go on, or begin; other settings than those before are meant."""
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", message=".*written with other settings.*")
+            return train_from_config(
+                config, out, trainer=trainer, takes=self.takes, data=self.data, resume=True
+            )
+
+    def stable(self, seconds: float) -> None:
+        """Train at the constant rate until so much is spent.
+
+        Raises: ValueError when more is spent already: budgets are trained in rising order.
+        """
+        path = self.folder / "stable.toml"
+        if (self.folder / NAME).exists() and last_line(self.folder)["spent"] > 1.1 * seconds:
+            raise ValueError(
+                f"{str(self.folder)!r} has trained for longer than {seconds:g} s; a shorter budget "
+                "needs a folder of its own (--out)"
+            )
+        write_config(path, self.config, seed=self.seed, steps=FOREVER, decay=0.0)
+
+        class Until(StableTrainer):
+            until = seconds
+
+        try:
+            self.train(path, self.folder, Until)
+        except EnoughError:
+            return
+
+    def leave(self, branch: Path) -> None:
+        """Copy the run to where a branch goes on, the checkpoint last."""
+        branch.mkdir(parents=True, exist_ok=True)
+        for name in ("spent.jsonl", "losses.csv", NAME):
+            if (self.folder / name).exists():
+                shutil.copyfile(self.folder / name, branch / f"{name}.part")
+                (branch / f"{name}.part").replace(branch / name)
+
+    def anneal(self, branch: Path) -> None:
+        """Let the learning rate fall to zero over the rest of the budget, and save the model."""
+        left = branch / "left.toml"
+        if not left.exists():
+            done = last_line(branch)["step"]
+            more = max(1, round(done * (1 - STABLE) / STABLE))
+            changed = {"steps": done + more, "decay": more / (done + more)}
+            write_config(left, self.config, seed=self.seed, **changed)
+        model = self.train(left, branch, BudgetTrainer)
+        hub.save_model(model, branch / "model", card="A branch of a training with a budget.\n")
+
+
+def last_line(folder: Path) -> dict:
+    """What a training has spent so far."""
+    lines = (folder / "spent.jsonl").read_text(encoding="utf-8").splitlines()
+    return json.loads(lines[-1])

@@ -1,0 +1,159 @@
+"""The bench of systems: one config each, trained for the same budgets, scored on the same windows.
+
+Read first: `dancediff.bench.budget` · `dancediff.bench.scores`.
+
+In the output folder
+
+    held/, reference/            windows to dance, takes to compare with, unless they are given
+    SYSTEM-SEED/                 the run that branches leave
+    SYSTEM-SEED/BUDGETmin/       a branch: checkpoint, model/, dances-FRAMES/, point.json
+
+so what is done is not done again, and a training that was stopped goes on from its checkpoint.
+"""
+
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial
+from pathlib import Path
+from typing import Any
+
+from dancediff import hub
+from dancediff.bench.budget import Run, last_line
+from dancediff.bench.held_out import SEGMENT, Window, chosen, windows
+from dancediff.bench.scores import danced, reference_of, scores_of
+from dancediff.data.choreographed import choreograph_jobs
+from dancediff.data.prepare import prepare
+from dancediff.generation.pipeline import Pipeline
+from dancediff.metrics.measure import Measured
+from dancediff.motion.motion import Motion
+from dancediff.training.autoregressive import is_autoregressive
+from dancediff.training.lodge import is_lodge
+from dancediff.training.tables import read_training
+
+HELD, REFERENCE = 500_000, 700_000  # the first songs of both sets; training begins at 0
+METRICS = ("FID_k", "FID_g", "Div_k", "Div_g", "GMR", "GMC", "TIF", "MMC", "BAS", "PFC", "FSR")
+TRUTH = "held-out dances"
+BARE: dict[str, Any] = {  # nothing of ours while a dance is sampled, and no guidance
+    "sampler": "ddim",
+    "eta": 0.0,
+    "guidance": 1.0,
+    "autoguidance": 1.0,
+    "foot_contact": False,
+    "collision_avoidance": False,
+    "order_constraint": False,
+    "frequency_clip": False,
+}
+
+
+def bare_dance(model: Pipeline, window: Window, seed: int, *, steps: int) -> Motion:
+    """The window's music, danced by as many, with none of our additions to sampling."""
+    asked = BARE | {"steps": steps}
+    options = {name: value for name, value in asked.items() if name in model.request.names()}
+    return model.generate(window, dancers=window.motion.num_dancers, seed=seed, **options)
+
+
+@dataclass
+class ModelBench:
+    """Points of a comparison: a system, a seed and a budget each, with what its dances score.
+
+    ``configs`` name the systems; ``held`` and ``other`` are prepared folders, by default made of
+    ``songs`` synthetic dances each; ``data`` is learned from, by default what each config says.
+
+    Raises: ValueError for a config of a system that is trained in stages, or two of one name.
+    """
+
+    configs: Sequence[Path]
+    out: Path
+    data: Path | None = None
+    held: Path | None = None
+    other: Path | None = None
+    minutes: Sequence[float] = (30.0,)
+    seeds: Sequence[int] = (0, 1, 2)
+    frames: Sequence[int] = (SEGMENT,)
+    count: int = 60  # windows of every length
+    songs: int = 100  # synthetic dances, each to its own song, in the place of held and other
+    steps: int = 20  # of denoising
+    workers: int = 1
+    takes: list | None = None  # to learn from, in the place of ``data``
+
+    def __post_init__(self):
+        for config in self.configs:
+            tables = read_training(config)
+            if is_lodge(tables) or is_autoregressive(tables):
+                kind = tables["model"]["class"]
+                raise ValueError(
+                    f"config {str(config)!r}: {kind} is trained in stages, which share no budget; "
+                    "name configs of systems that are trained in one"
+                )
+        names = [config.stem for config in self.configs]
+        if twice := {name for name in names if names.count(name) > 1}:
+            raise ValueError(f"configs {sorted(twice)} have one name; give each its own")
+
+    def points(self) -> Iterator[dict]:
+        """Every point as soon as it is there, seed by seed: all systems have one before any two."""
+        for seed in self.seeds:
+            for config in self.configs:
+                folder = self.out / f"{config.stem}-{seed}"
+                run = Run(config, seed, folder, self.data, self.takes)
+                for budget, branch in run.models(tuple(self.minutes)):
+                    yield self.point(config.stem, seed, budget, branch)
+
+    def point(self, name: str, seed: int, budget: float, branch: Path) -> dict:
+        """Score a model, or read what was found before with the same windows and steps."""
+        path = branch / "point.json"
+        how = {"count": self.count, "steps": self.steps, "frames": list(self.frames)}
+        if path.exists():
+            known = json.loads(path.read_text(encoding="utf-8"))
+            if known["how"] == how:
+                return known
+        weights = sum(p.numel() for p in hub.load(branch / "model").model.parameters())
+        found = last_line(branch) | {"config": name, "seed": seed, "minutes": budget}
+        found |= {"weights": weights, "how": how, "scores": {}}
+        for frames in self.frames:
+            dances = self.dances(branch, frames)
+            rows = scores_of(dances, self.windows(frames), self.reference, workers=self.workers)
+            found["scores"][str(frames)] = {metric: rows[metric] for metric in METRICS}
+        path.write_text(json.dumps(found) + "\n", encoding="utf-8")
+        return found
+
+    def dances(self, branch: Path, frames: int) -> list[Path]:
+        """The files of a model's dances, in the order of the windows."""
+        folder = branch / f"dances-{frames}-{self.steps}"
+        dance = partial(bare_dance, steps=self.steps)
+        return danced(folder, branch / "model", self.windows(frames), dance, workers=self.workers)
+
+    @cached_property
+    def truth(self) -> dict:
+        """The point of the windows' own dances: what would be perfect."""
+        scores = {}
+        for frames in self.frames:
+            some = self.windows(frames)
+            rows = scores_of([w.motion for w in some], some, self.reference, workers=self.workers)
+            scores[str(frames)] = {metric: rows[metric] for metric in METRICS}
+        return {"config": TRUTH, "scores": scores}
+
+    def windows(self, frames: int) -> list[Window]:
+        """Those that every system dances."""
+        if frames not in self._windows:
+            folder = self.held or self._made("held", HELD)
+            self._windows[frames] = chosen(list(windows(str(folder), frames)), self.count)
+        return self._windows[frames]
+
+    @cached_property
+    def _windows(self) -> dict[int, list[Window]]:
+        return {}
+
+    @cached_property
+    def reference(self) -> list[Measured]:
+        """What dances are compared with, measured once."""
+        folder = self.other or self._made("reference", REFERENCE)
+        return reference_of(folder, workers=self.workers)
+
+    def _made(self, name: str, seed: int) -> Path:
+        """A folder of synthetic dances to songs that no training has."""
+        folder = self.out / name
+        seconds = max(*self.frames, SEGMENT) / 30 + 1
+        jobs = choreograph_jobs(self.songs, seconds=seconds, seed=seed, varied=True)
+        prepare(jobs, folder, workers=self.workers, progress=False)
+        return folder
