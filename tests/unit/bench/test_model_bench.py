@@ -67,7 +67,7 @@ def test_one_command_trains_dances_scores_and_draws(out):
         assert (made["steps"], made["sampler"], made["kind"]) == (2, "ddim", "generated")
         assert not any(made.get(name) for name in BARE if BARE[name] is False)
     table = (out / "results.md").read_text(encoding="utf-8")
-    assert all(f"| {name}, 0.00667 min, 150 frames |" in table for name in SYSTEMS)
+    assert all(f"| {name}, {BUDGET:g} min, 150 frames |" in table for name in SYSTEMS)
     assert f"| {TRUTH}, 150 frames |" in table and "GMR ↓" in table
     for name in ("quality.png", "filmstrips.png"):
         assert (out / name).stat().st_size > 10_000
