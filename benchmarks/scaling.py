@@ -36,10 +36,6 @@ from dancediff.bench.held_out import Window, chosen, windows
 from dancediff.bench.pictures import draw_quality
 from dancediff.bench.scores import danced, loaded, reference_of, scores_of
 from dancediff.extensions.preconditioning import preconditioning_of
-from dancediff.metrics.dances import find_dances
-from dancediff.metrics.measure import Measured
-from dancediff.metrics.measure_all import measure_all
-from dancediff.metrics.rows import table_rows
 from dancediff.generation.pipeline import Pipeline
 from dancediff.metrics.measure import Measured
 from dancediff.metrics.swaps import obeys
