@@ -15,7 +15,8 @@ from dancediff import hub
 from dancediff.bench.held_out import SEGMENT, Window
 from dancediff.generation.pipeline import Pipeline
 from dancediff.metrics.dances import find_dances
-from dancediff.metrics.measure import Measured, measure_all
+from dancediff.metrics.measure import Measured
+from dancediff.metrics.measure_all import measure_all
 from dancediff.metrics.rows import table_rows
 from dancediff.motion.motion import Motion
 
