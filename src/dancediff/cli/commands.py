@@ -47,6 +47,8 @@ class Prepare:
     """For songs: how many changed versions of each are danced to as well; default: 0."""
     licence: str | None = None
     """For songs and folder: the licence of what no file beside it tells about."""
+    split: Literal["genre", "dancer"] | None = None
+    """For finedance: by genre, as both papers do and the default, or by dancer."""
     group: str | None = None
     """For folder: how files of one group are named, such as "{take}_{dancer}"."""
     fps: float | None = None
@@ -77,6 +79,7 @@ class Prepare:
             dances_per_song=self.dances_per_song,
             augment=self.augment,
             licence=self.licence,
+            split=self.split,
             group=self.group,
             fps=self.fps,
             up=self.up,

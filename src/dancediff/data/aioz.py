@@ -1,7 +1,9 @@
 r"""AIOZ-GDance: groups of two to seven people, dancing in videos, 30 frames a second.
 
+Read first: data_prep/README.md.
+
     motions_smpl/<take>.pkl     smpl_poses (n, f, 72) axis-angle, root_trans (n, f, 3) metres, y up
-    musics/<take>.wav           from the same moment on (some copies call the folder musics438)
+    musics/<take>.wav           from the same moment on (or musics438/, or music/)
     train_split_sequence_names.txt, val_…, test_…     one take a line
     *.csv                       of a later release: dance style and music genre of each take
 
@@ -22,6 +24,7 @@ from dancediff.axes import FPS
 from dancediff.data.formats import find_song, group_takes, plain_array, read_splits, smpl_take
 from dancediff.data.take import SPLITS, DanceTake, Job
 
+SONGS = ("musics", "musics438", "music")  # of the README, and of copies
 WIDTH = 72  # 24 joints
 WITHOUT_HANDS = 66
 SOURCE = "AIOZ-GDance (Le et al., CVPR 2023), github.com/aioz-ai/AIOZ-GDANCE"
@@ -49,7 +52,7 @@ def aioz_jobs(src) -> list[Job]:
     jobs = []
     for name, split in splits.items():
         path = src / "motions_smpl" / f"{name}.pkl"
-        song = find_song([src / "musics", src / "musics438"], [name])
+        song = find_song([src / folder for folder in SONGS], [name])
         label = labels.get(name, {})
         facts: dict = {"split": split, "group": f"aioz {groups[name]}", "source": SOURCE}
         facts |= {"licence": LICENCE, "genre": label.get("genre") or label.get("style")}

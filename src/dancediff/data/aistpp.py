@@ -63,7 +63,7 @@ def aistpp_jobs(src) -> list[Job]:
         if path.is_file()
         for name in read_names(path)
     }
-    songs = [src / "wavs", src / "musics", src / "music"]
+    songs = [src / folder for folder in ("wavs", "wav", "musics", "music")]
     jobs = []
     for name in [name for name in splits if name not in ignored]:
         music, path = music_id(name), src / "motions" / f"{name}.pkl"

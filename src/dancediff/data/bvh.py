@@ -167,7 +167,7 @@ class _Lines:
 def _text_of(source) -> str:
     if isinstance(source, str) and ("\n" in source or not source.strip()):
         return source
-    return Path(source).read_bytes().decode("utf-8", errors="replace")
+    return Path(source).read_bytes().decode("utf-8-sig", errors="replace")
 
 
 def _read_tree(lines: _Lines) -> list[tuple[str, int, list[float], list[str]]]:

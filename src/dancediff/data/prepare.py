@@ -12,10 +12,11 @@ import contextlib
 import errno
 import json
 import shutil
+import sys
 from collections import Counter
 from dataclasses import is_dataclass
-from functools import partial
-from hashlib import sha256
+from functools import lru_cache, partial
+from hashlib import file_digest, sha256
 from pathlib import Path
 
 from tqdm.auto import tqdm
@@ -123,8 +124,9 @@ def run_job(job: Job, out: Path) -> str:
 def recipe(job: Job) -> str:
     """A hash of what a take follows from: function, arguments and our own code.
 
-    Of files that are arguments only name and size count, so a data set may be moved; files that a
-    job finds in a folder do not count. To make a take anew, delete it.
+    Of files that are arguments name and content count, so a data set may be moved; of functions
+    that are not ours the file they stand in. Files that a job finds in a folder do not count. To
+    make a take anew, delete it.
     """
     text = f"{code_digest()} {_words(job.make)}"
     return sha256(text.encode()).hexdigest()[:16]
@@ -134,7 +136,7 @@ def _words(x) -> str:
     if isinstance(x, partial):
         return f"{_words(x.func)}{_words(x.args)}{_words(x.keywords)}"
     if isinstance(x, Path):
-        return f"{x.name}:{x.stat().st_size if x.is_file() else ''}"
+        return f"{x.name}:{_content(x) if x.is_file() else ''}"
     if is_dataclass(x) and not isinstance(x, type):
         x = vars(x)
     if isinstance(x, dict):
@@ -142,8 +144,22 @@ def _words(x) -> str:
     if isinstance(x, list | tuple):
         return f"({','.join(map(_words, x))})"
     if callable(x):
-        return f"{x.__module__}.{getattr(x, '__qualname__', x)}"
+        own = not x.__module__.startswith("dancediff.")
+        file = getattr(sys.modules.get(x.__module__), "__file__", None)
+        code = _content(Path(file)) if own and file is not None else ""
+        return f"{x.__module__}.{getattr(x, '__qualname__', x)}{code}"
     return repr(x)
+
+
+def _content(path: Path) -> str:
+    stat = path.stat()
+    return _digest(path, stat.st_size, stat.st_mtime_ns)
+
+
+@lru_cache(maxsize=4096)
+def _digest(path: Path, _size: int, _changed: int) -> str:
+    with path.open("rb") as file:  # a song of several takes is read once
+        return file_digest(file, "sha256").hexdigest()[:16]
 
 
 def _find(out: Path, name: str) -> Path | None:

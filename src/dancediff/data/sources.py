@@ -13,6 +13,7 @@ READERS = {
     "aistpp": ("dancediff.data.aistpp", "aistpp_jobs"),
     "cmu": ("dancediff.data.cmu", "cmu_jobs"),
 }
+SPLIT = {"finedance": ("split",)}  # of those with two ways to split
 MADE = {  # sources whose dances the choreographer makes, and the options they take
     "choreograph": ("seconds", "seed"),
     "songs": ("seconds", "dances_per_song", "augment", "licence"),
@@ -26,7 +27,8 @@ def source_jobs(name: str, src, **options) -> list[Job]:
     """Jobs of a data set or of songs in the folder ``src``; of "choreograph" ``src`` is how many.
 
     ``options`` are for what the choreographer dances: `choreograph_jobs` has "seconds" and "seed",
-    `song_jobs` "seconds", "dances_per_song", "augment" and "licence". None stands for defaults.
+    `song_jobs` "seconds", "dances_per_song", "augment" and "licence"; "split" is for
+    `finedance_jobs`. None stands for defaults.
 
     A folder of anybody's motion has more to it than jobs: see `prepare_source`.
 
@@ -38,7 +40,7 @@ def source_jobs(name: str, src, **options) -> list[Job]:
     known = (*READERS, *MADE)
     if name not in known:
         raise ValueError(f"source={name!r} is not one of {', '.join(known)}")
-    given = _options(name, MADE.get(name, ()), options)
+    given = _options(name, MADE.get(name, SPLIT.get(name, ())), options)
     if name == "choreograph":
         from dancediff.data.choreographed import choreograph_jobs
 
@@ -54,7 +56,7 @@ def source_jobs(name: str, src, **options) -> list[Job]:
 
         return song_jobs(src, **given)
     module, function = READERS[name]
-    return getattr(importlib.import_module(module), function)(Path(src))
+    return getattr(importlib.import_module(module), function)(Path(src), **given)
 
 
 def _options(name: str, allowed: tuple[str, ...], options: dict) -> dict:

@@ -7,6 +7,7 @@ from pathlib import Path
 from dancediff.axes import FPS
 from dancediff.data.take import SPLITS
 
+SILENT = "none"
 # of a retargeted take, see `dancediff.data.retarget.measure`
 MEASURED = ("direction_error", "skating_source", "skating", "penetration_p95", "lowest_median")
 
@@ -47,6 +48,23 @@ class Summary:
             skipped=self.skipped | later.skipped,
         )
 
+    @property
+    def lacks(self) -> list[str]:
+        """Why one cannot learn from the folder, or not as it was meant.
+
+        >>> Summary(Path(), counts={("real", "none", 1): Counter(takes=1, val=1)}).lacks[0]
+        'no take has music, so none can be trained on: data_prep/README.md says where songs lie'
+        """
+        takes = sum(self.counts.values(), Counter())
+        found = []
+        if takes and {music for _, music, _ in self.counts} == {SILENT}:
+            where = "data_prep/README.md says where songs lie"
+            found.append(f"no take has music, so none can be trained on: {where}")
+        if takes["val"] > takes["train"]:
+            why = "a few songs may fall so; prepare more"
+            found.append(f"{takes['train']} takes are to train on, {takes['val']} in val: {why}")
+        return found
+
     def facts(self) -> dict:
         """The same as plain JSON."""
         rows = [
@@ -55,6 +73,7 @@ class Summary:
         ]
         facts = {"folder": str(self.folder), "made": self.made, "kept": self.kept}
         facts |= {"doubts": self.doubts} if self.doubts else {}
+        facts |= {"lacks": self.lacks} if self.lacks else {}
         return facts | {"skipped": self.skipped, "takes": rows, "measured": self.measured}
 
     def __str__(self) -> str:
@@ -73,6 +92,7 @@ class Summary:
             )
         lines += ["", "in doubt:"] if self.doubts else []
         lines += [f"    {name}: {'; '.join(why)}" for name, why in sorted(self.doubts.items())]
+        lines += ["", *self.lacks] if self.lacks else []
         lines += ["", f"made {self.made}, kept {self.kept}, skipped {len(self.skipped)}"]
         lines += [f"    {name}: {reason}" for name, reason in sorted(self.skipped.items())]
         return "\n".join(lines)

@@ -45,7 +45,7 @@ def save_bvh(motion: Motion, path) -> Path:
 def load_bvh(path) -> Motion:
     """Read a BVH file with the joint tree that `save_bvh` writes; a solo.
 
-    Other trees, such as those of a motion capture studio, need `dancediff.data.retarget`.
+    Other trees, such as those of a motion capture studio, are read by `dancediff prepare folder`.
 
     Raises: FileNotFoundError, or ValueError naming the file and what is wrong with it.
     """
@@ -55,7 +55,7 @@ def load_bvh(path) -> Motion:
     if set(places) != set(SMPL24.names):
         raise ValueError(
             f"{path} has the joints {', '.join(places)}, not those of SMPL-24 as dancediff writes "
-            "them; see dancediff.data.retarget"
+            "them; `dancediff prepare folder` reads any body, see docs/your_own.md"
         )
     index = [places[name] for name in SMPL24.names]
     parents = [-1 if bvh.parents[j] < 0 else index.index(bvh.parents[j]) for j in index]

@@ -152,9 +152,10 @@ def test_missing_and_silent_music(data, dance):
     assert (take.music, take.M) == ("none", None) and take.notes["silent"]
 
 
-def test_music_in_the_folder_of_tcdiff(data, dance):
+@pytest.mark.parametrize("folder", ["musics438", "music"])
+def test_music_in_the_folder_of_a_copy(data, dance, folder):
     name = data.add("a", content(dance, 2))
-    (data.path / "musics").rename(data.path / "musics438")
+    (data.path / "musics").rename(data.path / folder)
     assert data.make(name).music == "original"
 
 

@@ -119,6 +119,8 @@ def test_music_by_take_or_by_its_own_name_or_none(data, dance):
     assert data.make(name).notes["song"] == "mBR0.flac"
     data.song.save(data.path / "wavs" / f"{name}.wav")
     assert data.make(name).notes["song"] == f"{name}.wav"
+    (data.path / "wavs").rename(data.path / "wav")
+    assert data.make(name).notes["song"] == f"{name}.wav"
 
 
 @pytest.mark.parametrize(

@@ -44,6 +44,12 @@ def round_trip_error(dance, path):
     return (bvh.world()[0][:, at] - dance.joints()[0]).norm(dim=-1).max().item()
 
 
+def test_a_byte_order_mark_is_passed_over(tmp_path):
+    """Windows programs put one at the beginning of a text."""
+    (tmp_path / "a.bvh").write_text(SMALL, encoding="utf-8-sig")
+    assert read_bvh(tmp_path / "a.bvh").names == read_bvh(SMALL).names
+
+
 def test_places_joints_as_computed_by_hand():
     points, _ = read_bvh(SMALL).world()
     expected = [[[0, 1, 0], [0.1, 1, 0], [0.1, 0.6, 0]], [[0, 1, 0], [0, 1.1, 0], [0, 1.1, -0.4]]]

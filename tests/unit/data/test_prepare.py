@@ -1,5 +1,6 @@
 """Preparing: the same bytes however often it is stopped, nothing skipped silently, flat memory."""
 
+import importlib
 import json
 import multiprocessing
 import os
@@ -203,8 +204,19 @@ def test_recipe_follows_arguments_not_places(tmp_path):
     assert of(tmp_path / "a" / "dance.bvh") == of(tmp_path / "b" / "dance.bvh")
     assert of("x", 1) != of("x", 2) and of("x", n=1) != of("x", n=2)
     assert recipe(Job("x", partial(partial(tiny, "x"), 1))) != of("x", 2)
-    (tmp_path / "b" / "dance.bvh").write_text("other")
+    (tmp_path / "b" / "dance.bvh").write_text("asme")  # of the same size
     assert of(tmp_path / "a" / "dance.bvh") != of(tmp_path / "b" / "dance.bvh")
+
+
+def test_a_changed_reader_of_ones_own_is_another_recipe(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(tmp_path)
+    found = set()
+    for text in ("def read(name): return 1\n", "def read(name): return 2\n"):
+        (tmp_path / "reader_of_mine.py").write_text(text)
+        monkeypatch.delitem(sys.modules, "reader_of_mine", raising=False)
+        read = importlib.import_module("reader_of_mine").read
+        found.add(recipe(Job("x", partial(read, "x"))))
+    assert len(found) == 2
 
 
 def test_damaged_take_is_made_anew(tmp_path):

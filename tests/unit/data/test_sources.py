@@ -1,6 +1,7 @@
 """`dancediff prepare`, as a user meets it."""
 
 import json
+from collections import Counter
 
 import pytest
 
@@ -8,6 +9,7 @@ from dancediff.cli import main
 from dancediff.data import sources
 from dancediff.data.prepared import PreparedData
 from dancediff.data.sources import SOURCES, source_jobs
+from dancediff.data.summary import Summary
 
 
 def last_line(capsys):
@@ -92,6 +94,26 @@ def test_mocap_gets_music_and_company(tmp_path, monkeypatch):
         ("real", 1), ("real", 2), ("composed", 3), ("composed", 4), ("composed", 5)
     }  # fmt: skip
     assert data.by_name["d0"].songs == 3
+
+
+def test_what_cannot_be_trained_on_is_said_at_once(tmp_path, capsys):
+    """Of one song all dances are in one split, and song 1 is in val; training would fail later."""
+    args = ["prepare", "choreograph", "2", str(tmp_path / "data"), "--seconds", "5", "--seed", "1"]
+    assert main(args) == 0
+    assert "0 takes are to train on, 2 in val" in capsys.readouterr().out
+    assert main([*args, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["lacks"]
+    counts = {("real", music, 2): Counter(takes=1, train=1) for music in ("none", "original")}
+    assert Summary(tmp_path, counts=counts).lacks == []
+    del counts["real", "original", 2]
+    assert "no take has music" in str(Summary(tmp_path, counts=counts))
+
+
+def test_split_is_an_option_of_finedance(tmp_path, capsys):
+    assert main(["prepare", "finedance", str(tmp_path), "out", "--split", "dancer"]) == 2
+    assert "unpack FineDance there" in last_line(capsys)
+    assert main(["prepare", "aioz", str(tmp_path), "out", "--split", "dancer"]) == 2
+    assert "split='dancer' is no option of aioz" in last_line(capsys)
 
 
 def test_train_reads_a_prepared_folder(tmp_path, capsys):

@@ -1,4 +1,5 @@
 import signal
+from types import SimpleNamespace
 
 import pytest
 import torch
@@ -14,7 +15,7 @@ from dancediff.training.evaluator import BATCHES, Evaluator
 from dancediff.training.logger import Logger
 from dancediff.training.objective import GroupObjective
 from dancediff.training.optimizer import make_optimizer, set_learning_rate
-from dancediff.training.trainer import Trainer
+from dancediff.training.trainer import Trainer, name_of
 from toy_training import Data, Toy, ToyConfig, rows, train
 
 
@@ -416,3 +417,13 @@ def test_an_old_log_gets_new_columns(tmp_path):
     with Logger(tmp_path / "losses.csv", first=2) as log:
         log.write(2, {"total": 6.0, "lr": 0.1})
     assert [row["lr"] for row in rows(tmp_path)] == ["", "", "0.1"]
+
+
+def test_a_data_name_changes_with_the_frames():
+    def take(x):
+        return SimpleNamespace(name="a", x=x)
+
+    x = torch.zeros(2, 90, 151)
+    assert name_of([take(x)], {}) == name_of([take(x.clone())], {})
+    assert name_of([take(x)], {}) != name_of([take(x + 1)], {})
+    assert name_of([take(x)], {}) != name_of([take(x)], {"mirror": 0.5})
