@@ -47,7 +47,7 @@ quick: $(READY)
 test: export OMP_NUM_THREADS = 1
 test: $(READY)
 	$(BIN)/python -m pytest -n 2 --dist loadfile
-	$(BIN)/python notebooks/solve.py out/solved
+	$(BIN)/python notebooks/student.py --key out/solved
 	$(BIN)/python -m pytest --nbval-lax --nbval-current-env --nbval-cell-timeout=120 \
 	  -n 2 --dist loadfile -o addopts= notebooks/ out/solved/
 
@@ -75,6 +75,12 @@ lint: $(READY)
 
 lab: $(READY)
 	$(BIN)/jupyter lab notebooks/00_tour.ipynb
+
+# A student's copy of the lessons, and the answers for the teacher.
+course: $(READY)
+	$(BIN)/python notebooks/student.py out/course
+	$(BIN)/python notebooks/student.py --key out/key
+	@echo "Hand out out/course; out/key has the answers, out/key/key.md on one page."
 
 # Shows the outputs stored in the lessons and runs nothing. One resolve again, so PyTorch stays.
 $(VENV)/.docs: $(READY)

@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from dancediff.exercises import EXERCISES, OPEN, RIGHT, WRONG, Verdict, copies
+from dancediff.exercises import EXERCISES, OPEN, RIGHT, WRONG, copies, judge
 from dancediff.exercises.solutions import solution_text
 
 _lesson: dict = {"number": None, "start": 0.0}
@@ -93,25 +93,6 @@ def same(mine, library, name: str) -> None:
     mine, library = torch.as_tensor(mine), torch.as_tensor(library)
     torch.testing.assert_close(mine, library, rtol=1e-4, atol=1e-5, check_dtype=False)
     _say(f"{RIGHT} same as {name}")
-
-
-def judge(exercise: str, answer) -> Verdict:
-    """What `check` would print, as a Verdict; whatever the answer does, this does not raise.
-
-    >>> print(judge("00.1", ...))
-    ○ not attempted yet
-    """
-    if exercise not in EXERCISES:
-        return Verdict(
-            WRONG, f"there is no exercise {exercise!r}; there are {', '.join(EXERCISES)}"
-        )
-    try:
-        return EXERCISES[exercise].judge(answer)
-    except NotImplementedError:
-        return Verdict(OPEN, "not attempted yet")
-    except Exception as err:
-        hint = EXERCISES[exercise].hint
-        return Verdict(WRONG, f"your code raised {type(err).__name__}: {err}\n   hint: {hint}")
 
 
 def check(exercise: str, answer=None) -> None:
@@ -200,17 +181,12 @@ def _say(text: str) -> None:
 
 def main(arguments: list[str]) -> int:
     """``grade FOLDER``: print who solved what."""
-    from dancediff import grading
+    from dancediff.grading import command
 
-    if len(arguments) != 2 or arguments[0] != "grade":
-        _say("usage: python -m dancediff.nb grade FOLDER")
+    if arguments[:1] != ["grade"]:
+        _say("usage: python -m dancediff.nb grade FOLDER [--again] [--csv FILE]")
         return 2
-    try:
-        _say(grading.table(grading.grade(arguments[1])))
-    except (OSError, ValueError) as err:
-        _say(f"{err}")
-        return 2
-    return 0
+    return command.main(arguments[1:])
 
 
 if __name__ == "__main__":

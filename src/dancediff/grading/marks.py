@@ -1,0 +1,84 @@
+"""The marks of all notebooks in a folder.
+
+Marks are what `dancediff.nb.check` printed when a lesson was run; no student's code is run here.
+`dancediff.grading.replay` judges the answers again instead.
+"""
+
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+from dancediff.exercises import OPEN, RIGHT, WRONG
+
+NOT_RUN = "·"
+_CHECK = re.compile(r"nb\.check\(\s*[\"']([\d.]+)[\"']\s*,\s*(\w+)")
+
+
+def checks(book: dict) -> list[tuple[int, str, str]]:
+    """Every check of a notebook: number of its cell, exercise, name that is checked.
+
+    >>> cell = {"cell_type": "code", "source": 'nb.check("04.1", x0_from)'}
+    >>> checks({"cells": [cell]})
+    [(0, '04.1', 'x0_from')]
+    """
+    found = []
+    for k, cell in enumerate(book["cells"]):
+        match = _CHECK.search("".join(cell["source"])) if cell["cell_type"] == "code" else None
+        if match:
+            found.append((k, match[1], match[2]))
+    return found
+
+
+def marks(book: dict) -> dict[str, str]:
+    """The mark of every exercise of an executed notebook; "·" where the check was not run.
+
+    >>> said = {"output_type": "stream", "text": "✗ 04.1 yours [0], expected [1]"}
+    >>> cell = {"cell_type": "code", "source": 'nb.check("04.1", x0_from)', "outputs": [said]}
+    >>> marks({"cells": [cell]})
+    {'04.1': '✗'}
+    """
+    found = {}
+    for k, exercise, _ in checks(book):
+        outputs = book["cells"][k].get("outputs", ())
+        said = "".join("".join(o.get("text", "")) for o in outputs)
+        first = said.lstrip()[:1]
+        found[exercise] = first if first in (OPEN, WRONG, RIGHT) else NOT_RUN
+    return found
+
+
+def stored(path: Path) -> dict[str, str]:
+    """The marks that stand in a notebook's outputs."""
+    return marks(read_book(path))
+
+
+def read_book(path: Path) -> dict:
+    """A notebook as a dict.
+
+    Raises: ValueError when the file holds no JSON.
+    """
+    return json.loads(path.read_text(encoding="utf-8"))
+
+
+def grade(folder, read: Callable[[Path], dict[str, str]] = stored) -> list[dict]:
+    """The marks of every notebook in a folder and the folders in it.
+
+    ``read`` finds the marks of one file. A row is {"file", "marks"}; a file that is no notebook has
+    "failed", why, instead of marks.
+    Raises: FileNotFoundError when there is no such folder, ValueError when it has no notebook.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise FileNotFoundError(f"there is no folder {folder}")
+    files = sorted(p for p in folder.rglob("*.ipynb") if ".ipynb_checkpoints" not in p.parts)
+    if not files:
+        raise ValueError(f"{folder} has no notebook (*.ipynb) in it")
+    rows = []
+    for file in files:
+        row: dict = {"file": str(file.relative_to(folder))}
+        try:
+            row["marks"] = read(file)
+        except Exception as err:  # a damaged file of one student must not stop the others
+            row["failed"] = f"{type(err).__name__}: {err}"
+        rows.append(row)
+    return rows

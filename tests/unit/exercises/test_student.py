@@ -1,0 +1,80 @@
+"""What is handed out has no answers in it and runs where it lies; the key has them all."""
+
+import json
+import re
+import sys
+
+import nbformat
+import pytest
+
+from dancediff import grading, nb
+from dancediff.exercises.solutions import solution_text
+from places import BOOKS
+
+sys.path.insert(0, str(BOOKS))
+
+import student
+
+
+@pytest.fixture(scope="module")
+def folders(tmp_path_factory):
+    handed_out, key = (tmp_path_factory.mktemp(name) for name in ("course", "key"))
+    student.main(handed_out)
+    student.main(key, key=True)
+    return handed_out, key
+
+
+def lesson_names(folder):
+    return sorted(path.name for path in folder.glob("*.ipynb"))
+
+
+def test_both_have_all_lessons(folders):
+    assert all(lesson_names(folder) == lesson_names(BOOKS) for folder in folders)
+
+
+def test_students_get_no_stored_answer_and_no_solution(folders):
+    for path in folders[0].iterdir():
+        book = json.loads(path.read_text(encoding="utf-8"))
+        code = [cell for cell in book["cells"] if cell["cell_type"] == "code"]
+        assert not any(cell["outputs"] or cell["execution_count"] for cell in code)
+        sources = ["".join(cell["source"]) for cell in book["cells"]]
+        for _, exercise, _ in grading.checks(book):
+            assert solution_text(exercise) not in sources, exercise
+        assert set(grading.marks(book).values()) == {grading.NOT_RUN}
+        for link in re.findall(r"\]\(([^)#]+)\)", "\n".join(sources)):
+            assert link.startswith("http") or (folders[0] / link).exists(), link
+
+
+def test_the_lessons_themselves_stay_as_they_are(folders):
+    for path in BOOKS.glob("*.ipynb"):
+        mine = nbformat.read(folders[0] / path.name, 4)
+        its = nbformat.read(path, 4)
+        assert [cell.id for cell in mine.cells] == [cell.id for cell in its.cells]
+        assert [c.source for c in mine.cells if c.cell_type == "code"] == [
+            c.source for c in its.cells if c.cell_type == "code"
+        ]
+
+
+def test_the_key_has_every_exercise_with_its_reason(folders):
+    page = (folders[1] / "key.md").read_text(encoding="utf-8")
+    assert re.findall(r"^### ([\d.]+) ", page, re.MULTILINE) == list(nb.EXERCISES)
+    for exercise in nb.EXERCISES:
+        text = solution_text(exercise)
+        assert text in page and text.startswith("# ")
+    for path in folders[1].glob("*.ipynb"):
+        book = nbformat.read(path, 4)
+        sources = [cell.source for cell in book.cells]
+        assert all(solution_text(exercise) in sources for _, exercise, _ in grading.checks(book))
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(300)
+def test_a_copy_runs_where_it_lies(folders, monkeypatch):
+    from nbclient import NotebookClient
+
+    monkeypatch.setenv("OMP_NUM_THREADS", "1")
+    folder = folders[0]
+    book = nbformat.read(folder / "04_destroying_a_dance.ipynb", 4)
+    where = {"metadata": {"path": str(folder)}}
+    NotebookClient(book, timeout=200, kernel_name="python3", resources=where).execute()
+    assert set(grading.marks(book).values()) == {nb.OPEN}
