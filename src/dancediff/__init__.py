@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from dancediff.data.choreographer.choreograph import choreograph
     from dancediff.genre import genres
     from dancediff.hub import load, packaged_models, packaged_song
+    from dancediff.live_dance.notebook import live
     from dancediff.metrics.report import evaluate
     from dancediff.motion.motion import Motion
     from dancediff.music.song import Music
@@ -31,6 +32,7 @@ _HOME = {
     "evaluate": "dancediff.metrics.report",
     "genres": "dancediff.genre",
     "learning_curves": "dancediff.viz.learning_curves",
+    "live": "dancediff.live_dance.notebook",
     "load": "dancediff.hub",
     "packaged_models": "dancediff.hub",
     "packaged_song": "dancediff.hub",
@@ -44,6 +46,7 @@ __all__ = [
     "evaluate",
     "genres",
     "learning_curves",
+    "live",
     "load",
     "packaged_models",
     "packaged_song",

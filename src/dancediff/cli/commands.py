@@ -16,6 +16,7 @@ from dancediff.cli.evaluate import Evaluate
 from dancediff.cli.files import check_folder, tell
 from dancediff.cli.gallery import Gallery
 from dancediff.cli.generate import Generate
+from dancediff.cli.live import Live
 
 
 @dataclass
@@ -240,6 +241,7 @@ class Warm:
 
 COMMANDS = {
     "generate": Generate,
+    "live": Live,
     "evaluate": Evaluate,
     "gallery": Gallery,
     "convert": Convert,

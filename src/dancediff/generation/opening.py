@@ -67,6 +67,11 @@ class Opening:
             self._thread = threading.Thread(target=self._hear, daemon=True)
             self._thread.start()
 
+    @property
+    def all_heard(self) -> bool:
+        """Whether the features of the whole song are there."""
+        return self._thread is not None and not self._thread.is_alive()
+
     def _hear(self) -> None:
         try:
             self.song.features()

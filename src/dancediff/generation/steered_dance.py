@@ -98,9 +98,15 @@ class SteeredDance:
     def _shape(self) -> tuple[int, int]:
         return self.request.dancers, self.model.config.num_frames
 
+    @property
+    def can_form(self) -> bool:
+        """Whether the model can be told where to stand."""
+        preconditioned = preconditioning_of(self.model) is not None
+        return preconditioned and self.request.pinning in NOISY_CONTEXT
+
     def formation(self, places: Sequence) -> Constraint:
         """Places at a segment's end, in the network's units; raises as `form`."""
-        if preconditioning_of(self.model) is None or self.request.pinning not in NOISY_CONTEXT:
+        if not self.can_form:
             raise ValueError(
                 "formation= needs a model with preconditioning, and pinning='same_noise'; leave "
                 "it out"

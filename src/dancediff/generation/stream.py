@@ -130,7 +130,8 @@ class Stream(Iterator[Motion]):
         if knobs.get("formation") is not None:
             self._refuse_constraints("formation")
             dance.formation(knobs["formation"])
-        self._changes.append({"set": knobs})
+        if knobs:
+            self._changes.append({"set": knobs})
 
     def seek(self, seconds: float) -> None:
         """Go on at another second of the song; the dancers go on from where they are.
@@ -162,6 +163,23 @@ class Stream(Iterator[Motion]):
             return self.timing.pieces > 0
         waiting = any("seek" in change for change in (*self._changes, *self._script))
         return self._dance.over and not waiting
+
+    @property
+    def can_form(self) -> bool:
+        """Whether ``formation=`` may be set."""
+        return (
+            self._dance is not None and self._dance.can_form and self.request.constraint() is None
+        )
+
+    @property
+    def is_asked(self) -> bool:
+        """Whether something was asked for that no segment was danced with yet."""
+        return bool(self._changes)
+
+    @property
+    def all_heard(self) -> bool:
+        """Whether the features of the whole song are there."""
+        return self._opening is None or self._opening.all_heard
 
     def ahead(self, played: float | None = None) -> float:
         """Seconds of dance that are ready minus seconds that were played.

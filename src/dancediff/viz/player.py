@@ -17,7 +17,7 @@ import numpy as np
 from dancediff.atomic import atomic_write
 from dancediff.axes import ON_FLOOR
 from dancediff.motion.motion import Motion
-from dancediff.motion.skeleton import SMPL24
+from dancediff.motion.skeleton import SMPL24, Skeleton
 from dancediff.viz.mannequin import EGGS, FACE, SKULL, TUBES, steady_quaternions
 from dancediff.viz.palette import BEAT, FLOOR, GRID, MUTED, WALL, dancer_color
 from dancediff.viz.style import data_url, mp3
@@ -72,20 +72,27 @@ def save_player(
 
 def _facts(motions: list[Motion], song) -> dict:
     """What all panes share: length, beats, sound, the body, and where the floor lies."""
-    motion, skeleton = motions[0], motions[0].skeleton
+    motion = motions[0]
     floor = np.concatenate([m.root.numpy().reshape(-1, 3)[:, ON_FLOOR] for m in motions])
     low, high = floor.min(0), floor.max(0)
     beats = [] if song is None else song.beats()
-    return {
-        "title": " · ".join(
-            [*([song.name] if song is not None else []), f"{motion.num_dancers} dancers"]
-        ),
-        "fps": motion.fps,
-        "frames": motion.num_frames,
+    people = f"{motion.num_dancers} dancers"
+    title = people if song is None else f"{song.name} · {people}"
+    return shared_facts(motion.skeleton, title, frames=motion.num_frames, fps=motion.fps) | {
         "beats": [round(float(b), 3) for b in beats if b < motion.duration],
         "song": None if song is None else data_url(mp3(song, motion.duration), "audio/mpeg"),
         "centre": ((low + high) / 2).round().tolist(),
         "side": 2 * math.ceil((high - low).max() / 2 + 2),
+    }
+
+
+def shared_facts(skeleton: Skeleton, title: str, *, frames: int, fps: float) -> dict:
+    """What a page knows without a dance: its title and length, the body, the colours."""
+    return {
+        "title": title,
+        "fps": fps,
+        "frames": frames,
+        "beats": [],
         "body": {
             "names": skeleton.names,
             "parents": skeleton.parents,
@@ -100,11 +107,14 @@ def _facts(motions: list[Motion], song) -> dict:
 
 
 def _pane(motion: Motion, title: str, numbers: list) -> dict:
+    colors = [dancer_color(k) for k in range(motion.num_dancers)]
+    return {"title": title, "metrics": numbers, "colors": colors} | packed(motion)
+
+
+def packed(motion: Motion) -> dict:
+    """Rotations, roots and foot contacts as text."""
     bits = (motion.contacts().numpy() > 0.5).astype(np.uint8) @ np.array([1, 2, 4, 8], np.uint8)
     return {
-        "title": title,
-        "metrics": numbers,
-        "colors": [dancer_color(k) for k in range(motion.num_dancers)],
         "turns": _text(np.round(steady_quaternions(motion) * 32767).astype("<i2")),
         "root": _text(motion.root.numpy().astype("<f4")),
         "contact": _text(bits.astype(np.uint8)),

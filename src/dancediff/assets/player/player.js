@@ -2,6 +2,7 @@
 //
 // The page holds everything (data, song, this file), so it opens from disk without a network.
 // The sound is the clock: what is drawn follows audio.currentTime; without a song it is our own.
+// On the page of `dancediff live` the dance is not there yet: its pieces come through `put`.
 import * as THREE from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
 
@@ -22,8 +23,37 @@ function bytes(text) {
 
 // quaternions are 16-bit integers, [dancer][frame][joint][x y z w]; roots are metres
 function unpack(pane) {
+  if (data.live) {
+    const cells = pane.colors.length * data.frames;
+    const turns = new Int16Array(4 * cells * data.body.names.length);
+    return { ...pane, turns, root: new Float32Array(3 * cells), contact: new Uint8Array(cells) };
+  }
   const turns = new Int16Array(bytes(pane.turns));
   return { ...pane, turns, root: new Float32Array(bytes(pane.root)), contact: new Uint8Array(bytes(pane.contact)) };
+}
+
+// which frames there are, of a dance that is still being made
+const have = new Uint8Array(data.frames).fill(data.live ? 0 : 1);
+
+// a piece of a live dance, packed like a pane, from a frame on
+function put(piece) {
+  const part = { turns: new Int16Array(bytes(piece.turns)), root: new Float32Array(bytes(piece.root)), contact: new Uint8Array(bytes(piece.contact)) };
+  for (const stage of stages) {
+    const cells = stage.dancers.length * data.frames;
+    for (const [name, values] of Object.entries(part)) {
+      const width = stage[name].length / cells;
+      const each = width * piece.frames;
+      stage.dancers.forEach((_, k) => stage[name].set(values.subarray(k * each, (k + 1) * each), width * (k * data.frames + piece.start)));
+    }
+  }
+  have.fill(1, piece.start, piece.start + piece.frames);
+  drawTicks();
+}
+
+// the first frame from this one on that is not there
+function readyUntil(frame) {
+  const missing = have.indexOf(0, frame);
+  return missing < 0 ? data.frames : missing;
 }
 
 // --------------------------------------------------------------------------------------- bodies
@@ -144,7 +174,8 @@ const point = new THREE.Vector3();
 function pose(stage, frame) {
   const J = data.body.names.length;
   const i = Math.min(Math.floor(frame), last);
-  const next = Math.min(i + 1, last);
+  if (!have[i]) return; // the last pose stays
+  const next = have[i + 1] ? i + 1 : i;
   const share = Math.min(Math.max(frame - i, 0), 1);
   stage.dancers.forEach((dancer, k) => {
     dancer.joints.forEach((joint, j) => {
@@ -169,6 +200,7 @@ function pose(stage, frame) {
 
 const audio = data.song ? new Audio(data.song) : null;
 const own = { playing: false, at: 0, since: 0, speed: 1 }; // where there is no song
+let drawn = 0; // the time that the picture shows
 let wanted = false; // play was pressed, and pause was not; a sound pauses itself at its end
 
 const clock = {
@@ -276,8 +308,17 @@ function drawTicks() {
   ticks.width = ticks.clientWidth;
   ticks.height = ticks.clientHeight;
   const pen = ticks.getContext("2d");
+  const way = ticks.width - 16;
+  if (data.live) {
+    pen.fillStyle = data.colors.grid;
+    for (let from = have.indexOf(1); from >= 0; ) {
+      const to = readyUntil(from);
+      pen.fillRect(8 + (from / data.frames) * way, ticks.height - 3, ((to - from) / data.frames) * way, 3);
+      from = have.indexOf(1, to);
+    }
+  }
   pen.fillStyle = data.colors.beat;
-  for (const beat of data.beats) pen.fillRect((beat / duration) * (ticks.width - 16) + 8, 0, 1.5, ticks.height);
+  for (const beat of data.beats) pen.fillRect((beat / duration) * way + 8, 0, 1.5, ticks.height);
 }
 
 function tick() {
@@ -291,6 +332,7 @@ function tick() {
   if (view.follow) follow();
   orbit.update();
   draw();
+  drawn = time;
   if (document.activeElement !== $("time") || clock.playing()) $("time").value = frame;
   $("clock").textContent = `${time.toFixed(2)} s · frame ${frameOf(time)}`;
   $("play").textContent = clock.playing() ? "❚❚ Pause" : "▶ Play";
@@ -329,7 +371,7 @@ document.addEventListener("keydown", (event) => {
 });
 window.addEventListener("resize", drawTicks);
 
-window.dancediff = { audio, clock, view, state: () => ({ time: clock.time(), frame: frameOf(clock.time()), playing: clock.playing() }) };
+window.dancediff = { audio, clock, data, put, readyUntil, drawTicks, view, state: () => ({ time: clock.time(), frame: frameOf(clock.time()), playing: clock.playing(), drawn }) };
 lookAround();
 drawTicks();
 tick();

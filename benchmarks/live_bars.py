@@ -1,0 +1,149 @@
+"""Measure live dancing: what the page of `dancediff live` promises.
+
+    python benchmarks/live_bars.py                           # a minute, the packaged song twice
+    python benchmarks/live_bars.py --seconds 300             # stalls and lead over five minutes
+    python benchmarks/live_bars.py --seconds 1800 --song SONG.mp3       # memory over half an hour
+
+It plays as the page does, in real time, without drawing. Times need an idle computer; beside each
+first movement stands how much the processor worked for it, which a busy one changes less.
+"""
+
+import json
+import resource
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+import tyro
+
+import dancediff as dd
+from dancediff.generation.stream import Stream
+from dancediff.live_dance.session import OPENING, LiveSession
+from dancediff.music.song import Music
+
+REPEATS = 5  # of a first movement; the middle one is shown
+GROUPS = (1, 3)  # dancers whose first movement is measured
+TICK = 0.05  # seconds between two looks at the dance, as a page has them
+ENOUGH = 1.0  # seconds that a dance that had to wait needs to go on, as in live.js
+
+
+@dataclass
+class LiveBars:
+    """Print and store first movement, lead, stalls, memory, seams and replay."""
+
+    seconds: float = 60.0
+    dancers: int = 3
+    song: Path | None = None
+    model: str = "tcdiffpp"
+    seed: int = 0
+    json_file: Path | None = None
+
+    def run(self) -> None:
+        """All bars, one after the other."""
+        model = dd.load(self.model)
+        song = dd.packaged_song() if self.song is None else Music.load(self.song)
+        song = as_long_as(song, self.seconds)
+        facts = {"dancers": self.dancers, "song seconds": round(song.duration, 1)}
+        facts["threads"] = torch.get_num_threads()
+        facts["first movement in a new process"] = first_movement(model, song, self.dancers)
+        for n in GROUPS:
+            times = sorted(first_movement(model, fresh(song), n) for _ in range(REPEATS))
+            facts[f"first movement, {n} dancer{'s' * (n > 1)}"] = times[REPEATS // 2]
+        facts |= self.play(model, fresh(song))
+        facts["seams as in generate"] = same_as_generate(model, song)
+        for name, value in facts.items():
+            values = value if isinstance(value, tuple) else (value,)
+            words = [f"{one:.3g}" if isinstance(one, float) else str(one) for one in values]
+            print(f"{name}: {' s, of work '.join(words)}" + " s" * isinstance(value, tuple))
+        if self.json_file is not None:
+            self.json_file.write_text(json.dumps(facts, indent=1) + "\n", encoding="utf-8")
+
+    def play(self, model, song: Music) -> dict:
+        """A session beside a player in real time, then its log once more."""
+        session = LiveSession(model, song, dancers=self.dancers, seed=self.seed).start()
+        ahead, memory, stalls = played(session, self.seconds)
+        session.stop()
+        session.join()
+        dance, _ = session.dance()
+        again = Stream.replay(model, song, json.loads(json.dumps(session.stream.log)))
+        pose = torch.cat([piece.pose for piece in again], dim=1)
+        return {
+            "p5 of ahead [s]": float(np.percentile(ahead, 5)),
+            "p95 of ahead [s]": float(np.percentile(ahead, 95)),
+            "stalls": stalls,
+            "steps at the end": session.stream.request.steps,
+            "seconds a piece, mean": session.stream.timing.mean,
+            "seconds a piece, longest": session.stream.timing.longest,
+            "memory after a fifth [MB]": memory[len(memory) // 5],
+            "memory at the end [MB]": memory[-1],
+            "replay is equal": bool(torch.equal(pose, dance.pose)),
+        }
+
+
+def as_long_as(song: Music, seconds: float) -> Music:
+    """The song, again and again."""
+    times = int(np.ceil(seconds / song.duration))
+    audio = np.concatenate([song.audio[:]] * times)[: round(seconds * song.rate)]
+    return Music(audio, song.rate, song.name)
+
+
+def fresh(song: Music) -> Music:
+    """The same song, of which nothing was heard yet."""
+    return Music(song.audio, song.rate, song.name)
+
+
+def first_movement(model, song: Music, dancers: int) -> tuple[float, float]:
+    """Seconds from the call to the first piece, and of the processor's work."""
+    begun, worked = time.perf_counter(), time.process_time()
+    stream = model.stream(song, opening=OPENING, dancers=dancers)
+    next(stream)
+    took = time.perf_counter() - begun, time.process_time() - worked
+    stream.stop()
+    return took
+
+
+def played(session: LiveSession, seconds: float) -> tuple[list[float], list[float], int]:
+    """Seconds ahead and memory at every look, and how often the player had to wait."""
+    at, waiting, stalls, ahead, memory = 0.0, True, 0, [], []
+    last = time.perf_counter()
+    while at < seconds - 0.1 and session.is_running:
+        time.sleep(TICK)
+        now = time.perf_counter()
+        if not waiting:
+            at += now - last
+        last = now
+        at = min(at, session.ready_until(round(at * 30)) / 30)
+        session.played(at, stalls)
+        left = session.ahead
+        rest = seconds - at
+        if waiting and left >= min(ENOUGH, rest):
+            waiting = False
+        elif not waiting and left < 2 / 30 and rest > 0.2:
+            waiting, stalls = True, stalls + 1
+        if not waiting and left < rest - 0.1:  # what lies behind the end cannot be ready
+            ahead.append(left)
+        memory.append(resident())
+    return ahead, memory, stalls
+
+
+def resident() -> float:
+    """Memory of this process in MB; its peak where the system does not tell more."""
+    status = Path("/proc/self/statm")
+    if status.exists():
+        return int(status.read_text().split()[1]) * resource.getpagesize() / 1e6
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
+
+
+def same_as_generate(model, song: Music) -> bool:
+    """Without an opening a stream is the dance of `generate`, seams included."""
+    options = {"dancers": 2, "seconds": 12.0, "seed": 1}
+    whole = model.generate(song, **options)
+    pieces = list(model.stream(song, **options))
+    equal = torch.equal(torch.cat([piece.pose for piece in pieces], 1), whole.pose)
+    return equal and pieces[0].meta["seams"] == whole.meta["seams"]
+
+
+if __name__ == "__main__":
+    tyro.cli(LiveBars).run()

@@ -1,0 +1,228 @@
+r"""A live session: a stream that is danced in a thread of its own while somebody watches.
+
+Read first: `dancediff.generation.stream`.
+
+The thread stays ``LEAD`` seconds ahead of what is played: enough not to stop, and little enough
+that a change is seen soon. Where the computer is too slow it takes fewer denoising steps.
+"""
+
+import itertools
+import json
+import shutil
+import tempfile
+import threading
+import weakref
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from dancediff.atomic import atomic_write
+from dancediff.axes import FPS
+from dancediff.generation.stream import Stream
+from dancediff.motion.motion import Motion
+from dancediff.music.song import Music
+
+LEAD = 5.0  # seconds of dance that are ready before the thread rests
+OPENING = 30.0  # seconds of the song that are heard before the first step
+FEWEST = 4  # denoising steps; with fewer, feet slide
+ARRAYS = ("pose", "root", "contact")  # of a dance
+BUSY = 0.8  # share of a piece's length that its making may take
+
+
+class LiveSession:
+    """Dances to a song, stays ahead of the player, keeps what was danced on disk.
+
+    - ``tell(kind, facts)`` is called from the session's thread: "piece" with ``start`` (seconds in
+      the song) and ``motion``; "knob" with what was set and from which second on it is seen;
+      "state"; "beats", once the whole song is heard; "failed" with a text.
+
+    Raises: ValueError as `Pipeline.stream`, and for a model that cannot be steered.
+    """
+
+    def __init__(
+        self,
+        pipeline,
+        song: Music,
+        *,
+        tell: Callable[[str, dict], None] = lambda kind, facts: None,
+        lead: float = LEAD,
+        opening: float = OPENING,
+        **options,
+    ):
+        self.song, self.pipeline, self.lead, self._tell = song, pipeline, lead, tell
+        self.stream: Stream = pipeline.stream(song, opening=opening, **options)
+        self.stream.set()  # refuses a model that cannot be steered
+        self.have = np.zeros(self.stream.request.frames, bool)  # frames that were danced
+        self.at, self.stalls, self.slow = 0.0, 0, ""
+        self._news = threading.Condition()
+        self._folder = Path(tempfile.mkdtemp(prefix="dancediff-live-"))
+        weakref.finalize(self, shutil.rmtree, self._folder, ignore_errors=True)
+        self._pieces: list[tuple[int, int]] = []  # first frame in the song, and how many
+        self._last: Motion
+        self._stopped = False
+        self._thread = threading.Thread(target=self._run, daemon=True)
+
+    def start(self) -> "LiveSession":
+        """Begin to dance; returns at once."""
+        self._thread.start()
+        return self
+
+    @property
+    def is_running(self) -> bool:
+        """Whether there is a thread that dances, or waits until it must."""
+        return self._thread.is_alive()
+
+    @property
+    def ahead(self) -> float:
+        """Seconds of dance that are ready behind what is played now."""
+        return max(self.ready_until(round(self.at * FPS)) / FPS - self.at, 0.0)
+
+    def ready_until(self, frame: int) -> int:
+        """The first frame from ``frame`` on that was not danced yet."""
+        missing = np.flatnonzero(~self.have[frame:])
+        return frame + int(missing[0]) if len(missing) else len(self.have)
+
+    def played(self, seconds: float, stalls: int = 0) -> None:
+        """The player says where it is, and how often it had to wait."""
+        with self._news:
+            self.at = min(max(float(seconds), 0.0), len(self.have) / FPS)
+            self.stalls = int(stalls)
+            self._news.notify_all()
+
+    def set(self, **knobs) -> None:
+        """As `Stream.set`."""
+        self.stream.set(**knobs)
+
+    def seek(self, seconds: float) -> None:
+        """As `Stream.seek`; the player is there from now on."""
+        self.stream.seek(seconds)
+        self.played(seconds, self.stalls)
+
+    def stop(self) -> None:
+        """End the dancing; what was danced can still be saved."""
+        with self._news:
+            self._stopped = True
+            self._news.notify_all()
+        self.stream.stop()
+
+    def join(self, seconds: float | None = None) -> None:
+        """Wait until the thread has ended."""
+        self._thread.join(seconds)
+
+    def state(self) -> dict:
+        """What a page shows: seconds ahead, steps, where the next piece begins, what is wrong."""
+        return {
+            "ahead": round(self.ahead, 2),
+            "steps": self.stream.request.steps,
+            "first": self.stream.timing.first,
+            "piece": self.stream.timing.last,
+            "slow": self.slow,
+            "over": self.stream.is_over,
+        }
+
+    def dance(self) -> tuple[Motion, Music]:
+        """All that was danced, and its sound: the song, or its parts in the order of the dance.
+
+        Raises: ValueError when nothing was danced yet.
+        """
+        count = len(self._pieces)
+        if not count:
+            raise ValueError("nothing was danced yet; wait for the first piece")
+        parts = []
+        for k in range(count):
+            with np.load(self._file(k)) as file:
+                parts.append({name: file[name] for name in ARRAYS})
+        joined = {
+            name: torch.from_numpy(np.concatenate([part[name] for part in parts], axis=1))
+            for name in ARRAYS
+        }
+        spans = self._pieces[:count]
+        follow = [a + n == b for (a, n), (b, _) in itertools.pairwise(spans)]
+        start, frames = spans[0][0], sum(n for _, n in spans)
+        if all(follow):
+            song = self.song.slice(start / FPS, (start + frames) / FPS)
+        else:
+            cut = [self.song.slice(a / FPS, (a + n) / FPS).audio[:] for a, n in spans]
+            song = Music(np.concatenate(cut), self.song.rate, self.song.name)
+        last = self._last
+        meta = last.meta | {"seams": [seam for seam in self._seams() if seam < frames]}
+        return Motion(fps=last.fps, skeleton=last.skeleton, meta=meta, **joined), song
+
+    def _seams(self) -> list[int]:
+        lengths = np.cumsum([n for _, n in self._pieces]).tolist()
+        return lengths[1:-1]
+
+    def save(self, out, formats: list[str]) -> list[Path]:
+        """Write what was danced, a file for each format, and ``log.json`` to dance it again.
+
+        Raises: ValueError for an unknown format, or when nothing was danced yet.
+        """
+        dance, song = self.dance()
+        out = Path(out)
+        out.mkdir(parents=True, exist_ok=True)
+        names = [f"dance.{'smpl.npz' if name == 'smpl' else name}" for name in formats]
+        files = [dance.save(out / name, song=song) for name in names]
+        log = out / "log.json"
+        with atomic_write(log) as part:
+            part.write_text(json.dumps(self.stream.log, indent=1) + "\n", encoding="utf-8")
+        return [*files, log]
+
+    def _file(self, k: int) -> Path:
+        return self._folder / f"{k:06d}.npz"
+
+    def _run(self) -> None:
+        try:
+            self._dance()
+        except Exception as error:  # whoever watches must learn of it
+            self._tell("failed", {"text": " ".join(str(error).split()) or type(error).__name__})
+        finally:
+            self.stream.stop()
+
+    def _dance(self) -> None:
+        noted, told = 0, False
+        while not self._stopped:
+            if self.stream.is_over or (self.ahead > self.lead and not self.stream.is_asked):
+                self._rest()
+                continue
+            piece = next(self.stream, None)
+            if piece is None:
+                continue
+            start = round(self.stream.begins * FPS)
+            arrays = {name: getattr(piece, name).numpy() for name in ARRAYS}
+            np.savez(self._file(len(self._pieces)), **arrays)  # a dance file would round them
+            self._last = piece
+            self._pieces.append((start, piece.num_frames))
+            self.have[start : start + piece.num_frames] = True
+            calls = self.stream.log["calls"]
+            self._tell("piece", {"start": self.stream.begins, "motion": piece})
+            for call in calls[noted:]:
+                self._tell("knob", call | {"from": self.stream.begins})
+            noted = len(calls)
+            if not told and self.stream.all_heard:
+                told = True
+                self._tell("beats", {"beats": self.song.beats()})
+            self._slow_down(piece.num_frames / FPS)
+            self._tell("state", self.state())
+
+    def _rest(self) -> None:
+        with self._news:
+            self._news.wait(0.1)
+
+    def _slow_down(self, length: float) -> None:
+        """Fewer steps if a piece takes nearly as long as it is played, and little is ready."""
+        took, steps = self.stream.timing.last, self.stream.request.steps
+        if self.stream.timing.pieces < 2 or self.stream.is_asked:
+            return
+        if took > BUSY * length and self.ahead < self.lead / 2:
+            if steps > FEWEST:
+                fewer = max(FEWEST, round(0.7 * steps))
+                self.stream.set(steps=fewer)
+                self.slow = f"This computer is too slow for {steps} steps; now it is {fewer}."
+            else:
+                n = self.stream.request.dancers
+                self.slow = (
+                    f"This computer is too slow for {n} dancers, even with {steps} steps: the "
+                    "dance waits for it. Fewer dancers are faster."
+                )
