@@ -25,3 +25,22 @@ import torch
 
 def reach_end(path, y):
     return path + torch.linspace(0, 1, len(path)) * (y - path[-1])
+
+
+# %% 06.4
+# A step believes the guess and asks which noise would explain x; then it mixes both for the next
+# step, with a share of the noise replaced by fresh one. Both shares together have the power
+# 1 - abar, whatever eta is. The last step has no noise to mix: the guess is the dance.
+from itertools import pairwise
+
+
+def walk(denoise, x_T, times, abar, eta, noise):
+    x = x_T
+    for k, (t, t_next) in enumerate(pairwise(times)):
+        guess = denoise(x, t)
+        if t_next == -1:
+            return guess
+        eps = (x - abar[t].sqrt() * guess) / (1 - abar[t]).sqrt()
+        a, a_next = abar[t], abar[t_next]
+        sigma = eta * ((1 - a_next) / (1 - a) * (1 - a / a_next)).sqrt()
+        x = a_next.sqrt() * guess + (1 - a_next - sigma**2).sqrt() * eps + sigma * noise[k]

@@ -1,7 +1,11 @@
 """Exercises of lesson 06: The sampling lab."""
 
+from itertools import pairwise
+
 import torch
 
+from dancediff.diffusion.samplers import ddim_times
+from dancediff.diffusion.schedule import cosine_abar
 from dancediff.exercises.shared import unlike
 from dancediff.extensions.frequency_clip import FrequencyClip
 from dancediff.extensions.preconditioning import dct_matrix
@@ -58,8 +62,36 @@ def _is_bent(got, path, y) -> str:
     return ""
 
 
+def _walk(denoise, x_T, times, abar, eta, noise):
+    x = x_T
+    for (t, t_next), z in zip(pairwise(times), noise, strict=True):
+        guess = denoise(x, t)
+        if t_next == -1:
+            break
+        eps = (x - abar[t].sqrt() * guess) / (1 - abar[t]).sqrt()
+        left = abar[t] / abar[t_next]
+        sigma = eta * ((1 - abar[t_next]) / (1 - abar[t]) * (1 - left)).sqrt()
+        x = abar[t_next].sqrt() * guess + (1 - abar[t_next] - sigma**2).sqrt() * eps + sigma * z
+    return guess
+
+
+def _knows_little(x_t, t):
+    return 0.6 * torch.tanh(x_t) + 0.3 * t / 1000
+
+
+def _walk_cases() -> list[tuple]:
+    draw = torch.Generator().manual_seed(0)
+    cases = []
+    for times, eta in ((ddim_times(4), 0.0), (ddim_times(10), 1.0), ([999, 600, 99, -1], 0.5)):
+        x_T = torch.randn(2, 3, 4, generator=draw, dtype=torch.float64)
+        noise = torch.randn(len(times) - 1, 2, 3, 4, generator=draw, dtype=torch.float64)
+        cases.append((_knows_little, x_T, times, cosine_abar(), eta, noise))
+    return cases
+
+
 SPECS = {
     "06.1": {"spec": _guide, "cases": _guide_cases},
     "06.2": {"spec": _clip_waves, "cases": _wild_guesses},
     "06.3": {"spec": _bent, "cases": _paths, "accepts": _is_bent},
+    "06.4": {"spec": _walk, "cases": _walk_cases},
 }

@@ -12,6 +12,7 @@ import torch
 import torch.nn.functional as F
 from torch import cat, stack, tensor, zeros
 
+from dancediff.diffusion.samplers import ddim_step
 from dancediff.metrics.rhythm import closeness
 from dancediff.motion.motion import Motion
 from dancediff.motion.rotation import rotation_about
@@ -153,6 +154,33 @@ def soft_landing(path, y):
 def cosine_landing(path, y):
     s = (1 - torch.cos(math.pi * torch.arange(len(path)) / (len(path) - 1))) / 2
     return (1 - s) * path + s * (path + y - path[-1])
+
+
+def walk_by_library(denoise, x_T, times, abar, eta, noise):
+    x = x_T
+    for k in range(len(times) - 1):
+        t, t_next = times[k], times[k + 1]
+        x_0 = denoise(x, t)
+        x = ddim_step(x, x_0, t, t_next, abar, eta=0.0)
+        if t_next >= 0 and eta:
+            eps = (x - abar[t_next].sqrt() * x_0) / (1 - abar[t_next]).sqrt()
+            sigma = eta * ((1 - abar[t_next]) / (1 - abar[t]) * (1 - abar[t] / abar[t_next])).sqrt()
+            kept = (1 - abar[t_next] - sigma**2).sqrt()
+            x = abar[t_next].sqrt() * x_0 + kept * eps + sigma * noise[k]
+    return x
+
+
+def walk_down(denoise, x_T, times, abar, eta, noise):
+    """Each step by a call of its own, with signal and noise as powers."""
+    t, t_next = times[:2]
+    guess = denoise(x_T, t)
+    if t_next == -1:
+        return guess
+    p, q = float(abar[t]), float(abar[t_next])
+    fresh = eta**2 * (1 - q) / (1 - p) * (1 - p / q)
+    old = (x_T - math.sqrt(p) * guess) / math.sqrt(1 - p)
+    x = math.sqrt(q) * guess + math.sqrt(1 - q - fresh) * old + math.sqrt(fresh) * noise[0]
+    return walk_down(denoise, x, times[1:], abar, eta, noise[1:])
 
 
 # 07 · Who stands where?
@@ -493,6 +521,7 @@ OTHER_WAYS = {
         lambda x, mean, std, C: C.T @ (4 * std * (C @ (x - mean) / (4 * std)).clamp(-1, 1)) + mean,
     ],
     "06.3": [soft_landing, cosine_landing],
+    "06.4": [walk_by_library, walk_down],
     "07.1": [attention, hears_the_others],
     "07.3": [ranks_by_counting, ranks_in_a_loop],
     "07.4": [mark_in_a_loop, mark_in_frames],
