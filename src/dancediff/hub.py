@@ -28,6 +28,7 @@ from dancediff.generation.pipeline import Network, Pipeline, pipeline_of
 from dancediff.music.song import Music
 from dancediff.own import is_own
 from dancediff.papers.bailando.model import Bailando, BailandoConfig
+from dancediff.papers.codancers.model import CoDancers, CoDancersConfig
 from dancediff.papers.edge.model import EDGE, EDGEConfig
 from dancediff.papers.fact.model import FACT, FACTConfig
 from dancediff.papers.gcd.model import GCD, GCDConfig
@@ -47,6 +48,7 @@ _CLASSES: dict[str, tuple[type, type]] = {
     "FACT": (FACT, FACTConfig),
     "Bailando": (Bailando, BailandoConfig),
     "MNET": (MNET, MNETConfig),
+    "CoDancers": (CoDancers, CoDancersConfig),
 }
 _FILES = {"Lodge": {"global": "global_stage.", "local": "local_stage."}}  # whose weights lie where
 _ONE_FILE = {"model": ""}

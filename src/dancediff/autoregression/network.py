@@ -20,12 +20,15 @@ from dancediff.nn.dance_network import NormalizedNetwork
 
 
 class AutoregressiveNetwork(NormalizedNetwork, ABC):
-    """A network for one dancer; a group is dancers who know nothing of each other.
+    """A network for one dancer, or, where ``solo`` is false, for a group that it dances together.
+
+    A group of solos is dancers who know nothing of each other.
 
     ``stages``: the trainings that it needs, one after the other.
     ``standing``: a frame of somebody who stands, in metres (d,): the mean of the training set.
     """
 
+    solo: ClassVar[bool] = True
     stages: ClassVar[tuple[str, ...]]
     standing: Tensor
 
@@ -35,9 +38,9 @@ class AutoregressiveNetwork(NormalizedNetwork, ABC):
 
     @abstractmethod
     def losses(self, batch: Batch, stage: str, generator: torch.Generator) -> dict[str, Tensor]:
-        """Terms of a stage's loss by name and their sum "total", of windows of one dancer each.
+        """Terms of a stage's loss by name and their sum "total".
 
-        ``batch``: motion (b, 1, f, d) and music in the network's units.
+        ``batch``: motion (b, n, f, d) and music in the network's units.
         """
 
     @abstractmethod

@@ -89,8 +89,8 @@ def read_option(name: str, text: str):
 def _defaults(name: str) -> str:
     """Which models have an option, and its defaults.
 
-    >>> _defaults("steps")
-    '(default: tcdiffpp 12, lodge 20, edge 20; paper: 50)'
+    >>> _defaults("top_k")
+    '(bailando, codancers; default: 32; paper: 1)'
     >>> _defaults("soft")
     '(lodge; default: 1.0)'
     """

@@ -20,6 +20,7 @@ from dancediff.extensions.networks import (
 from dancediff.extensions.registry import REGISTRY
 from dancediff.genre import GENRES
 from dancediff.papers.bailando.model import Bailando
+from dancediff.papers.codancers.model import CoDancers
 from dancediff.papers.edge.model import EDGE
 from dancediff.papers.fact.model import FACT
 from dancediff.papers.gcd.model import GCD
@@ -45,6 +46,7 @@ FAMILIES: dict[type[nn.Module], str] = {
     FACT: "fact",
     Bailando: "bailando",
     MNET: "mnet",
+    CoDancers: "codancers",
 }
 EXTENSIONS = {  # names by class
     model_class: tuple(e.name for e in REGISTRY.values() if e.kind == "network" and f in e.models)

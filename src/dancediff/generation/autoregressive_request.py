@@ -86,8 +86,20 @@ class MNETRequest(AutoregressiveRequest):
         return mix_weights(self.genre, genres)[0].tolist()
 
 
+@dataclass(frozen=True, kw_only=True)
+class CoDancersRequest(UnitRequest):
+    """What can be asked of CoDancers, whose dancers see those to their left, or all."""
+
+    family: ClassVar[str] = "codancers"
+
+    reweight: float = option(
+        50.0, "Units that training met often count less: most at small values; 0: not at all."
+    )
+
+
 AUTOREGRESSIVE: tuple[type[AutoregressiveRequest], ...] = (
     FACTRequest,
     BailandoRequest,
     MNETRequest,
+    CoDancersRequest,
 )

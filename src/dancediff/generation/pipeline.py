@@ -21,7 +21,12 @@ from torch import Tensor
 from dancediff.autoregression.network import AutoregressiveNetwork
 from dancediff.axes import FPS
 from dancediff.generation.autoregressive_dance import autoregressive_pieces
-from dancediff.generation.autoregressive_request import BailandoRequest, FACTRequest, MNETRequest
+from dancediff.generation.autoregressive_request import (
+    BailandoRequest,
+    CoDancersRequest,
+    FACTRequest,
+    MNETRequest,
+)
 from dancediff.generation.dance_request import DanceRequest
 from dancediff.generation.gcd_dance import gcd_dance
 from dancediff.generation.group_dance import group_pieces, naive_dance
@@ -43,6 +48,7 @@ from dancediff.motion.representation import TCDIFFPP
 from dancediff.nn.conditioning import cached_music
 from dancediff.nn.precision import chosen_dtype
 from dancediff.papers.bailando.model import Bailando
+from dancediff.papers.codancers.model import CoDancers
 from dancediff.papers.edge.model import EDGE, moved, start_slots
 from dancediff.papers.fact.model import FACT
 from dancediff.papers.gcd.model import GCD
@@ -262,6 +268,12 @@ class MNETPipeline(AutoregressivePipeline):
     request = MNETRequest
 
 
+class CoDancersPipeline(AutoregressivePipeline):
+    """CoDancers, whose dancers see each other; see `dancediff.papers.codancers.model`."""
+
+    request = CoDancersRequest
+
+
 PIPELINES: dict[type, type[Pipeline]] = {
     TCDiffPP: GroupDancePipeline,
     EDGE: EDGEPipeline,
@@ -271,6 +283,7 @@ PIPELINES: dict[type, type[Pipeline]] = {
     FACT: FACTPipeline,
     Bailando: BailandoPipeline,
     MNET: MNETPipeline,
+    CoDancers: CoDancersPipeline,
 }
 
 

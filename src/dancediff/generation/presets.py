@@ -49,6 +49,7 @@ PAPER: dict[str, Values] = {
     "fact": {"keep": 1, "seed_noise": 0.0},
     "bailando": {"top_k": 1, "seed_noise": 0.0},
     "mnet": {"seed_noise": 0.0},
+    "codancers": {"top_k": 1, "seed_noise": 0.0},
     "gcd": _PAPERS | {"genre": "any", "frequency_clip": False},
     "tcdiff": _PAPERS | {"genre": "any", "frequency_clip": False},
 }
@@ -79,6 +80,7 @@ PACKAGED: dict[str, Values] = {
     "fact": {"keep": 2, "seed_noise": 0.05},
     "bailando": {"top_k": 32, "seed_noise": 0.05},
     "mnet": {"seed_noise": 0.05},
+    "codancers": {"top_k": 32, "seed_noise": 0.05},
     "gcd": _OURS | {"steps": 20, "genre": "by tempo", "autoguidance": 1.5, "frequency_clip": True},
     "tcdiff": _OURS
     | {"steps": 20, "genre": "by tempo", "autoguidance": 1.5, "frequency_clip": True},

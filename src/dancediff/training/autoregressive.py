@@ -25,6 +25,7 @@ from dancediff.data.take import DanceTake
 from dancediff.data.windows import GroupCut, WindowSampler
 from dancediff.nn.quantizer import VectorQuantizer
 from dancediff.papers.bailando.model import Bailando, BailandoConfig
+from dancediff.papers.codancers.model import CoDancers, CoDancersConfig
 from dancediff.papers.fact.model import FACT, FACTConfig
 from dancediff.papers.mnet.model import MNET, MNETConfig
 from dancediff.training.checkpoint import NAME, check_free, load_average
@@ -41,6 +42,7 @@ MODELS: dict[str, tuple[Any, type]] = {
     "FACT": (FACT, FACTConfig),
     "Bailando": (Bailando, BailandoConfig),
     "MNET": (MNET, MNETConfig),
+    "CoDancers": (CoDancers, CoDancersConfig),
 }
 
 
@@ -106,9 +108,9 @@ def train_autoregressive(
     """Train all stages in folders of ``out``; returns the averaged model.
 
     ``data``, else ``folder`` in the config: a prepared folder; else the choreographer's dances;
-    ``takes`` replaces both. Every dancer is learned from alone.  ``preview(model, step)``: in the
-    last stage.  ``run``: ``device``, and as `dancediff.training.trainer.Trainer` has them
-    ``world``, ``resume`` and ``overwrite``.
+    ``takes`` replaces both. Models of solos learn from every dancer alone.
+    ``preview(model, step)``: in the last stage.  ``run``: ``device``, and as
+    `dancediff.training.trainer.Trainer` has them ``world``, ``resume``, ``overwrite`` and ``log``.
 
     Raises: ValueError for a bad config or folder.
     """
@@ -123,7 +125,9 @@ def train_autoregressive(
     if takes is None:
         evaluates = any(one.evaluate_every > 0 for one in settings.values() if one is not None)
         takes, held_out = takes_for(corpus, data, sizes, evaluates=evaluates)
-    takes, held_out = _of_genres(solos_of(takes), sizes), _of_genres(solos_of(held_out), sizes)
+    if model_class.solo:
+        takes, held_out = solos_of(takes), solos_of(held_out)
+    takes, held_out = _of_genres(takes, sizes), _of_genres(held_out, sizes)
     if not takes and hasattr(sizes, "genres"):
         raise ValueError(f"no take has one of the genres {', '.join(sizes.genres)}; name others")
     torch.manual_seed(tables["train"].get("seed", 0))

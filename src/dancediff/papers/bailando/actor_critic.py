@@ -15,8 +15,8 @@ from torch import Tensor, nn
 from dancediff.motion.beats import motion_beats
 from dancediff.nn.encoder_layer import EncoderLayer
 from dancediff.nn.losses import mean
+from dancediff.nn.motion_units import FRAMES
 from dancediff.papers.bailando.gpt import STREAMS, CrossConditionalGPT
-from dancediff.papers.bailando.units import FRAMES
 
 
 class Critic(nn.Module):

@@ -1,6 +1,6 @@
 r"""Bailando: half bodies as units, a transformer that chooses them, an actor and a critic.
 
-Read first: units.py, gpt.py and actor_critic.py in this folder · Siyao et al. 2022.
+Read first: `dancediff.nn.motion_units`, gpt.py and actor_critic.py here · Siyao et al. 2022.
 
 Symbols (axes: b batch · n dancers · f frames · u units of eight frames · d motion features
          m music features)
@@ -22,9 +22,11 @@ from dancediff.autoregression.draw import draw
 from dancediff.autoregression.network import AutoregressiveNetwork
 from dancediff.autoregression.roll_out import music_window
 from dancediff.data.windows import Batch
+from dancediff.motion.halves import LOWER, UPPER, assemble, split
 from dancediff.motion.representation import TCDIFFPP, joints_of
 from dancediff.music.features import BEATS
 from dancediff.nn.losses import mean
+from dancediff.nn.motion_units import COMMITMENT, FRAMES, REACH, UnitDecoder, Units, l_motion
 from dancediff.papers.bailando.actor_critic import (
     Critic,
     actor_critic_losses,
@@ -33,8 +35,6 @@ from dancediff.papers.bailando.actor_critic import (
     has_beat,
 )
 from dancediff.papers.bailando.gpt import CrossConditionalGPT
-from dancediff.papers.bailando.halves import LOWER, UPPER, assemble, split
-from dancediff.papers.bailando.units import COMMITMENT, FRAMES, REACH, UnitDecoder, Units, l_motion
 
 HISTORY = 4  # units before the first one
 BLOCK = 8  # units that become motion together

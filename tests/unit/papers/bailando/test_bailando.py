@@ -9,7 +9,9 @@ from dancediff.data.choreographed import choreographed_takes
 from dancediff.data.windows import Batch
 from dancediff.generation.autoregressive_request import BailandoRequest
 from dancediff.generation.pipeline import pipeline_of
+from dancediff.motion.halves import LOWER, UPPER, assemble, split
 from dancediff.motion.representation import TCDIFFPP
+from dancediff.nn.motion_units import REACH, UnitDecoder, Units, l_motion
 from dancediff.papers.bailando.actor_critic import (
     actor_critic_losses,
     beat_reward,
@@ -18,9 +20,7 @@ from dancediff.papers.bailando.actor_critic import (
     td_error,
 )
 from dancediff.papers.bailando.gpt import CrossConditionalGPT
-from dancediff.papers.bailando.halves import LOWER, UPPER, assemble, split
 from dancediff.papers.bailando.model import HISTORY, Bailando, BailandoConfig, l_root
-from dancediff.papers.bailando.units import REACH, UnitDecoder, Units, l_motion
 from dancediff.training.run import train_from_config
 from places import CONFIGS
 

@@ -1,4 +1,4 @@
-r"""A body in two halves and a root that moves: what Bailando's units are units of.
+r"""A body in two halves and a root that moves: what motion units are units of.
 
 Symbols (axes: any axes in front · f frames)
     x       motion, normalised                                       (..., f, 151)

@@ -1,0 +1,1 @@
+"""CoDancers: a group dance as units of single dancers, chosen in turn."""
