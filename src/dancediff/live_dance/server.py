@@ -7,6 +7,7 @@ ends, and the session with it, once the tab is closed.
 """
 
 import asyncio
+import contextlib
 import json
 import threading
 from collections.abc import Callable
@@ -85,8 +86,8 @@ class LiveServer:
     def stop(self) -> None:
         """End session and server."""
         self.session.stop()
-        if self._loop is not None and self._end is not None:
-            self._loop.call_soon_threadsafe(self._end.set)
+        if self._end is not None:
+            self._call(self._end.set)
 
     @property
     def is_running(self) -> bool:
@@ -176,8 +177,14 @@ class LiveServer:
         text = json.dumps([kind, facts], default=str)
         if self._loop is None:
             self._told.append(text)
-        elif not self._loop.is_closed():
-            self._loop.call_soon_threadsafe(self._pass_on, text)
+        else:
+            self._call(self._pass_on, text)
+
+    def _call(self, function: Callable, *values) -> None:
+        """In the server's thread; nothing when the server has ended."""
+        assert self._loop is not None
+        with contextlib.suppress(RuntimeError):  # the loop is closed
+            self._loop.call_soon_threadsafe(function, *values)
 
     def _send(self, kind: str, facts: dict) -> None:
         self._pass_on(json.dumps([kind, facts]))
