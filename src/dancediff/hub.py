@@ -10,6 +10,8 @@ and renamed, so a stop in between leaves the old file or the new one.
 """
 
 import json
+import re
+import warnings
 from collections.abc import Callable
 from dataclasses import asdict, is_dataclass
 from functools import partial
@@ -166,8 +168,20 @@ def _classes(kind, own: str | type | None) -> tuple[type, type]:
     return model_class, getattr(model_class, "config_class", usual)
 
 
+def _numbers(version) -> list[int]:
+    """What two versions are compared by.
+
+    >>> _numbers("0.10.0") > _numbers("0.9"), _numbers(None)
+    (True, [])
+    """
+    return [int(part) for part in re.findall(r"\d+", str(version))[:3]]
+
+
 def _read(folder: Path, own: str | type | None = None) -> Network:
     stored = json.loads((folder / "config.json").read_text(encoding="utf-8"))
+    if _numbers(stored.get("dancediff")) > _numbers(__version__):
+        text = f"model folder {str(folder)!r} is of dancediff {stored['dancediff']}, this is "
+        warnings.warn(f"{text}{__version__}; update it if they do not fit", stacklevel=4)
     model_class, config_class = _classes(stored["class"], own)
     if "extensions" not in stored:
         raise ValueError("config.json names no extensions: an older dancediff wrote it")

@@ -10,12 +10,14 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 from PIL import Image
 from safetensors import safe_open
 from tiny_training import tiny_config
 
 from dancediff.arrays import read_arrays
+from dancediff.data.choreographer import choreograph
 from dancediff.music.synth import synth_song
 
 pytestmark = [
@@ -29,10 +31,11 @@ COMMANDS = {
     "train": "train CONFIG --resume --out OUT",
     "prepare": "prepare choreograph 6 OUT --seconds 8 --workers 2",
     "songs": "generate SONGS --seconds 3 --steps 3 --formats npz,png --workers 2 --out OUT",
+    "evaluate": "evaluate DANCES --workers 2 --json --keep OUT",
     "generate": f"generate packaged --seconds 3 --steps 3 --formats {FORMATS} --out OUT",
 }
 KILLS = (
-    {"train": 20, "prepare": 15, "songs": 15, "generate": 15}
+    {"train": 20, "prepare": 15, "songs": 15, "evaluate": 15, "generate": 15}
     if LONG
     else dict.fromkeys(COMMANDS, 1)
 )
@@ -86,6 +89,11 @@ def test_nothing_is_lost(name, tmp_path, record_property):
     (tmp_path / "songs").mkdir()
     for seed in range(5 if name == "songs" else 0):
         synth_song(seed, seconds=4)[0].save(tmp_path / "songs" / f"{seed}.wav")
+    fill["DANCES"] = str(tmp_path / "dances")
+    for seed in range(24 if name == "evaluate" else 0):
+        (tmp_path / "dances").mkdir(exist_ok=True)
+        dance, _ = choreograph(np.arange(0.2, 21, 0.5), dancers=3, seed=seed, seconds=20)
+        dance.save(tmp_path / "dances" / f"{seed}.npz")
     command = [
         sys.executable,
         "-m",

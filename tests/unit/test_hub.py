@@ -37,6 +37,16 @@ def test_round_trip(model, tmp_path):
     assert kinds == {torch.float16}
 
 
+def test_a_folder_of_a_newer_version_is_told(model, tmp_path):
+    hub.save_model(model, tmp_path)
+    hub.load(tmp_path)  # of this one, without a word
+    stored = json.loads((tmp_path / "config.json").read_text())
+    stored["dancediff"] = "99.0"
+    (tmp_path / "config.json").write_text(json.dumps(stored))
+    with pytest.warns(UserWarning, match=r"is of dancediff 99\.0, this is .*; update it"):
+        hub.load(tmp_path)
+
+
 def test_a_folder_of_before_extensions_were_named_is_told(model, tmp_path):
     hub.save_model(model, tmp_path)
     stored = json.loads((tmp_path / "config.json").read_text())

@@ -73,7 +73,14 @@ class PackedTakes:
 
     def _map(self, name: str) -> np.ndarray:
         if name not in self._maps:
-            self._maps[name] = np.load(self.folder / f"{name}.npy", mmap_mode="c")
+            path = self.folder / f"{name}.npy"
+            try:
+                self._maps[name] = np.load(path, mmap_mode="c")
+            except (OSError, ValueError, EOFError, SyntaxError) as err:
+                raise ValueError(
+                    f"{str(path)!r} is damaged ({err}); delete the folder it is in, which is made "
+                    "anew"
+                ) from err
         return self._maps[name]
 
     def _write(self, data: PreparedData) -> None:

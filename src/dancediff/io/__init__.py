@@ -67,7 +67,10 @@ def dance_files(path) -> list[Path]:
         raise ValueError(f"{str(path)!r} does not exist; name a dance or a folder of dances")
     if not path.is_dir():
         if suffix_of(path) not in READABLE:
-            raise ValueError(f"{str(path)!r} is no dance that can be read; name a file in {known}")
+            raise ValueError(
+                f"{str(path)!r} is no dance that can be read; name a file in {known}, or read "
+                "others by `dancediff prepare folder`"
+            )
         if not path.is_file():  # a pipe would be waited for without end
             raise ValueError(f"{str(path)!r} is no regular file; save the dance to one first")
         return [path]

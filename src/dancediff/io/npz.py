@@ -78,7 +78,8 @@ def load_npz(path: Path) -> Motion:
         raise
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RuntimeError) as err:
         raise ValueError(
-            f"{path} is no dancediff motion (.npz written by Motion.save): {err}"
+            f"{path} is no dancediff motion (.npz written by Motion.save): {err}; other files are "
+            "read by `dancediff prepare folder`"
         ) from err
 
 

@@ -65,6 +65,15 @@ def test_packed_once_and_again_when_the_takes_change(folder):
     assert more.folder != first.folder and len(more) == 4
 
 
+@pytest.mark.parametrize("rest", [0, 40, 200])
+def test_a_damaged_cache_names_its_file(folder, rest):
+    packed = PackedTakes(folder)
+    path = packed.folder / "x.npy"
+    path.write_bytes(path.read_bytes()[:rest])
+    with pytest.raises(ValueError, match=r"x\.npy' is damaged .*; delete the folder it is in"):
+        PackedTakes(folder).motion(0)
+
+
 def test_a_kill_while_packing_leaves_no_half_cache(folder, monkeypatch):
     def stop(*_):
         raise KeyboardInterrupt
