@@ -53,7 +53,10 @@ class CriticBlock(nn.Module):
 class ConsistencyCritic(nn.Module):
     r"""One number for a noisy group: the mean of what all its tokens say.
 
-    $$f(x_t, w, t) = \tfrac{1}{nf} \sum_{i,j} u^\top h_{i,j}$$
+    $$f(x_t, w, t) = \tfrac{1}{nf} \sum_{i,j} \text{MLP}(h_{i,j})$$
+
+    What tokens say must not be linear in h: the modulation has just set the mean of every channel,
+    so that the mean of a linear map would be the same for all groups.
 
     Trained by InfoNCE it is, but for a constant, the log of how much likelier a group is than one
     of dancers thrown together.
@@ -83,7 +86,9 @@ class ConsistencyCritic(nn.Module):
         self.blocks = nn.ModuleList(
             CriticBlock(d_model, max_dancers, **sizes) for _ in range(num_layers)
         )
-        self.out = nn.Linear(d_model, 1)
+        self.out = nn.Sequential(
+            nn.Linear(d_model, d_model // 4), nn.GELU(), nn.Linear(d_model // 4, 1)
+        )
 
     def forward(self, x_t: Tensor, w: Tensor, t: Tensor) -> Tensor:
         """See the equation."""
