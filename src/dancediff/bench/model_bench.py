@@ -25,6 +25,7 @@ from dancediff.bench.scores import danced, reference_of, scores_of
 from dancediff.data.choreographed import choreograph_jobs
 from dancediff.data.prepare import prepare
 from dancediff.generation.pipeline import Pipeline
+from dancediff.generation.presets import PACKAGED
 from dancediff.metrics.measure import Measured
 from dancediff.motion.motion import Motion
 from dancediff.training.autoregressive import is_autoregressive
@@ -73,7 +74,7 @@ class ModelBench:
     frames: Sequence[int] = (SEGMENT,)
     count: int = 60  # windows of every length
     songs: int = 100  # synthetic dances, each to its own song, in the place of held and other
-    steps: int = 20  # of denoising
+    steps: int = PACKAGED["edge"]["steps"]  # of denoising
     workers: int = 1
     takes: list | None = None  # to learn from, in the place of ``data``
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import tyro
 
 from dancediff.cli.files import check_folder, tell
+from dancediff.generation.presets import PACKAGED
 
 
 @dataclass
@@ -36,7 +37,7 @@ class BenchModels:
     """Windows of each length."""
     songs: int = 100
     """Synthetic songs of the windows, a dance to each, and as many to compare with."""
-    steps: int = 20
+    steps: int = PACKAGED["edge"]["steps"]
     """Denoising steps."""
     workers: int = 1
     """Processes that dance and measure; training has one."""
