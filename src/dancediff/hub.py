@@ -179,6 +179,8 @@ def _numbers(version) -> list[int]:
 
 def _read(folder: Path, own: str | type | None = None) -> Network:
     stored = json.loads((folder / "config.json").read_text(encoding="utf-8"))
+    if not isinstance(stored, dict):
+        raise ValueError(f"config.json holds {type(stored).__name__}, not a table of names")
     if _numbers(stored.get("dancediff")) > _numbers(__version__):
         text = f"model folder {str(folder)!r} is of dancediff {stored['dancediff']}, this is "
         warnings.warn(f"{text}{__version__}; update it if they do not fit", stacklevel=4)
