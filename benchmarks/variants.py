@@ -35,6 +35,7 @@ from dancediff.motion.representation import joints_of
 from dancediff.papers.edge.model import EDGE
 from dancediff.training import run, trainer
 from dancediff.training.config import GroupData
+from dancediff.training.group_takes import prepared_takes, solos_of
 from dancediff.training.schedule import learning_rate
 from dancediff.training.statistics import fit_statistics
 
@@ -72,13 +73,13 @@ class Timed:
         sizes = {k: v for k, v in tables["model"].items() if k not in other}
         config, corpus = kind[1](**sizes), GroupData(**tables["data"])
         settings = replace(run.settings_of(tables), evaluate_every=0, steps=10**6)
-        takes, held = (run.prepared_takes(data, config, split) for split in ("train", "val"))
+        takes, held = (prepared_takes(data, config, split) for split in ("train", "val"))
         torch.manual_seed(settings.seed)
         model = build(
             kind[0], config, tables["model"]["extensions"], tables["model"].get("genres", ())
         )
         if isinstance(model, EDGE):
-            takes, held = run._solos(takes), run._solos(held)
+            takes, held = solos_of(takes), solos_of(held)
         fit_statistics(model, takes, settings.extensions, real=corpus.real)
         self.trainer = trainer.Trainer(
             model, run._windows(takes, corpus, model, settings), settings, None
