@@ -48,20 +48,20 @@ class BailandoConfig:
     (512, 128)
     """
 
-    d_model: int = 128
-    num_heads: int = 4
+    d_model: int = 128  # width of a token
+    num_heads: int = 4  # of attention
     num_layers: int = 3  # whose features the critic sees, too
-    head_layers: int = 3
-    critic_layers: int = 1
-    ff_dim: int = 512
+    head_layers: int = 3  # layers behind them
+    critic_layers: int = 1  # layers of the critic
+    ff_dim: int = 512  # width inside a feed-forward block
     width: int = 64  # of the convolutions between motion and units
-    code_dim: int = 64
-    num_codes: int = 128
+    code_dim: int = 64  # numbers of a code
+    num_codes: int = 128  # codes of a codebook
     code_decay: float = 0.9  # 300 steps with 0.99 leave few of the codes in use, with 0.9 most
     length: int = 15  # units that the transformer sees, 4 seconds
-    dropout: float = 0.0
+    dropout: float = 0.0  # share of numbers left out in training
     max_dancers: int = 10  # who find a place on the stage; the network knows one
-    music_dim: int = 35
+    music_dim: int = 35  # features of a frame of music
 
     @classmethod
     def paper(cls, **changes) -> "BailandoConfig":

@@ -44,20 +44,20 @@ class CoDancersConfig:
     (768, 128)
     """
 
-    d_model: int = 128
-    num_heads: int = 4
+    d_model: int = 128  # width of a token
+    num_heads: int = 4  # of attention
     num_layers: int = 3  # of each dancer alone
-    group_layers: int = 1
-    music_layers: int = 1
-    ff_dim: int = 512
+    group_layers: int = 1  # layers that see other dancers
+    music_layers: int = 1  # layers that see music alone
+    ff_dim: int = 512  # width inside a feed-forward block
     width: int = 64  # of the convolutions between motion and units
-    code_dim: int = 64
-    num_codes: int = 128
-    code_decay: float = 0.9
+    code_dim: int = 64  # numbers of a code
+    num_codes: int = 128  # codes of a codebook
+    code_decay: float = 0.9  # of the codebook's moving average
     length: int = 15  # units that the transformer sees, 4 seconds
-    joint: bool = False
-    max_dancers: int = 5
-    music_dim: int = 35
+    joint: bool = False  # all dancers choose at once, as in the released code
+    max_dancers: int = 5  # who find a place on the stage
+    music_dim: int = 35  # features of a frame of music
 
     @classmethod
     def paper(cls, **changes) -> "CoDancersConfig":

@@ -51,20 +51,20 @@ class MNETConfig:
     (120, 60)
     """
 
-    d_model: int = 128
-    num_heads: int = 4
-    num_layers: int = 4
-    critic_layers: int = 2
+    d_model: int = 128  # width of a token
+    num_heads: int = 4  # of attention
+    num_layers: int = 4  # layers of the transformer
+    critic_layers: int = 2  # layers of the critic
     critic_hidden: int = 64  # width of the critic's heads
-    ff_dim: int = 512
-    noise: int = 64
+    ff_dim: int = 512  # width inside a feed-forward block
+    noise: int = 64  # numbers of the noise
     seed_frames: int = 30  # of motion that it sees
-    music_frames: int = 60
+    music_frames: int = 60  # frames of music that it sees
     targets: int = 15  # frames that it guesses, all of which are kept
     max_dancers: int = 10  # who find a place on the stage; the network knows one
-    motion_dim: int = 151
-    music_dim: int = 35
-    genres: tuple[str, ...] = GENRES
+    motion_dim: int = 151  # features of a dancer's frame
+    music_dim: int = 35  # features of a frame of music
+    genres: tuple[str, ...] = GENRES  # names in the order of their numbers
 
     @classmethod
     def paper(cls, **changes) -> "MNETConfig":
