@@ -55,7 +55,7 @@ class CoDancersConfig:
     num_codes: int = 128  # codes of a codebook
     code_decay: float = 0.9  # of the codebook's moving average
     length: int = 15  # units that the transformer sees, 4 seconds
-    joint: bool = False  # all dancers choose at once, as in the released code
+    joint: bool = False  # dancers see all others, not only those before
     max_dancers: int = 5  # who find a place on the stage
     music_dim: int = 35  # features of a frame of music
 
