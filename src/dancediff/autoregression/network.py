@@ -62,6 +62,31 @@ class AutoregressiveNetwork(NormalizedNetwork, ABC):
         return [self]
 
 
+def check_targets(config: Any) -> None:
+    """Refuse to guess more frames than there are motion tokens to read them from.
+
+    Raises: ValueError naming ``targets``.
+    """
+    if config.targets > config.seed_frames:
+        raise ValueError(
+            f"targets={config.targets} is more than seed_frames={config.seed_frames}, whose tokens "
+            "are read; choose fewer"
+        )
+
+
+def check_seen(history: Tensor, M: Tensor, config: Any) -> None:
+    """Refuse motion (b, s, d) and music (b, w, m) that are not what a network sees at once.
+
+    Raises: ValueError naming the argument whose shape does not fit.
+    """
+    for name, value, shape in (
+        ("history", history, (config.seed_frames, config.motion_dim)),
+        ("M", M, (config.music_frames, config.music_dim)),
+    ):
+        if value.ndim != 3 or value.shape[1:] != shape:
+            raise ValueError(f"{name} has shape {tuple(value.shape)}; expected (b, *{shape})")
+
+
 def moved_to_origin(x: Tensor, at: int) -> Tensor:
     """Places on the floor seen from where the dancer is at frame ``at``; a copy.
 

@@ -198,6 +198,19 @@ class DanceDecoder(MusicConditioning):
             return self.out(h.float())
 
 
+def check_group(x_t: Tensor, config: Any) -> None:
+    """Refuse noisy motion that is no group (b, n, f, d) of a model with these sizes.
+
+    Raises: ValueError naming its shape and what fits.
+    """
+    (b, n, f, d), c = x_t.shape, config
+    if d != c.motion_dim or not 1 <= n <= c.max_dancers or not 1 <= f <= c.num_frames:
+        raise ValueError(
+            f"x_t has shape {(b, n, f, d)}; expected (b, n, f, d) with n <= {c.max_dancers}, "
+            f"f <= {c.num_frames}, d = {c.motion_dim}"
+        )
+
+
 def check_shapes(**values: tuple[Tensor | None, tuple | None]) -> None:
     """Each value that a decoder is given with the shape it should have; None: it should be absent.
 

@@ -5,7 +5,7 @@ from typing import Any
 import torch
 from torch import nn
 
-from dancediff.papers.tcdiffpp.group_dance_decoder import FusionProjection
+from dancediff.nn.decoder import FusionProjection
 from dancediff.training.adan import Adan
 from dancediff.training.config import TrainConfig
 from dancediff.training.muon import MuonAdamW

@@ -2,7 +2,7 @@ import pytest
 import torch
 from torch import nn
 
-from dancediff.papers.tcdiffpp.group_dance_decoder import FusionProjection
+from dancediff.nn.decoder import FusionProjection
 from dancediff.training.checkpoint import Checkpointer
 from dancediff.training.config import TrainConfig
 from dancediff.training.ema import EMA

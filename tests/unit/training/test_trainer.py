@@ -7,7 +7,7 @@ from torch import nn
 
 from dancediff.diffusion.schedule import cosine_abar
 from dancediff.extensions.level_weights import level_weights
-from dancediff.papers.tcdiffpp.group_dance_decoder import FusionProjection
+from dancediff.nn.decoder import FusionProjection
 from dancediff.training import objective
 from dancediff.training.checkpoint import load_average, read_facts
 from dancediff.training.config import TrainConfig, TrainingExtensions

@@ -16,7 +16,12 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from dancediff.autoregression.network import AutoregressiveNetwork, moved_to_origin
+from dancediff.autoregression.network import (
+    AutoregressiveNetwork,
+    check_seen,
+    check_targets,
+    moved_to_origin,
+)
 from dancediff.autoregression.roll_out import roll_out
 from dancediff.data.windows import Batch
 from dancediff.motion.representation import TCDIFFPP
@@ -107,11 +112,7 @@ class FACT(AutoregressiveNetwork):
     def __init__(self, config: FACTConfig | None = None):
         """Random weights; normalisers that change nothing until training fits them."""
         c = config or FACTConfig()
-        if c.targets > c.seed_frames:
-            raise ValueError(
-                f"targets={c.targets} is more than seed_frames={c.seed_frames}, whose tokens are "
-                "read; choose fewer"
-            )
+        check_targets(c)
         super().__init__(c.motion_dim, c.music_dim)
         self.config = c
         layer: dict[str, Any] = {"num_heads": c.num_heads, "ff_dim": c.ff_dim}
@@ -128,16 +129,10 @@ class FACT(AutoregressiveNetwork):
 
     def forward(self, history: Tensor, M: Tensor) -> Tensor:
         """See the equation."""
-        c = self.config
-        for name, value, shape in (
-            ("history", history, (c.seed_frames, c.motion_dim)),
-            ("M", M, (c.music_frames, c.music_dim)),
-        ):
-            if value.ndim != 3 or value.shape[1:] != shape:
-                raise ValueError(f"{name} has shape {tuple(value.shape)}; expected (b, *{shape})")
+        check_seen(history, M, self.config)
         here = history[:, -1:, TCDIFFPP.floor]
         tokens = [self.motion(moved_to_origin(history, at=-1)), self.music(M)]
-        h = self.cross_modal(torch.cat(tokens, dim=1))[:, : c.targets]
+        h = self.cross_modal(torch.cat(tokens, dim=1))[:, : self.config.targets]
         guess = self.out(h).float()
         guess[..., TCDIFFPP.floor] += here
         return guess

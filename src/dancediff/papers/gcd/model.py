@@ -21,7 +21,7 @@ from dancediff.diffusion.conditions import Conditions
 from dancediff.diffusion.schedule import Generators, gaussian
 from dancediff.nn.conditioning import MusicConditioning
 from dancediff.nn.dance_network import DanceNetwork
-from dancediff.nn.decoder import DecoderLayer, check_shapes
+from dancediff.nn.decoder import DecoderLayer, check_group, check_shapes
 from dancediff.papers.gcd.consistency_critic import ConsistencyCritic
 from dancediff.papers.gcd.group_attention import GroupGlobalAttention
 from dancediff.papers.gcd.group_modulation import GroupEmbedding, GroupModulation
@@ -190,12 +190,8 @@ class GCD(DanceNetwork):
 
     def check(self, x_t: Tensor, t: Tensor, conditions: Conditions) -> None:
         """Refuse shapes that do not fit."""
-        (b, n, f, d), c = x_t.shape, self.config
-        if d != c.motion_dim or not 1 <= n <= c.max_dancers or not 1 <= f <= c.num_frames:
-            raise ValueError(
-                f"x_t has shape {(b, n, f, d)}; expected (b, n, f, d) with n <= {c.max_dancers}, "
-                f"f <= {c.num_frames}, d = {c.motion_dim}"
-            )
+        (b, _, f, _), c = x_t.shape, self.config
+        check_group(x_t, c)
         check_shapes(t=(t, (b,)), music=(conditions.music, (b, f, c.music_dim)))
         if conditions.latent is not None:
             check_shapes(latent=(conditions.latent, (b, c.d_model)))

@@ -17,7 +17,12 @@ from typing import Any, NamedTuple
 import torch
 from torch import Tensor
 
-from dancediff.autoregression.network import AutoregressiveNetwork, moved_to_origin
+from dancediff.autoregression.network import (
+    AutoregressiveNetwork,
+    check_seen,
+    check_targets,
+    moved_to_origin,
+)
 from dancediff.autoregression.roll_out import roll_out
 from dancediff.data.windows import Batch
 from dancediff.genre import GENRES
@@ -114,11 +119,7 @@ class MNET(AutoregressiveNetwork):
     def __init__(self, config: MNETConfig | None = None):
         """Random weights; normalisers that change nothing until training fits them."""
         c = config or MNETConfig()
-        if c.targets > c.seed_frames:
-            raise ValueError(
-                f"targets={c.targets} is more than seed_frames={c.seed_frames}, whose tokens are "
-                "read; choose fewer"
-            )
+        check_targets(c)
         super().__init__(c.motion_dim, c.music_dim)
         self.config = c
         sizes: dict[str, Any] = {"motion_dim": c.motion_dim, "music_dim": c.music_dim}
@@ -147,13 +148,7 @@ class MNET(AutoregressiveNetwork):
 
     def forward(self, history: Tensor, M: Tensor, style: Tensor) -> Tensor:
         """See the equation."""
-        c = self.config
-        for name, value, shape in (
-            ("history", history, (c.seed_frames, c.motion_dim)),
-            ("M", M, (c.music_frames, c.music_dim)),
-        ):
-            if value.ndim != 3 or value.shape[1:] != shape:
-                raise ValueError(f"{name} has shape {tuple(value.shape)}; expected (b, *{shape})")
+        check_seen(history, M, self.config)
         guess = self.generator(moved_to_origin(history, at=-1), M, style)
         guess[..., TCDIFFPP.floor] += history[:, -1:, TCDIFFPP.floor]
         return guess

@@ -16,7 +16,7 @@ from torch import Tensor
 from dancediff.diffusion.conditions import Conditions
 from dancediff.diffusion.schedule import Generators
 from dancediff.nn.dance_network import DanceNetwork
-from dancediff.nn.decoder import check_shapes
+from dancediff.nn.decoder import check_group, check_shapes
 from dancediff.papers.tcdiff.navigator import Navigator, roll_out
 from dancediff.papers.tcdiff.path_smoothing import smoothed
 from dancediff.papers.tcdiff.start_formations import StartFormations
@@ -141,12 +141,8 @@ class TCDiff(DanceNetwork):
 
     def check(self, x_t: Tensor, t: Tensor, conditions: Conditions) -> Tensor:
         """Refuse shapes that do not fit; returns the path."""
-        (b, n, f, d), c = x_t.shape, self.config
-        if d != c.motion_dim or not 1 <= n <= c.max_dancers or not 1 <= f <= c.num_frames:
-            raise ValueError(
-                f"x_t has shape {(b, n, f, d)}; expected (b, n, f, d) with n <= {c.max_dancers}, "
-                f"f <= {c.num_frames}, d = {c.motion_dim}"
-            )
+        (b, n, f, _), c = x_t.shape, self.config
+        check_group(x_t, c)
         check_shapes(
             t=(t, (b,)),
             music=(conditions.music, (b, f, c.music_dim)),

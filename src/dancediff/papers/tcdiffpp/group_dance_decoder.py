@@ -16,7 +16,7 @@ from torch import Tensor, nn
 
 from dancediff.diffusion.conditions import Conditions
 from dancediff.nn.conditioning import BatchInvariantLinear, MusicConditioning
-from dancediff.nn.decoder import FusionProjection
+from dancediff.nn.decoder import FusionProjection, check_group
 from dancediff.papers.tcdiffpp.sequence_decoder import SequenceDecoder
 
 
@@ -156,12 +156,8 @@ class GroupDanceDecoder(MusicConditioning):
 
     def check(self, x_t: Tensor, t: Tensor, conditions: Conditions) -> None:
         """Refuse shapes that do not fit."""
-        (b, n, f, d), c = x_t.shape, self.config
-        if d != c.motion_dim or not 1 <= n <= c.max_dancers or not 1 <= f <= c.num_frames:
-            raise ValueError(
-                f"x_t has shape {(b, n, f, d)}; expected (b, n, f, d) with n <= {c.max_dancers}, "
-                f"f <= {c.num_frames}, d = {c.motion_dim}"
-            )
+        (b, n, f, _), c = x_t.shape, self.config
+        check_group(x_t, c)
         expected = {"t": (b,), "music": (b, f, c.music_dim), "swap": (b, n)}
         for name, shape in expected.items():
             have = tuple((t if name == "t" else getattr(conditions, name)).shape)

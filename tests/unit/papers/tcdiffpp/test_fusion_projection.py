@@ -2,7 +2,7 @@ import pytest
 import torch
 
 from dancediff.extensions.residuals import FusionResidual
-from dancediff.papers.tcdiffpp.group_dance_decoder import FusionProjection
+from dancediff.nn.decoder import FusionProjection
 
 
 def test_is_three_linear_layers_on_the_row_of_dancers():
