@@ -27,10 +27,10 @@ def test_a_solo_is_one_file(group, tmp_path):
     assert group.dancer(0).save(tmp_path / "solo.bvh") == tmp_path / "solo.bvh"
 
 
-def test_other_trees_are_sent_to_retarget(group, tmp_path):
+def test_other_trees_are_sent_to_prepare_folder(group, tmp_path):
     path = save_bvh(group.dancer(0), tmp_path / "a.bvh")
     path.write_text(path.read_text().replace("JOINT lknee", "JOINT LeftLeg"))
-    with pytest.raises(ValueError, match=r"LeftLeg.*retarget"):
+    with pytest.raises(ValueError, match=r"LeftLeg.*prepare folder"):
         load_bvh(path)
 
 
