@@ -46,6 +46,7 @@ KIND_OF = {  # options of presets that are no extension
     "sampler": "sampling",
     "steps": "sampling",
     "eta": "sampling",
+    "sigma_min": "sampling",
     "pinning": "sampling",
     "seam": "sampling",
 }

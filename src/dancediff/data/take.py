@@ -17,7 +17,7 @@ import numpy as np
 from torch import Tensor
 
 from dancediff.axes import FPS
-from dancediff.motion.beats import motion_beats
+from dancediff.motion.beats import kinematic_energy, motion_beats
 from dancediff.motion.motion import Motion
 from dancediff.motion.representation import TCDIFFPP, joints_of
 
@@ -121,6 +121,11 @@ class DanceTake:
     def motion_beats(self) -> np.ndarray:
         """Frames in which the whole group comes to rest."""
         return motion_beats(joints_of(self.x).transpose(0, 1).flatten(1, 2))
+
+    @cached_property
+    def kinematic_energy(self) -> np.ndarray:
+        """How much the dancers move around each frame, (f,)."""
+        return kinematic_energy(joints_of(self.x).transpose(0, 1).flatten(1, 2), fps=FPS)
 
     def solos(self, *, centred: bool = False) -> list["DanceTake"]:
         r"""Every dancer as a take of one; ``centred``: with the mean place at the origin.

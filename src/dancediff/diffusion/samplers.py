@@ -109,25 +109,33 @@ def half_logsnr(abar: Tensor, t: int) -> float:
     return math.inf if a == 1 else 0.5 * math.log(a / (1 - a))
 
 
-def logsnr_times(steps: int, abar: Tensor) -> list[int]:
+def logsnr_times(steps: int, abar: Tensor, sigma_min: float = 0.0) -> list[int]:
     r"""Steps evenly spaced in $\lambda$, then -1 ("clean"): every size of motion gets as many.
 
     What a dance is made of becomes visible one size after the other, formations first, trembling
     last. Steps that are even in t hurry through both ends.
 
+    - ``sigma_min``: noise, as a share of the signal, at which the last guess is taken. Below 0.16
+      a small network mostly follows its own trembling; what is left is no dance.
+
     Source: DPM-Solver++ section 5.  Differs: begins at `LOUDEST`, since the cosine schedule's first
     step alone is a quarter of its way; steps that fall on the same t are taken once.
 
-    Raises: ValueError unless 1 <= steps <= len(abar).
+    Raises: ValueError unless 1 <= steps <= len(abar) and 0 <= sigma_min <= 1.
 
     >>> from dancediff.diffusion.schedule import cosine_abar
     >>> logsnr_times(6, cosine_abar())
     [992, 951, 698, 174, 20, 0, -1]
+    >>> logsnr_times(6, cosine_abar(), sigma_min=0.16)
+    [992, 974, 910, 703, 322, 93, -1]
     """
     if not 1 <= steps <= len(abar):
         raise ValueError(f"steps={steps} must lie in 1 ... {len(abar)}, the schedule's length")
+    if not 0 <= sigma_min <= 1:
+        raise ValueError(f"sigma_min={sigma_min} must lie in 0 ... 1; 0.16 leaves out trembling")
     level = 0.5 * torch.log(abar / (1 - abar))
-    wanted = torch.linspace(max(LOUDEST, float(level[-1])), float(level[0]), steps)
+    end = min(-math.log(sigma_min), float(level[0])) if sigma_min else float(level[0])
+    wanted = torch.linspace(max(LOUDEST, float(level[-1])), end, steps)
     times = [int((level - value).abs().argmin()) for value in wanted]
     return [*dict.fromkeys(times), -1]
 
@@ -240,7 +248,9 @@ def _check_step(t: int, t_next: int, eta: float) -> None:
         raise ValueError(f"eta={eta} must lie in 0 (deterministic) ... 1 (as noisy as DDPM)")
 
 
-def sampling_times(sampler: str, steps: int, abar: Tensor | None = None) -> list[int]:
+def sampling_times(
+    sampler: str, steps: int, abar: Tensor | None = None, sigma_min: float = 0.0
+) -> list[int]:
     """The steps that a sampler takes, from noise down to -1 ("clean"); by default of 1000.
 
     Raises: ValueError for an unknown sampler, or steps out of range.
@@ -252,7 +262,7 @@ def sampling_times(sampler: str, steps: int, abar: Tensor | None = None) -> list
     if sampler not in SAMPLERS and not is_own(sampler):
         raise ValueError(f"sampler={sampler!r} is not one of {', '.join(map(repr, SAMPLERS))}")
     if sampler == "dpm":
-        return logsnr_times(steps, abar)
+        return logsnr_times(steps, abar, sigma_min)
     return ddim_times(len(abar) if sampler == "ddpm" else steps, len(abar))
 
 
@@ -293,6 +303,7 @@ class SamplerOptions:
     - ``sampler``: "dpm" or "ddim" (``steps``, ``eta``), or "ddpm" (always all T steps), or
       "module:function" of your own, called as `ddim_step` is, at the times of "ddim".
     - ``clamp``: guesses are cut at +- this, or by this function; None leaves them.
+    - ``sigma_min``: where "dpm" takes its last guess, see `logsnr_times`; others pass it over.
     """
 
     abar: Tensor  # on the device that shall compute
@@ -300,6 +311,7 @@ class SamplerOptions:
     steps: int
     eta: float
     clamp: float | Callable[[Tensor], Tensor] | None = 1.0
+    sigma_min: float = 0.0
 
 
 @torch.no_grad()
@@ -338,7 +350,7 @@ def sample(
     """
     how, eta = options.sampler, options.eta
     abar = options.abar.detach().cpu()  # read as numbers: no wait for a GPU at every step
-    times = sampling_times(how, options.steps, abar)
+    times = sampling_times(how, options.steps, abar, options.sigma_min)
     x = _first(x_T, tuple(shape), generator).to(options.abar.device)
     if pin is not None:
         x = pin.start(x)

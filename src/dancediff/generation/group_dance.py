@@ -165,7 +165,7 @@ def naive_dance(
     S = torch.tensor([range(n) if order is None else order for order in targets], device=device)
     weight = weight_of(request, model)
     if ramp and k > 1 and request.sampler != "ddpm":
-        times = sampling_times(request.sampler, request.steps, model.abar.cpu())
+        times = sampling_times(request.sampler, request.steps, model.abar.cpu(), request.sigma_min)
         weight = ramp_up(request.guidance, times)
     bind = binder(model, weight, request.autoguidance, dtype)
     conditions = Conditions(M, swap=S, **style_of(model, song, request, segments))
@@ -239,8 +239,14 @@ def largest_guess(model, request: SegmentedRequest) -> Callable[[Tensor], Tensor
 
 def sampler_options(model, request: SegmentedRequest) -> SamplerOptions:
     """How a resolved request is sampled."""
-    clamp = largest_guess(model, request)
-    return SamplerOptions(model.abar, request.sampler, request.steps, request.eta, clamp)
+    return SamplerOptions(
+        model.abar,
+        request.sampler,
+        request.steps,
+        request.eta,
+        clamp=largest_guess(model, request),
+        sigma_min=request.sigma_min,
+    )
 
 
 def music_of(model, song) -> Tensor:

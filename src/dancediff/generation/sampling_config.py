@@ -47,6 +47,13 @@ class SamplingConfig(DanceRequest):
     eta: float = option(
         None, "Fresh noise in a step of DDIM: 0 none, 1 as much as DDPM.", low=0, high=1
     )
+    sigma_min: float = option(
+        0.0,
+        "For dpm: noise, as a share of the signal, at which the last guess is taken; below it a "
+        "small network trembles.",
+        low=0,
+        high=1,
+    )
     guidance: float = option(
         None,
         "How much the music matters: 0 not at all, 1 as learned, 2 exaggerated (twice the time).",

@@ -70,7 +70,7 @@ class PrimitiveCut:
         return self.layout.global_frames
 
     def __call__(self, take: DanceTake, start: int) -> Tensor:
-        """A copy; beats are found once, in the whole take."""
+        """A copy; beats and energy are found once, in the whole take."""
         x = take.x[0, start : start + self.num_frames, : self.spec.dim]
         if self.layout.stride > 1:
             return at_origin(x[:: self.layout.stride])
@@ -78,6 +78,7 @@ class PrimitiveCut:
         primitives, _ = primitives_of(
             x,
             take.motion_beats - start,
+            energy=take.kinematic_energy[start : start + self.num_frames],
             joins=[join - start for join in joins if start < join < start + self.num_frames],
             layout=self.layout,
         )

@@ -32,6 +32,7 @@ from dancediff.training.objective import BatchLosses
 
 BATCHES = 6  # of dances, and as many others to compare with
 STEPS = 12
+SIGMA_MIN = 0.16
 METRICS = ("FID_k", "FID_g", "Div_k", "Div_g", "GMR", "TIF", "MMC", "FSR", "PFC", "joint speed")
 
 
@@ -70,7 +71,7 @@ def dance_windows(model: DanceNetwork, batch: Batch, seed: int) -> Tensor:
     Shapes: `Batch` in the network's units -> x (b, n, f, d).
     """
     conditions = Conditions(batch.M, swap=batch.label, genre=batch.genre, energy=batch.energy)
-    options = SamplerOptions(model.abar, "ddim", STEPS, eta=0.0, clamp=None)
+    options = SamplerOptions(model.abar, "dpm", STEPS, eta=0.0, clamp=None, sigma_min=SIGMA_MIN)
     generator = torch.Generator().manual_seed(seed)
     conditions = model.with_draws(conditions, generator)
     with torch.inference_mode(), cached_music(model):

@@ -134,7 +134,7 @@ def cue_panel(model, song, *, report=None, **options):
     hard, soft_frames = cue_frames(
         model, song, dance.num_frames, made["mirror"], made["beat_align"]
     )
-    times = sampling_times(made["sampler"], made["steps"], model.model.abar)
+    times = sampling_times(made["sampler"], made["steps"], model.model.abar, made["sigma_min"])
     held = guided_steps(times, made["soft"])
     ribbon = np.zeros((len(times) - 1, dance.num_frames))
     ribbon[:held, soft_frames] = 1

@@ -197,7 +197,23 @@ def test_dpm_times_are_even_in_the_signal_to_noise_ratio(steps):
         assert np.abs(levels - even).max() < 0.2
 
 
+@pytest.mark.parametrize("steps", [4, 8, 12])
+def test_the_last_guess_may_be_taken_where_noise_is_left(steps):
+    times = logsnr_times(steps, ABAR, sigma_min=0.16)
+    assert times[0] == 992 and times[-1] == -1 and len(times) == steps + 1
+    last = float(ABAR[times[-2]])
+    assert math.sqrt((1 - last) / last) == pytest.approx(0.16, abs=0.002)
+    levels = np.array([half_logsnr(ABAR, t) for t in times[:-1]])
+    assert np.abs(np.diff(levels, 2)).max() < 0.1, "evenly spaced"
+    asked = []
+    options = SamplerOptions(ABAR, "dpm", steps, eta=0.0, sigma_min=0.16)
+    sample(lambda x, t: (asked.append(t), shrink(x, t))[1], SHAPE, options, generator=gen())
+    assert asked == times[:-1]
+
+
 def test_unknown_samplers_and_steps_are_named():
+    with pytest.raises(ValueError, match=r"sigma_min=1.5 must lie in 0 \.\.\. 1"):
+        logsnr_times(5, ABAR, sigma_min=1.5)
     with pytest.raises(ValueError, match="sampler='euler' is not one of 'dpm', 'ddim', 'ddpm'"):
         sampling_times("euler", 5)
     with pytest.raises(ValueError, match="steps=0 "):

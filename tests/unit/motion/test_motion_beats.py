@@ -1,7 +1,7 @@
 import numpy as np
 import torch
 
-from dancediff.motion.beats import mean_speed, motion_beats
+from dancediff.motion.beats import kinematic_energy, mean_speed, motion_beats
 
 
 def test_beats_are_where_a_swing_turns_round():
@@ -18,3 +18,18 @@ def test_a_still_or_tiny_clip_has_none():
 def test_speed_is_metres_a_frame():
     joints = torch.arange(10.0)[:, None, None] * torch.tensor([0.03, 0.0, 0.04])
     assert np.allclose(mean_speed(joints.expand(10, 24, 3)), 0.05)
+
+
+def test_kinematic_energy_is_half_the_square_of_speed():
+    walk = torch.arange(90)[:, None, None] / 30 * torch.tensor([0.6, 0.0, 0.8])
+    assert np.allclose(kinematic_energy(walk.expand(90, 24, 3))[10:-10], 0.5)
+    assert np.allclose(kinematic_energy(walk.expand(90, 24, 3), fps=60)[20:-20], 2.0)
+    assert kinematic_energy(torch.zeros(1, 24, 3)).tolist() == [0.0]
+
+
+def test_a_rest_within_a_big_movement_has_more_energy_than_one_within_a_small():
+    angle = torch.arange(240) / 20 * torch.pi
+    size = torch.where(torch.arange(240) < 120, 1.0, 0.3)
+    joints = (torch.cos(angle) * size)[:, None, None] * torch.ones(240, 24, 3)
+    energy = kinematic_energy(joints)
+    assert np.isclose(energy[180] / energy[60], 0.09, rtol=0.01)

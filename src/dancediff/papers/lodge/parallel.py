@@ -173,7 +173,12 @@ class ParallelSampler:
             self.guess(stage, self.conditions(stage, M, first)),
             (rows, stage.config.num_frames, stage.config.motion_dim),
             SamplerOptions(
-                stage.abar, request.sampler, request.steps, eta=request.eta, clamp=self.clamp(stage)
+                stage.abar,
+                request.sampler,
+                request.steps,
+                request.eta,
+                clamp=self.clamp(stage),
+                sigma_min=request.sigma_min,
             ),
             generator=row_generators(request.seed, purpose, rows, first),
             pin=pin,
@@ -217,7 +222,8 @@ class ParallelSampler:
 
     def times(self, stage) -> list[int]:
         """The steps that will be taken."""
-        return sampling_times(self.request.sampler, self.request.steps, stage.abar.cpu())
+        request = self.request
+        return sampling_times(request.sampler, request.steps, stage.abar.cpu(), request.sigma_min)
 
     def _steps(self, rows: int) -> int:
         """How many denoising steps all chunks take together."""

@@ -7,6 +7,7 @@ Symbols (axes: p primitives · k frames of a primitive · f frames · d = 139 mo
     n   frames of a local segment, 256 = 8.5 s (in this package n never counts dancers)
     h   hard primitive: lies across the border of two locals, so that they fit together
     r   soft primitive: a key motion within a local, so that something happens there
+    E   kinematic energy around a frame (f,)
 
 In a global segment they come in this order, two soft ones in each local:
 
@@ -19,10 +20,12 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import pairwise
 
+import numpy as np
 import torch
 from torch import Tensor
 
-from dancediff.motion.beats import motion_beats
+from dancediff.axes import FPS
+from dancediff.motion.beats import kinematic_energy, motion_beats
 from dancediff.motion.representation import LODGE, at_origin, joints_of
 
 SOFT_PER_LOCAL = 2
@@ -102,6 +105,7 @@ def primitives_of(
     x: Tensor,
     beats: Iterable[int] | None = None,
     *,
+    energy: np.ndarray | None = None,
     joins: Iterable[int] = (),
     layout: Layout = LAYOUT,
 ) -> tuple[Tensor, Tensor]:
@@ -109,16 +113,20 @@ def primitives_of(
 
     $$h_k = x[kn - 4 : kn + 4], \qquad r = x[b - 4 : b + 4]$$
 
-    where b are kinematic beats, two in each local. The first and the last hard primitive begin and
-    end with the clip. Each primitive's root starts at x = z = 0; heights stay.
+    where b is, in each half of a local, the kinematic beat around which the body moves most. The
+    first and the last hard primitive begin and end with the clip. Each primitive's root starts at
+    x = z = 0; heights stay.
 
     - ``beats``: kinematic beats of x where they are known already; default `motion_beats`.
+    - ``energy``: of each frame, (N,), where it is known; default `kinematic_energy`.
     - ``joins``: frames at which a clip was put together; no primitive lies across one.
 
-    Source: Lodge section 3.3.  Differs: the released code smooths with sigma 5, which merges beats
-    above 120 a minute, moves the soft primitives of a clip by up to 2 frames at random, looks for
-    beats on normalised vectors, cuts h_k at multiples of 128 k / 4 wherever the borders are, trains
-    on 25 primitives and dances with 13, and moves the root in views, which damages the clip.
+    Source: Lodge sections 1 ("with high kinematic energy") and 3.3 (local minima of velocity).
+    Differs: the released code smooths with sigma 5, which merges beats above 120 a minute, takes
+    every so manieth beat without a look at energy, moves the soft primitives of a clip by up to 2
+    frames at random, looks for beats on normalised vectors, cuts h_k at multiples of 128 k / 4
+    wherever the borders are, trains on 25 primitives and dances with 13, and moves the root in
+    views, which damages the clip.
 
     Shapes: x (N, d) metres and 6-D rotations -> primitives (p, 8, d), their frames in x (p, 8).
     Raises: ValueError when x is no clip of N frames.
@@ -131,25 +139,32 @@ def primitives_of(
         raise ValueError(
             f"x has shape {tuple(x.shape)}; expected one clip ({layout.global_frames}, {LODGE.dim})"
         )
-    if beats is None:
-        beats = motion_beats(joints_of(x.detach().cpu().float(), LODGE))
-    frames = beside_joins(primitive_frames(beats, layout), joins)
+    if beats is None or energy is None:
+        joints = joints_of(x.detach().cpu().float(), LODGE)  # (N, 24, 3)
+        beats = motion_beats(joints) if beats is None else beats
+        energy = kinematic_energy(joints) if energy is None else energy
+    frames = beside_joins(primitive_frames(beats, layout, energy), joins)
     return at_origin(x[frames.to(x.device)], LODGE), frames
 
 
-def primitive_frames(beats: Iterable[int], layout: Layout = LAYOUT) -> Tensor:
+def primitive_frames(
+    beats: Iterable[int], layout: Layout = LAYOUT, energy: np.ndarray | None = None
+) -> Tensor:
     """Which frames of a clip its primitives take, given its kinematic beats; int (p, 8).
 
-    Soft primitives overlap no other one.
+    Soft primitives overlap no other one. Without ``energy`` all beats have the same, and the first
+    of each half of a local is taken.
 
     >>> primitive_frames([70, 200])[1:3].tolist()[0]
     [66, 67, 68, 69, 70, 71, 72, 73]
     """
     N, n, half = layout.global_frames, layout.local_frames, layout.span // 2
     beats, centres = list(beats), [half]
+    energy = np.zeros(N) if energy is None else energy
     for border in range(0, N, n):
-        centres += spread_evenly(
+        centres += fullest(
             beats,
+            energy,
             SOFT_PER_LOCAL,
             border,
             border + n,
@@ -184,8 +199,41 @@ def thinned_primitives(x: Tensor, layout: Layout = DISCRETE) -> Tensor:
     >>> thinned_primitives(torch.randn(256, 139)).shape
     torch.Size([13, 8, 139])
     """
-    beats = motion_beats(joints_of(x, LODGE)) * layout.stride
-    return x[primitive_frames(beats, layout) // layout.stride]
+    joints = joints_of(x, LODGE)
+    beats = motion_beats(joints) * layout.stride
+    energy = kinematic_energy(joints, fps=FPS / layout.stride).repeat(layout.stride)
+    return x[primitive_frames(beats, layout, energy) // layout.stride]
+
+
+def fullest(
+    candidates: Iterable[int],
+    energy: np.ndarray,
+    count: int,
+    start: int,
+    stop: int,
+    *,
+    margin: int,
+    apart: int,
+) -> list[int]:
+    """One frame of each of ``count`` parts of start ... stop: the candidate of the highest energy.
+
+    Only those ``margin`` from both ends and ``apart`` from the one before count; a part without any
+    gives its middle.
+
+    >>> energy = np.zeros(256)
+    >>> energy[80] = 1
+    >>> fullest([40, 80, 100, 200], energy, 2, 0, 256, margin=8, apart=8)
+    [80, 200]
+    >>> fullest([40], energy, 2, 0, 256, margin=8, apart=8)
+    [40, 192]
+    """
+    chosen: list[int] = []
+    frames, part = sorted(map(int, candidates)), (stop - start) // count
+    for low in range(start, start + count * part, part):
+        free = max([start + margin, low, *(frame + apart for frame in chosen)])
+        fit = [frame for frame in frames if free <= frame < low + part and frame <= stop - margin]
+        chosen.append(max(fit, key=lambda frame: energy[frame]) if fit else low + part // 2)
+    return chosen
 
 
 def spread_evenly(

@@ -1,3 +1,4 @@
+import numpy as np
 import pytest
 import torch
 
@@ -71,6 +72,28 @@ def test_primitives_are_pieces_of_the_clip_and_start_at_the_origin():
     assert (primitives[:, 0, [4, 6]] == 0).all()
     steps = primitives[..., [4, 6]].diff(dim=1)
     assert torch.allclose(steps, torch.tensor([0.01, -0.02]).expand_as(steps), atol=1e-5)
+
+
+def test_of_the_rests_in_half_a_local_the_one_with_most_movement_around_it_is_taken():
+    """Lodge section 1: key motions "with high kinematic energy"."""
+    x = swinging(f0=7)
+    frames, channels = torch.arange(1024), LODGE.joint_channels([17])
+    angle = torch.cos((frames - 7) * torch.pi / 20)
+    angle[(frames < 207) | (frames > 247)] = 1.0  # the other arm swings once, too
+    x[:, channels[:2]] = torch.stack([angle.cos(), angle.sin()], 1)
+    x[:, channels[3:5]] = torch.stack([-angle.sin(), angle.cos()], 1)
+    middles = primitives_of(x)[1][:, 4].tolist()
+    assert middles[2] == 227 and (middles[1] - 7) % 20 == 0 and middles[1] < 128
+
+
+def test_known_energy_is_used():
+    energy = np.zeros(1024)
+    energy[100] = 1.0
+    assert primitives_of(swinging(), [60, 100, 150], energy=energy)[1][1:3, 4].tolist() == [
+        100,
+        150,
+    ]
+    assert primitives_of(swinging(), [60, 100, 150], energy=-energy)[1][1, 4] == 60
 
 
 def test_known_beats_are_used():
