@@ -65,13 +65,18 @@ class ValidationMetrics:
         return [one for batch in batches for one in measured(batch)]
 
 
-def dance_windows(model: DanceNetwork, batch: Batch, seed: int) -> Tensor:
+def dance_windows(
+    model: DanceNetwork, batch: Batch, seed: int, options: SamplerOptions | None = None
+) -> Tensor:
     """Dances of a bare network to the music of a batch, whose order and genre they have.
+
+    ``options``: default twelve steps of DPM-Solver++ that end where noise is left.
 
     Shapes: `Batch` in the network's units -> x (b, n, f, d).
     """
     conditions = Conditions(batch.M, swap=batch.label, genre=batch.genre, energy=batch.energy)
-    options = SamplerOptions(model.abar, "dpm", STEPS, eta=0.0, clamp=None, sigma_min=SIGMA_MIN)
+    if options is None:
+        options = SamplerOptions(model.abar, "dpm", STEPS, 0.0, clamp=None, sigma_min=SIGMA_MIN)
     generator = torch.Generator().manual_seed(seed)
     conditions = model.with_draws(conditions, generator)
     with torch.inference_mode(), cached_music(model):
