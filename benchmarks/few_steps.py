@@ -102,10 +102,10 @@ def in_network_units(model, batch):
     return batch._replace(x=x, M=M)
 
 
-def scores(dances: list[Measured], reference: list[Measured]) -> list[list[float]]:
+def scores(dances: list[Measured], reference: list[Measured]) -> list[list[float | None]]:
     """Value and interval of every metric, three digits of each."""
     rows = {row.name: (row.value, row.low, row.high) for row in table_rows(dances, reference)}
-    return [[float(f"{v:.3g}") for v in rows[name]] for name in METRICS]
+    return [[None if v is None else float(f"{v:.3g}") for v in rows[name]] for name in METRICS]
 
 
 if __name__ == "__main__":
