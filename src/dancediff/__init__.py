@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from dancediff.metrics.report import evaluate
     from dancediff.motion.motion import Motion
     from dancediff.music.song import Music
+    from dancediff.user_study.make import study
     from dancediff.viz.learning_curves import learning_curves
     from dancediff.viz.stage import play
 
@@ -37,6 +38,7 @@ _HOME = {
     "packaged_models": "dancediff.hub",
     "packaged_song": "dancediff.hub",
     "play": "dancediff.viz.stage",
+    "study": "dancediff.user_study.make",
 }
 __all__ = [
     "Motion",
@@ -51,6 +53,7 @@ __all__ = [
     "packaged_models",
     "packaged_song",
     "play",
+    "study",
 ]
 
 

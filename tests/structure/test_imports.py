@@ -26,7 +26,7 @@ ORDER = [  # lowest first; a module imports its own part and lower ones
         "autoregression",
     ],
     *["metrics", "papers", "extensions", "generation", "viz", "export", "io", "training", "hub"],
-    *["live_dance", "bench", "exercises", "grading", "nb", "cli"],
+    *["live_dance", "user_study", "bench", "exercises", "grading", "nb", "cli"],
 ]
 HEAVY = ["torch", "librosa", "matplotlib", "ipywidgets", "pythreejs", "av"]
 FILES = sorted(SOURCE.rglob("*.py"))

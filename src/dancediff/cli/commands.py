@@ -17,6 +17,7 @@ from dancediff.cli.files import check_folder, tell
 from dancediff.cli.gallery import Gallery
 from dancediff.cli.generate import Generate
 from dancediff.cli.live import Live
+from dancediff.cli.study import Study
 
 
 @dataclass
@@ -244,6 +245,7 @@ COMMANDS = {
     "live": Live,
     "evaluate": Evaluate,
     "gallery": Gallery,
+    "study": Study,
     "convert": Convert,
     "prepare": Prepare,
     "train": Train,

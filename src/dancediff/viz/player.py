@@ -43,31 +43,54 @@ def save_player(
     SMPL-24.
     """
     path, motions = Path(path), [motion] if other is None else [motion, other]
+    titles = ("",) if other is None else ("A", "B")
+    before, after = player_page()
+    text = as_data(player_facts(motions, song, titles=titles, metrics=metrics))
+    with atomic_write(path) as part:
+        part.write_text(before + text + after, encoding="utf-8")
+    return path
+
+
+def player_facts(motions: list[Motion], song=None, *, titles, metrics: bool) -> dict:
+    """What the page is told of one dance, or of two that play together, each under its title.
+
+    Raises: ValueError as `save_player`.
+    """
     if any(shown.skeleton.names != SMPL24.names for shown in motions):
         raise ValueError(
             "the page shows SMPL-24 bodies; this skeleton is another one, see "
             "dancediff.data.retarget"
         )
+    first, other = motions[0], motions[-1]
     for name in ("num_frames", "fps"):
-        if other is not None and getattr(motion, name) != getattr(other, name):
+        if getattr(first, name) != getattr(other, name):
             raise ValueError(
-                f"other has {name}={getattr(other, name)}, the dance {getattr(motion, name)}; they "
+                f"other has {name}={getattr(other, name)}, the dance {getattr(first, name)}; they "
                 "play together, so cut or resample one of them first"
             )
-    facts = _facts(motions, song)
-    facts["panes"] = [
-        _pane(dance, title if other is not None else "", _numbers(dance, song) if metrics else [])
-        for dance, title in zip(motions, "AB", strict=False)
+    panes = [
+        _pane(dance, title, _numbers(dance, song) if metrics else [])
+        for dance, title in zip(motions, titles, strict=True)
     ]
-    text = json.dumps(facts, separators=(",", ":")).replace("<", "\\u003c")  # no tag can begin
+    return _facts(motions, song) | {"panes": panes}
+
+
+def player_page() -> tuple[str, str]:
+    """The page in two parts; between them belongs what it is told, as `as_data` writes it."""
     page = (PAGE / "page.html").read_text(encoding="utf-8")
     code = (PAGE / "player.min.js").read_text(encoding="utf-8")
-    for mark, content in (("{{PLAYER}}", code), ("{{DATA}}", text)):
-        before, after = page.split(mark)
-        page = before + content + after
-    with atomic_write(path) as part:
-        part.write_text(page, encoding="utf-8")
-    return path
+    top, bottom = page.split("{{PLAYER}}")
+    before, after = top.split("{{DATA}}")
+    return before, after + code + bottom
+
+
+def as_data(facts) -> str:
+    """JSON that can stand in a page: no tag can begin in it.
+
+    >>> as_data({"title": "</script>"})
+    '{"title":"\\\\u003c/script>"}'
+    """
+    return json.dumps(facts, separators=(",", ":")).replace("<", "\\u003c")
 
 
 def _facts(motions: list[Motion], song) -> dict:

@@ -1,0 +1,90 @@
+"""The page of a user study, from disk: rated by keys, answers downloaded, then scored.
+
+The browser is Debian's chromium, driven by Playwright; without it these tests are skipped.
+"""
+
+import json
+
+import pytest
+from chromium_page import SLOW, until
+
+from dancediff.data.choreographer import choreograph
+from dancediff.music.synth import synth_song
+from dancediff.user_study.make import study
+from dancediff.user_study.scores import score_study
+
+SECONDS = 3.0
+SONGS = 3
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """A study of three songs: dances of "good" against those of "bad"."""
+    folder, songs = tmp_path_factory.mktemp("study"), []
+    for k in range(SONGS):
+        song, truth = synth_song(k, seconds=SECONDS)
+        songs.append(song.save(folder / f"song{k}.wav"))
+        for name, seed in (("good", 1), ("bad", 2)):
+            dance = choreograph(truth.beats, dancers=2, seed=10 * k + seed, seconds=SECONDS)[0]
+            (folder / name / f"song{k}").mkdir(parents=True)
+            dance.save(folder / name / f"song{k}" / "dance.npz")
+    return study(folder / "good", folder / "bad", out=folder / "s.html", songs=songs, seed=3)
+
+
+def begin(page, made, rater):
+    page.goto(made.page.as_uri())
+    page.locator("#rater").fill(rater)
+    page.keyboard.press("Enter")
+    wait_for_player(page)
+
+
+def wait_for_player(page):
+    until(page, "document.getElementById('stage').contentWindow?.dancediff", 20 * SLOW)
+    page.wait_for_timeout(300)
+
+
+def shown(page):
+    """The id of the pair on the page."""
+    return page.evaluate("(s => read('study').pairs[s.at])(window.study.state())")
+
+
+def download(page, folder):
+    with page.expect_download() as waiting:
+        page.locator("#download").click()
+    return waiting.value
+
+
+def test_a_study_is_rated_by_keys_and_scored(page, made, tmp_path):
+    key = json.loads(made.key.read_text())["pairs"]
+    begin(page, made, "Ada L.")
+    for at in range(SONGS):
+        id = shown(page)
+        assert page.locator("#where").inner_text() == f"Pair {at + 1} of {SONGS}"
+        assert page.locator("#next").is_disabled()
+        page.keyboard.press("q")  # too early: it does not count
+        assert page.evaluate("Object.keys(window.study.state().answers).length") == at
+        page.keyboard.press("Space")
+        until(page, "window.study.open()", 20 * SLOW)
+        page.keyboard.press("Space")
+        good, bad = ("q", "p") if key[id]["left"] == "good" else ("p", "q")
+        for press in (good, good, bad, good):
+            page.keyboard.press(press)
+        page.keyboard.press("ArrowUp")  # back to the third question, and changed
+        page.keyboard.press(good if at else bad)
+        page.keyboard.press("Enter")
+        if at < SONGS - 1:
+            wait_for_player(page)
+    answers = download(page, tmp_path)
+    assert answers.suggested_filename.startswith("answers_Ada-L-_")
+    answers.save_as(tmp_path / "answers.json")
+    scores = score_study([tmp_path / "answers.json"], made.key)
+    values = {score.question: (score.rate.value, score.rate.votes) for score in scores.scores}
+    assert values == {
+        "motion realism": (1.0, 3),
+        "music-motion correlation": (1.0, 3),
+        "formation aesthetics": (pytest.approx(2 / 3), 3),
+        "harmony of dancers": (1.0, 3),
+    }
+    assert page.complaints == []
+    local = ("file:", "data:", "about:", "blob:")
+    assert [url for url in page.asked if not url.startswith(local)] == []
