@@ -3,10 +3,14 @@
 The browser is Debian's chromium, driven by Playwright; without it these tests are skipped.
 """
 
+import base64
+import io
 import json
 
+import numpy as np
 import pytest
-from chromium_page import SLOW, until
+from chromium_page import SLOW, num_colors, until
+from PIL import Image
 
 from dancediff.data.choreographer import choreograph
 from dancediff.music.synth import synth_song
@@ -48,7 +52,16 @@ def shown(page):
     return page.evaluate("(s => read('study').pairs[s.at])(window.study.state())")
 
 
-def download(page, folder):
+def drawn(page):
+    """What the player in the frame has drawn, (height, width, 3)."""
+    url = page.evaluate(
+        "document.getElementById('stage').contentDocument.getElementById('stage').toDataURL()"
+    )
+    image = Image.open(io.BytesIO(base64.b64decode(url.partition(",")[2])))
+    return np.asarray(image.convert("RGB")).astype(int)
+
+
+def download(page):
     with page.expect_download() as waiting:
         page.locator("#download").click()
     return waiting.value
@@ -74,7 +87,7 @@ def test_a_study_is_rated_by_keys_and_scored(page, made, tmp_path):
         page.keyboard.press("Enter")
         if at < SONGS - 1:
             wait_for_player(page)
-    answers = download(page, tmp_path)
+    answers = download(page)
     assert answers.suggested_filename.startswith("answers_Ada-L-_")
     answers.save_as(tmp_path / "answers.json")
     scores = score_study([tmp_path / "answers.json"], made.key)
@@ -88,3 +101,29 @@ def test_a_study_is_rated_by_keys_and_scored(page, made, tmp_path):
     assert page.complaints == []
     local = ("file:", "data:", "about:", "blob:")
     assert [url for url in page.asked if not url.startswith(local)] == []
+
+
+def test_a_reload_loses_nothing_and_somebody_else_begins_anew(page, made):
+    begin(page, made, "Ada")
+    both = drawn(page)
+    half = both.shape[1] // 2
+    assert num_colors(both[:, :half]) > 200 < num_colors(both[:, -half:])  # no blank stage
+    page.keyboard.press("Space")
+    until(page, "window.study.open()", 20 * SLOW)
+    page.keyboard.press("p")
+    state = page.evaluate("window.study.state()")
+    assert list(state["answers"].values()) == [{"motion realism": "right"}]
+    page.reload()
+    page.get_by_text("Go on as Ada").click()
+    wait_for_player(page)
+    again = page.evaluate("window.study.state()")
+    assert (again["token"], again["answers"]) == (state["token"], state["answers"])
+    page.locator("#stop").click()
+    assert "1 of 12 votes" in page.locator("#said").inner_text()
+    assert page.locator("#fresh").is_disabled()  # it would throw the answers away
+    download(page)
+    page.get_by_text("Somebody else begins").click()
+    page.locator("#rater").fill("Ada")  # of the same name
+    page.keyboard.press("Enter")
+    fresh = page.evaluate("window.study.state()")
+    assert fresh["answers"] == {} and fresh["token"] != state["token"]

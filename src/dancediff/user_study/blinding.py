@@ -45,7 +45,7 @@ def blind(pairs: list[Pair], generator: np.random.Generator) -> list[BlindPair]:
     >>> sum(one.swapped for one in shown), {one.dances for one in shown} == {("x", "y"), ("y", "x")}
     (2, True)
     """
-    shown = []
+    shown: list[BlindPair] = []
     ids = [f"{number:08x}" for number in _distinct(len(pairs), generator)]
     for systems in dict.fromkeys(pair.systems for pair in pairs):
         ours = [pair for pair in pairs if pair.systems == systems]

@@ -111,6 +111,7 @@ function finish() {
   player()?.clock.pause();
   const [given, all] = [votes(), study.pairs.length * study.questions.length];
   $("said").textContent = `You gave ${given} of ${plural(all, "vote")}. Download the file and hand it in.`;
+  $("fresh").disabled = given > 0; // until they are downloaded
   show("end");
 }
 
@@ -176,6 +177,7 @@ function download() {
   link.href = URL.createObjectURL(new Blob([JSON.stringify(file, null, 1)], { type: "application/json" }));
   link.download = `answers_${state.rater.replace(/[^\p{L}\p{N}]+/gu, "-")}_${state.token.slice(0, 4)}.json`;
   link.click();
+  $("fresh").disabled = false;
   setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
 }
 
