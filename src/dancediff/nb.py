@@ -116,6 +116,20 @@ def _has_numbers(task, answer) -> bool:
     return callable(task.spec) and callable(answer)
 
 
+def answer(exercise: str, yours=None):
+    """Your function if the check calls it right, else the course's own, for lessons that go on.
+
+    Raises: ValueError for an exercise that does not exist, or that asks for no function.
+
+    >>> answer("05.2")(torch.ones(2, 1, 3), torch.zeros(2, 1, 3)).item()      # moved together
+    0.0
+    """
+    task = EXERCISES.get(exercise)
+    if task is None or not callable(task.spec):
+        raise ValueError(f"exercise={exercise!r} is no exercise that asks for a function")
+    return yours if judge(exercise, yours).mark == RIGHT else task.spec
+
+
 def show(exercise: str, answer=None):
     """Your numbers beside the expected ones, as a Figure; or None, and it says why.
 

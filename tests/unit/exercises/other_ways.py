@@ -10,9 +10,11 @@ from dataclasses import replace
 import numpy as np
 import torch
 import torch.nn.functional as F
+from scipy import stats
 from torch import cat, stack, tensor, zeros
 
 from dancediff.diffusion.samplers import ddim_step
+from dancediff.extensions.ssd import ssd_scan
 from dancediff.metrics.rhythm import closeness
 from dancediff.motion.motion import Motion
 from dancediff.motion.rotation import rotation_about
@@ -444,6 +446,39 @@ def move_up(dance):
     return Motion(dance.pose, dance.root + tensor([0.0, 60.0, 0.0]))
 
 
+# 16 · Your own TCDiff++
+
+
+def fuse_frame_by_frame(h, mix):
+    frames = [mix(cat(frame.unbind(1), dim=-1)) for frame in h.unbind(2)]
+    return stack([stack(row.chunk(h.shape[1], dim=-1), dim=1) for row in frames], dim=2)
+
+
+def ssd_as_a_loop(u, a, B, C):
+    state, y = zeros(len(u), B.shape[-1], u.shape[-1]), []
+    for i in range(u.shape[1]):
+        state = a[:, i, None, None].exp() * state + B[:, i, :, None] * u[:, i, None]
+        y.append((C[:, i, :, None] * state).sum(1))
+    return stack(y, dim=1)
+
+
+def ssd_by_scan(u, a, B, C):
+    """The library's scan, with frames that last -a."""
+    last = (-a)[..., None]
+    return ssd_scan(u / last, last, -torch.ones(1), B, C, torch.zeros(1))
+
+
+def luck_by_pascal(wins, songs):
+    chances = np.ones(1)
+    for _ in range(songs):
+        chances = np.convolve(chances, [0.5, 0.5])
+    return chances[wins:].sum()
+
+
+def luck_by_scipy(wins, songs):
+    return stats.binom.sf(wins - 1, songs, 0.5)
+
+
 OTHER_WAYS = {
     "01.2": [hand_by_world_rotations, hand_slightly_bent],
     "01.3": [six_in_a_loop, six_by_crosses],
@@ -559,4 +594,13 @@ OTHER_WAYS = {
         ),
     ],
     "13.5": [move_aside, move_up],
+    "16.1": [
+        fuse_frame_by_frame,
+        lambda h, mix: mix(h.movedim(2, 1).flatten(2)).unflatten(2, h.shape[1::2]).movedim(2, 1),
+    ],
+    "16.2": [
+        ssd_as_a_loop,
+        ssd_by_scan,
+    ],
+    "16.3": [luck_by_scipy, luck_by_pascal],
 }

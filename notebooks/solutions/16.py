@@ -1,0 +1,33 @@
+"""Solutions of lesson 16."""
+
+# %% 16.1
+# A row of the network is a frame with all its dancers, so frames go before dancers, and back again.
+# Each place has weights of its own: that is where left and right become different.
+
+
+def fuse(h, mix):
+    b, n, f, d = h.shape
+    rows = h.transpose(1, 2).reshape(b, f, n * d)
+    return mix(rows).reshape(b, f, n, d).transpose(1, 2)
+
+
+# %% 16.2
+# Frame i reads (C) what frame j wrote (B), faded by all decays in between: the difference of two
+# running sums. The future has not been written yet: its fade is zero.
+import torch
+
+
+def ssd(u, a, B, C):
+    total = a.cumsum(-1)
+    fade = (total[..., :, None] - total[..., None, :]).exp()
+    return (torch.tril(fade) * (C @ B.mT)) @ u
+
+
+# %% 16.3
+# Of 2^songs equally likely rows of tosses, count those with so many heads or more. With four songs
+# even four wins are luck once in sixteen times.
+from math import comb
+
+
+def luck(wins, songs):
+    return sum(comb(songs, k) for k in range(wins, songs + 1)) / 2**songs

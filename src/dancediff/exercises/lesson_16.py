@@ -1,0 +1,47 @@
+"""Exercises of lesson 16: Your own TCDiff++."""
+
+from math import comb
+
+import torch
+
+from dancediff.extensions.ssd import segsum
+
+
+def _fuse(h, mix):
+    rows = h.transpose(1, 2)  # (b, f, n, d)
+    return mix(rows.flatten(2)).reshape(rows.shape).transpose(1, 2)
+
+
+def _uneven_mix(row):
+    """Every place in the row counts otherwise."""
+    return row.flip(-1) * torch.arange(1, row.shape[-1] + 1) - 0.5 * row
+
+
+def _groups() -> list[tuple]:
+    draw = torch.Generator().manual_seed(0)
+    sizes = ((2, 3, 5, 4), (1, 2, 3, 2), (2, 4, 4, 4))  # b, n, f, d
+    return [(torch.randn(*size, generator=draw), _uneven_mix) for size in sizes]
+
+
+def _ssd(u, a, B, C):
+    return ((C @ B.mT) * segsum(a).exp()) @ u
+
+
+def _streams() -> list[tuple]:
+    draw = torch.Generator().manual_seed(0)
+    cases = []
+    for b, f, d, s in ((2, 6, 3, 4), (1, 9, 2, 1), (2, 5, 4, 4)):
+        u, B, C = (torch.randn(b, f, width, generator=draw) for width in (d, s, s))
+        cases.append((u, -torch.rand(b, f, generator=draw), B, C))
+    return cases
+
+
+def _luck(wins, songs):
+    return sum(comb(songs, k) for k in range(wins, songs + 1)) / 2**songs
+
+
+SPECS = {
+    "16.1": {"spec": _fuse, "cases": _groups},
+    "16.2": {"spec": _ssd, "cases": _streams},
+    "16.3": {"spec": _luck, "cases": lambda: [(4, 4), (6, 8), (8, 10), (5, 10), (0, 3), (55, 100)]},
+}
