@@ -62,8 +62,8 @@ class Study:
         )
         facts = {"page": made.page, "key": made.key, "pairs": made.pairs}
         lines = [
-            f"{made.pairs} pairs, {len(made.questions)} questions each: {made.page}",
-            f"the key, not to be handed out: {made.key}",
+            f"page: {made.page} (pairs: {made.pairs}, questions on each: {len(made.questions)})",
+            f"key, not to be handed out: {made.key}",
         ]
         tell(self.json, facts | {"questions": made.questions}, lines)
 

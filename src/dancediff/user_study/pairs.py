@@ -65,10 +65,12 @@ def pairs_of(
     ``seconds``: at most so much of each; ``dancers``: how many a model lets dance. Of several
     dances to one song the first is compared with the first, and so on.
 
-    Raises: ValueError for fewer than two systems, two with one name, one that is neither folder nor
-    model, and dances that do not fit: no song in common, a song whose sound is not given, another
-    number of dancers or another frame rate.
+    Raises: ValueError for ``seconds`` that are not above 0; for fewer than two systems, two with
+    one name, one that is neither folder nor model; and for dances that do not fit: no song in
+    common, a song whose sound is not given, another number of dancers or another frame rate.
     """
+    if seconds is not None and not seconds > 0:
+        raise ValueError(f"seconds={seconds} must be above 0, such as 20")
     if len(systems) < 2:
         raise ValueError(f"{len(systems)} systems are given; a comparison needs two or more")
     names = _names(systems)
@@ -140,7 +142,7 @@ def _pair(song: Music, dances, systems: tuple[str, str], seconds: float | None) 
             raise ValueError(
                 f"song {song.name!r}: {what}={values[0]} of {systems[0]!r} and {values[1]} of "
                 f"{systems[1]!r}; raters would know them apart, so compare dances that are alike "
-                "in it"
+                "in it (dancers= says how many a model lets dance)"
             )
     length = min(first.duration, other.duration, song.duration, seconds or song.duration)
     frames = round(length * first.fps)

@@ -129,7 +129,7 @@ def test_the_command_makes_a_page_and_scores_answers(folders, tmp_path, capsys, 
     files = [str(song.save(tmp_path / f"{song.name}.wav")) for song in songs]
     monkeypatch.chdir(tmp_path)
     assert main(["study", *map(str, systems), "--songs", *files, "--questions", "lodge"]) == 0
-    assert "3 pairs, 1 questions each: study.html" in capsys.readouterr().out
+    assert "page: study.html (pairs: 3, questions on each: 1)" in capsys.readouterr().out
     key = json.loads((tmp_path / "study.key.json").read_text())
     answers = [
         {"pair": id, "question": "impression", "choice": side}

@@ -66,6 +66,8 @@ def test_what_cannot_be_compared_is_refused(tmp_path):
         pairs_of([a, c], SONGS)
     with pytest.raises(ValueError, match="sound of song 'waltz' is not given"):
         pairs_of([a, d], {})
+    with pytest.raises(ValueError, match="seconds=0 must be above 0"):
+        pairs_of([a, d], SONGS, seconds=0)
     with pytest.raises(ValueError, match="named twice"):
         pairs_of([a, a], SONGS)
     with pytest.raises(ValueError, match="neither a folder of dances nor a model"):
