@@ -23,6 +23,7 @@ DOCUMENTS = (
     "src/dancediff/assets/models/*/card.md",
 )
 DETAILS = re.compile(r"(<details>\s*<summary>.*?</summary>)(.*?)(</details>)", re.DOTALL)
+PICTURED = re.compile(r'<a href="(\w+)\.ipynb"')  # a lesson, in what a cell shows
 LINK = re.compile(r"(?<!!)\[([^\[\]]+)\]\(([^)\s#:]+)((?:#[^)\s]*)?)\)")
 
 
@@ -62,11 +63,18 @@ def gather(folder: Path) -> set[str]:
 
 
 def lesson(text: str) -> str:
-    """A notebook whose hints are Markdown, too: what touches an HTML tag is taken as HTML."""
+    """A notebook whose hints are Markdown, too: what touches an HTML tag is taken as HTML.
+
+    Links in pictures lead to pages instead of notebooks: Sphinx does not look into outputs.
+    """
     notebook = json.loads(text)
     for cell in notebook["cells"]:
         if cell["cell_type"] == "markdown":
             cell["source"] = DETAILS.sub(r"\1\n\n\2\n\n\3", "".join(cell["source"]))
+        for data in (output.get("data", {}) for output in cell.get("outputs", [])):
+            if "text/html" in data:
+                html = "".join(data["text/html"])
+                data["text/html"] = PICTURED.sub(r'<a href="\1.html"', html)
     return json.dumps(notebook)
 
 

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from dancediff.music.song import Music
     from dancediff.user_study.make import study
     from dancediff.viz.learning_curves import learning_curves
+    from dancediff.viz.network_picture import network_picture
     from dancediff.viz.stage import play
 
 _HOME = {
@@ -35,6 +36,7 @@ _HOME = {
     "learning_curves": "dancediff.viz.learning_curves",
     "live": "dancediff.live_dance.notebook",
     "load": "dancediff.hub",
+    "network_picture": "dancediff.viz.network_picture",
     "packaged_models": "dancediff.hub",
     "packaged_song": "dancediff.hub",
     "play": "dancediff.viz.stage",
@@ -50,6 +52,7 @@ __all__ = [
     "learning_curves",
     "live",
     "load",
+    "network_picture",
     "packaged_models",
     "packaged_song",
     "play",

@@ -1,5 +1,6 @@
 """The documentation site holds everything, draws its formulas and fetches nothing."""
 
+import json
 import re
 import subprocess
 import sys
@@ -12,7 +13,7 @@ from places import ROOT
 sys.path.insert(0, str(ROOT / "docs" / "site"))
 
 from docstrings import markdown
-from gather import for_site, gather
+from gather import for_site, gather, lesson
 
 MATHS = re.compile(r"\$\$(.+?)\$\$|(?<![\\$])\$(?!\s)([^$\n]+?)(?<!\s)\$(?!\d)", re.DOTALL)
 CODE = re.compile(r"^```(?!{).*?^```|``.+?``|`[^`\n]*`", re.DOTALL | re.MULTILINE)
@@ -138,3 +139,11 @@ def fetched(folder: Path) -> dict[str, str]:
         if hit := FETCHED.search(text) or re.search(r"url\([\"']?(https?:)?//", text):
             found[path.name] = hit[0]
     return found
+
+
+def test_links_in_pictures_lead_to_pages():
+    html = ['<a href="07_who_stands_where.ipynb" title="FP"></a>', "<p>07_who.ipynb</p>"]
+    cell = {"cell_type": "code", "source": "", "outputs": [{"data": {"text/html": html}}]}
+    shown = json.loads(lesson(json.dumps({"cells": [cell]})))["cells"][0]["outputs"][0]["data"]
+    assert '<a href="07_who_stands_where.html" title' in shown["text/html"]
+    assert "<p>07_who.ipynb</p>" in shown["text/html"]
