@@ -24,3 +24,28 @@ def distance_loss(p_hat, p):
 def fool(p):
     aside = p.new_tensor([[10.0 * k, 0, 0] for k in range(len(p))])  # metres to the right
     return p + aside[:, None]
+
+
+# %% 05.4
+# Each block reads normalised tokens, and what it finds is scaled and shifted before it is added: so
+# a layer that has learned nothing would leave h as it is. Only the source of K and V tells cross-
+# from self-attention.
+import math
+
+import torch.nn.functional as F
+
+
+def layer(h, memory, c, W):
+    def att(x, m, w):
+        Q, K, V = x @ w[0], m @ w[1], m @ w[2]
+        return (Q @ K.mT / math.sqrt(Q.shape[-1])).softmax(-1) @ V
+
+    blocks = [
+        lambda x: att(x, x, W["self"]),
+        lambda x: att(x, memory, W["cross"]),
+        lambda x: F.gelu(x @ W["in"]) @ W["out"],
+    ]
+    for k, block in enumerate(blocks):
+        gamma, beta = (F.mish(c) @ W["film"][k]).chunk(2)
+        h = h + (1 + gamma) * block(F.layer_norm(h, h.shape[-1:])) + beta
+    return h

@@ -127,6 +127,36 @@ def distance_by_variance(p_hat, p):
     return 2 * (p_hat - p).var(dim=0).mean()
 
 
+def layer_by_torch(h, memory, c, W):
+    def block(k, x):
+        if k == 2:
+            return F.linear(F.gelu(F.linear(x, W["in"].T)), W["out"].T)
+        m, maps = (x, W["self"]) if k == 0 else (memory, W["cross"])
+        return F.scaled_dot_product_attention(x @ maps[0], m @ maps[1], m @ maps[2])
+
+    for k in range(3):
+        scale, shift = torch.split(F.mish(c) @ W["film"][k], len(c))
+        h = torch.addcmul(h + shift, 1 + scale, block(k, F.layer_norm(h, (len(c),))))
+    return h
+
+
+def layer_token_by_token(h, memory, c, W):
+    d = len(c)
+    for k, name in enumerate(("self", "cross", None)):
+        x = (h - h.mean(1, keepdim=True)) / (h.var(1, correction=0, keepdim=True) + 1e-5).sqrt()
+        m, rows = (x if k == 0 else memory), []
+        for token in x:
+            if name is None:
+                rows.append(F.gelu(token @ W["in"]) @ W["out"])
+                continue
+            query, keys, values = token @ W[name][0], m @ W[name][1], m @ W[name][2]
+            share = torch.exp(keys @ query / d**0.5)
+            rows.append(share @ values / share.sum())
+        film = F.mish(c) @ W["film"][k]
+        h = h + (1 + film[:d]) * torch.stack(rows) + film[d:]
+    return h
+
+
 def far_circle(p):
     angle = torch.arange(len(p)) * 2 * math.pi / len(p)
     return p + 100 * stack([angle.cos(), 0 * angle, angle.sin()], -1)[:, None]
@@ -545,6 +575,7 @@ OTHER_WAYS = {
     ],
     "05.2": [distance_in_a_loop, distance_by_variance],
     "05.3": [far_circle, upstairs],
+    "05.4": [layer_by_torch, layer_token_by_token],
     "06.1": [
         lambda net, x_t, w: w * net(x_t, music=True) + (1 - w) * net(x_t, music=False),
         lambda net, x_t, w: torch.lerp(

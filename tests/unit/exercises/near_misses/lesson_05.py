@@ -1,8 +1,67 @@
 """Plausible wrong answers to the exercises of lesson 05: A denoiser that listens."""
 
+from functools import partial
+
 import torch
+import torch.nn.functional as F
 
 from dancediff.exercises import EXERCISES
+
+
+def layer(h, memory, c, W, *, wrong):
+    """The layer of 05.4 with one thing wrong."""
+
+    def norm(x):
+        return F.layer_norm(x, x.shape[-1:])
+
+    def attend(x, m, maps):
+        Q, K, V = (y @ w for y, w in zip((x, m, m), maps, strict=True))
+        weights = Q @ K.mT / (1 if wrong == "no square root" else x.shape[-1] ** 0.5)
+        return weights.softmax(0 if wrong == "softmax over queries" else 1) @ V
+
+    def act(x):
+        return F.relu(x) if wrong == "ReLU" else F.gelu(x)
+
+    given = norm(memory) if wrong == "memory normalised" else memory
+    blocks = [
+        lambda x: attend(x, h if wrong == "keys of h as it is" else x, W["self"]),
+        lambda x: attend(x, x if wrong == "no cross-attention" else given, W["cross"]),
+        lambda x: act(x @ W["in"]) @ W["out"],
+    ]
+    films = list(W["film"])
+    if wrong == "order of blocks":
+        blocks, films = blocks[::-1], films[::-1]
+    for block, film in zip(blocks, films, strict=True):
+        gamma, beta = ((c if wrong == "no Mish" else F.mish(c)) @ film).chunk(2)
+        if wrong == "shift and scale exchanged":
+            gamma, beta = beta, gamma
+        made = block(h if wrong == "no LN" else norm(h))
+        made = (gamma if wrong == "no 1 +" else 1 + gamma) * made + beta
+        h = made if wrong == "no residual" else h + made
+    return h
+
+
+def film_around_everything(h, memory, c, W):
+    """FiLM acts on h, too."""
+    plain = {**W, "film": torch.zeros_like(W["film"])}
+    gamma, beta = (F.mish(c) @ W["film"][0]).chunk(2)
+    return (1 + gamma) * layer(h, memory, c, plain, wrong="") + beta
+
+
+SLIPS = (
+    "no square root",
+    "softmax over queries",
+    "ReLU",
+    "memory normalised",
+    "keys of h as it is",
+    "no cross-attention",
+    "order of blocks",
+    "no Mish",
+    "shift and scale exchanged",
+    "no LN",
+    "no 1 +",
+    "no residual",
+)
 
 NEAR_MISSES = {
     "05.1": [
@@ -38,4 +97,5 @@ NEAR_MISSES = {
         lambda p: p.flip(0),  # exchanged: steps change
         lambda p: p + 10 * torch.linspace(0, 1, p.shape[1])[:, None],  # all drift
     ],
+    "05.4": [*(partial(layer, wrong=slip) for slip in SLIPS), film_around_everything],
 }
