@@ -1,5 +1,7 @@
 """The picture of a network says what runs in it, and leads to the lessons."""
 
+import ast
+import json
 import re
 
 import pytest
@@ -9,7 +11,7 @@ from dancediff.papers.lodge.global_diffusion import GlobalConfig
 from dancediff.papers.lodge.local_diffusion import LocalConfig
 from dancediff.papers.lodge.model import Lodge, LodgeConfig
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
-from dancediff.viz.network_parts import LODGE, TCDIFFPP
+from dancediff.viz.network_parts import LESSONS, LODGE, TCDIFFPP
 from dancediff.viz.network_picture import network_picture
 from dancediff.viz.network_trace import call_lodge, call_tcdiffpp, trace
 from places import ROOT
@@ -165,3 +167,25 @@ def test_the_picture_is_an_svg_file(tmp_path):
     path = network_picture(tiny_lodge()).save(tmp_path / "lodge.svg")
     root = ElementTree.parse(path).getroot()
     assert root.tag.endswith("svg") and root.get("viewBox").startswith("0 0 700 ")
+
+
+def shown_in(lesson):
+    """Where a lesson shows the picture, counted in cells, the parts lit, and what is stored."""
+    path = next((ROOT / "notebooks").glob(f"{lesson:02d}_*.ipynb"))
+    cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
+    found = [k for k, cell in enumerate(cells) if "network_picture(" in "".join(cell["source"])]
+    assert len(found) == 1
+    cell = cells[found[0]]
+    call = ast.parse("".join(cell["source"])).body[-1].value
+    lit = ast.literal_eval(next(word.value for word in call.keywords if word.arg == "lit"))
+    html = "".join("".join(out["data"].get("text/html", "")) for out in cell["outputs"])
+    return found[0], {lit} if isinstance(lit, str) else set(lit), html
+
+
+@pytest.mark.parametrize("lesson", LESSONS)
+def test_a_lesson_lights_its_own_part_near_its_start(lesson):
+    position, lit, html = shown_in(lesson)
+    layout = LODGE if lesson > 10 else TCDIFFPP
+    assert position < 14
+    assert [box for box in layout.boxes if box.key in lit and box.lesson == lesson]
+    assert "data:image/svg+xml" in html and html.count("<a href=") > 10
