@@ -198,7 +198,7 @@ def _box(box: Box, lit: bool, network: nn.Module) -> str:
     bold = ' font-weight="bold"' if lit else ""
     middle = box.x + box.width / 2
     first = box.y + 14 if holds else box.y + box.height / 2 + 3.5 - 5.5 * (len(lines) - 1)
-    words = [_text(t, middle, first + 11 * k, 9.5, INK, bold) for k, t in enumerate(lines)]
+    words = [_text(one, middle, first + 11 * k, 9.5, INK, bold) for k, one in enumerate(lines)]
     return "\n".join([shape, *words, _lesson(box, lit)])
 
 
