@@ -17,6 +17,7 @@ from torch import Tensor
 
 from dancediff.motion.contact import foot_contact
 from dancediff.motion.files import files
+from dancediff.motion.from_joints import fit_rotations
 from dancediff.motion.representation import pack, spec_named, unpack, whole_pose
 from dancediff.motion.skeleton import SMPL24, Skeleton, forward_kinematics
 
@@ -144,6 +145,22 @@ class Motion:
         """
         contact, root, pose = unpack(x.detach().cpu().float(), spec_named(name))
         return cls(whole_pose(pose), root, fps, contact=contact.clamp(0, 1), meta=meta or {})
+
+    @classmethod
+    def from_joints(cls, points: Tensor, fps: float = 30.0, meta: dict | None = None) -> "Motion":
+        """A dance from joint positions (n, f, 24, 3), metres, y up: those of SMPL-24, in its order.
+
+        Bones point where they point in ``points``, see `dancediff.motion.from_joints`; of bodies
+        with other bone lengths joints lie elsewhere.
+        Raises: ValueError naming what is wrong with ``points``.
+
+        >>> still = Motion(torch.eye(3).expand(2, 9, 24, 3, 3), torch.zeros(2, 9, 3))
+        >>> again = Motion.from_joints(still.joints())
+        >>> torch.allclose(again.joints(), still.joints(), atol=1e-5)
+        True
+        """
+        pose, root = fit_rotations(points)
+        return cls(pose, root, fps, meta=meta or {})
 
     def save(self, path, song=None, *, body: str = "mannequin") -> Path:
         """Write the dance; the suffix decides.
