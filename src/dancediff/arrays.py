@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+COMPRESSED = 2**28  # bytes that a stranger's compressed .npz may become
 _BROKEN = (
     OSError, zipfile.BadZipFile, zlib.error, EOFError, SyntaxError, RuntimeError, struct.error,
 )  # fmt: skip
@@ -38,6 +39,18 @@ def read_arrays(path, names: tuple[str, ...] = (), *, expand: int = 0) -> dict[s
     except _BROKEN as err:
         # a broken zip may even ask for a place before the file's first byte (OSError)
         raise ValueError(f"{type(err).__name__}: {err}") from err
+
+
+def read_array(path) -> np.ndarray:
+    """The array of an .npy; no memory is taken for more than the file holds.
+
+    Raises: FileNotFoundError, or ValueError telling what is broken.
+    """
+    content = Path(path).read_bytes()
+    try:
+        return _array(content)
+    except _BROKEN as err:
+        raise ValueError(f"it cannot be read as an array ({type(err).__name__}: {err})") from err
 
 
 def _array(content: bytes) -> np.ndarray:

@@ -14,8 +14,8 @@ class Convert:
     """Write a dance in another format: npz, bvh, glb, smpl.npz, html, mp4, gif, png."""
 
     files: tyro.conf.Positional[tuple[Path, ...]]
-    """The dance (.npz, .glb, .bvh, .smpl.npz; of a group a file for each dancer may be given), then
-    the file to write, whose suffix says the format."""
+    """The dance (.npz, .glb, .bvh, .smpl.npz, .pkl, .npy; of a group a file for each dancer may be
+    given), then the file to write, whose suffix says the format."""
     song: str | None = None
     """A sound file for .mp4 and .html; 'packaged' for the song of the package."""
     body: Literal["mannequin", "mesh"] = "mannequin"

@@ -15,7 +15,7 @@ class Evaluate:
     """Measure dances: print a table of every metric, with intervals."""
 
     motion: tyro.conf.Positional[tuple[str, ...]]
-    """Dances (.npz, .glb, .bvh), folders of them, or prepared folders."""
+    """Dances (.npz, .glb, .bvh, .pkl, .npy), folders of them, or prepared folders."""
     song: str | None = None
     """Sound file whose beats are taken for dances that bring none; 'packaged' for the song that
     comes with dancediff."""

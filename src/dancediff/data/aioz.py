@@ -5,6 +5,7 @@ Read first: data_prep/README.md.
     motions_smpl/<take>.pkl     smpl_poses (n, f, 72) axis-angle, root_trans (n, f, 3) metres, y up
     musics/<take>.wav           from the same moment on (or musics438/, or music/)
     train_split_sequence_names.txt, val_…, test_…     one take a line
+    split_sequence_names.txt                          instead: all takes, in no split
     *.csv                       of a later release: dance style and music genre of each take
 
 A take is called <video>_<clip>_<first frame>_<last frame>. Some files have only 21 body joints in
@@ -21,9 +22,18 @@ from pathlib import Path
 import numpy as np
 
 from dancediff.axes import FPS
-from dancediff.data.formats import find_song, group_takes, plain_array, read_splits, smpl_take
+from dancediff.data.formats import (
+    drawn_split,
+    find_song,
+    group_takes,
+    plain_array,
+    read_names,
+    read_splits,
+    smpl_take,
+)
 from dancediff.data.take import SPLITS, DanceTake, Job
 
+ONE_LIST = "split_sequence_names.txt"
 SONGS = ("musics", "musics438", "music")  # of the README, and of copies
 WIDTH = 72  # 24 joints
 WITHOUT_HANDS = 66
@@ -35,7 +45,8 @@ def aioz_jobs(src) -> list[Job]:
     """One job for each take of the three lists, and for each motion file that no list names.
 
     The latter fail when they are made, so that they are reported. Takes of all group sizes are
-    kept; what trains on them chooses. Takes of one video share a group within their split.
+    kept; what trains on them chooses. Takes of one video share a group within their split. Of the
+    README's one list a tenth of the videos are for validation, none for a test.
 
     Source: the data set's README.  Differs: TCDiff and TCDiff++ have no test set of their own; they
     test on the list "val".
@@ -46,7 +57,7 @@ def aioz_jobs(src) -> list[Job]:
     files = {path.stem: path for path in sorted((src / "motions_smpl").glob("*.pkl"))}
     if not files:
         raise ValueError(f"{src / 'motions_smpl'} holds no .pkl files; unpack AIOZ-GDance there")
-    splits = read_splits({split: src / f"{split}_split_sequence_names.txt" for split in SPLITS})
+    splits = _splits(src)
     groups = group_takes(splits, _video)
     labels = _labels(src)
     jobs = []
@@ -92,6 +103,13 @@ def read_poses(data) -> tuple[np.ndarray, np.ndarray]:
             f"{WITHOUT_HANDS} without hands"
         )
     return poses, trans
+
+
+def _splits(src: Path) -> dict[str, str]:
+    lists = {split: src / f"{split}_{ONE_LIST}" for split in SPLITS}
+    if (src / ONE_LIST).is_file() and not any(path.is_file() for path in lists.values()):
+        return {name: drawn_split(f"aioz {_video(name)}") for name in read_names(src / ONE_LIST)}
+    return read_splits(lists)
 
 
 def _video(name: str) -> str:

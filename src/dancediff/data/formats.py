@@ -16,6 +16,7 @@ import json
 import re
 from collections.abc import Callable
 from dataclasses import replace
+from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
@@ -34,6 +35,7 @@ from dancediff.motion.skeleton import FOOT_JOINTS, SMPL24
 from dancediff.music.features import beat_times
 from dancediff.music.song import Music
 
+VAL_SHARE = 0.1
 SHORTEST = 30  # frames; what is shorter holds nothing to learn from
 FARTHEST = 100  # metres from the origin; nobody dances there, so the unit is wrong
 _NAME = re.compile(r"[A-Za-z0-9_-]{1,100}")
@@ -198,6 +200,16 @@ def read_splits(lists: dict[str, Path]) -> dict[str, str]:
             if splits.setdefault(name, split) != split:
                 raise ValueError(f"{name} is in the lists of {splits[name]} and of {split}")
     return splits
+
+
+def drawn_split(group: str) -> str:
+    """Train or val for a group of takes that no list puts anywhere: val for one in ten names.
+
+    >>> [drawn_split(f"video {k}") for k in range(20)].count("val")
+    2
+    """
+    side = int.from_bytes(sha256(group.encode()).digest()[:8])
+    return "val" if side < VAL_SHARE * 2**64 else "train"
 
 
 def group_takes(splits: dict[str, str], key: Callable[[str], str]) -> dict[str, str]:

@@ -16,8 +16,9 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from dancediff.arrays import read_arrays
+from dancediff.arrays import COMPRESSED, read_arrays
 from dancediff.atomic import atomic_write
+from dancediff.data.folder.smpl import RATES
 from dancediff.motion.motion import Motion
 from dancediff.motion.representation import whole_pose
 from dancediff.motion.rotation import axis_angle_to_matrix, matrix_to_axis_angle, rotation_about
@@ -25,7 +26,6 @@ from dancediff.motion.skeleton import SMPL24
 
 BODY, JOINTS = 22, 52  # that our skeleton shares with SMPL-H; of SMPL-H
 J_0 = (-0.0018, -0.2233, 0.0282)  # of another body shape a centimetre or two away
-KEYS = ("poses", "trans", "mocap_framerate")
 
 
 def save_smpl(motion: Motion, path) -> Path:
@@ -64,20 +64,22 @@ def save_smpl(motion: Motion, path) -> Path:
 
 
 def load_smpl(path) -> Motion:
-    """Read one dancer from a file in AMASS's layout, uncompressed, z up; 66 to 165 pose numbers.
+    """Read one dancer from a file in AMASS's layout, z up; 66 to 165 pose numbers.
 
-    Shapes follow our own skeleton: ``betas`` are not looked at.
+    SMPL-X has ``mocap_frame_rate`` for the rate. Shapes follow our own skeleton: ``betas`` are not
+    looked at.
 
     Raises: FileNotFoundError, or ValueError naming the file and what is wrong with it.
     """
     path = Path(path)
     try:
-        arrays = read_arrays(path, KEYS)
-        missing = [key for key in KEYS if key not in arrays]
+        arrays = read_arrays(path, ("poses", "trans", *RATES), expand=COMPRESSED)
+        rate = next((key for key in RATES if key in arrays), RATES[0])
+        missing = [key for key in ("poses", "trans", rate) if key not in arrays]
         if missing:
             raise ValueError(f"it lacks {', '.join(missing)}")
-        poses, trans = (np.asarray(arrays[key], dtype=np.float64) for key in KEYS[:2])
-        fps = float(arrays["mocap_framerate"])
+        poses, trans = (np.asarray(arrays[key], dtype=np.float64) for key in ("poses", "trans"))
+        fps = float(arrays[rate])
         if poses.ndim != 2 or poses.shape[1] < 3 * BODY or trans.shape != (len(poses), 3):
             raise ValueError(f"poses {poses.shape} and trans {trans.shape} do not fit together")
         if not (np.isfinite(poses).all() and np.isfinite(trans).all() and np.isfinite(fps)):

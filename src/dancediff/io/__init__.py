@@ -7,6 +7,7 @@ Read first: docs/export.md · `dancediff.motion.files`.
 | ``.npz`` | all of a `Motion` | yes |
 | ``.bvh``, ``.smpl.npz`` | one dancer a file, for motion capture programs and SMPL viewers | yes |
 | ``.glb`` | bodies that move, for 3-D programs | yes, without contacts |
+| ``.pkl``, ``.npy`` | what EDGE, TCDiff, GCD, Lodge and FineDance write; not written here | yes |
 | ``.mp4``, ``.gif``, ``.png`` | pictures; a song is muxed into an .mp4 | no |
 | ``.html`` | a page that plays the dance in 3-D, with its song, from disk | no |
 """
@@ -16,6 +17,7 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
+from dancediff.data.folder.upright import standing
 from dancediff.data.prepared import PreparedData
 from dancediff.export.bvh import load_bvh, save_bvh
 from dancediff.export.smpl import save_smpl
@@ -25,7 +27,7 @@ from dancediff.motion.motion import Motion
 
 PER_DANCER: dict[str, Callable] = {".bvh": save_bvh, ".smpl.npz": save_smpl}
 SUFFIXES = (".npz", ".mp4", ".gif", ".png", ".html", ".glb", *PER_DANCER)
-READABLE = (".npz", ".glb", ".smpl.npz", ".bvh")  # the one that keeps most of a dance first
+READABLE = (".npz", ".glb", ".smpl.npz", ".bvh", ".pkl", ".npy")  # what keeps most comes first
 
 
 def save(motion: Motion, path, song=None, *, body: str = "mannequin") -> Path:
@@ -132,6 +134,8 @@ def _writer(kind: str, song, body: str) -> Callable[[Motion, Path], object]:
 
 def _reader(path: Path) -> Callable[[Path], Motion]:
     """What reads a format; whatever has another suffix is tried as an .npz."""
+    if path.suffix in (".pkl", ".npy"):
+        return _load_arrays
     if path.suffix == ".bvh":
         return load_bvh
     if path.suffix == ".glb":
@@ -139,6 +143,18 @@ def _reader(path: Path) -> Callable[[Path], Motion]:
 
         return load_glb
     return load_npz
+
+
+def _load_arrays(path: Path) -> Motion:
+    """A dance that another paper's code wrote, turned upright; its frame rate is taken as 30."""
+    try:
+        return standing(path).motion
+    except FileNotFoundError:
+        raise
+    except (OSError, ValueError) as err:
+        raise ValueError(
+            f"{path} is no dance of EDGE, TCDiff, GCD, Lodge or FineDance: {err}"
+        ) from err
 
 
 def _picture(motion: Motion) -> str:

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from dancediff.arrays import read_arrays
+from dancediff.arrays import COMPRESSED, read_arrays
 from dancediff.atomic import atomic_write
 from dancediff.export.smpl import load_smpl
 from dancediff.motion.motion import Motion
@@ -52,14 +52,16 @@ def npz_arrays(motion: Motion) -> dict[str, np.ndarray]:
 
 
 def load_npz(path: Path) -> Motion:
-    """Read a dance that `save_npz` wrote, or one dancer's SMPL arrays.
+    """Read a dance that `save_npz` wrote, or one dancer's SMPL arrays in AMASS's layout.
 
     Raises: FileNotFoundError, or ValueError naming the file when it is no such motion.
     """
     try:
-        data = read_arrays(path, (*_PARTS, "poses"))
+        data = read_arrays(path, (*_PARTS, "poses"), expand=COMPRESSED)
         if "poses" in data:
             return load_smpl(path)
+        if "header" not in data:
+            raise ValueError("it has no header")
         header = json.loads(str(data["header"]))
         if header.get("format") != FORMAT:
             raise ValueError(f"format is {header.get('format')!r}, not {FORMAT!r}")

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dancediff.arrays import read_arrays
+from dancediff.arrays import COMPRESSED, read_arrays
 from dancediff.data.take import KINDS, DanceTake
 from dancediff.motion.files import files
 from dancediff.motion.motion import Motion
@@ -66,7 +66,9 @@ def read_dance(source: Source, name: str = "dance") -> Dance:
         meta = source.meta
         return Dance(str(meta.get("name", name)), _kind(meta), source, genre=_genre(meta))
     motion = Motion.load(source)
-    more = read_arrays(source, ("take", "beats")) if source.suffix == ".npz" else {}
+    more: dict = {}
+    if source.suffix == ".npz":
+        more = read_arrays(source, ("take", "beats"), expand=COMPRESSED)
     kind, genre, beats = _kind(motion.meta), _genre(motion.meta), more.get("beats")
     if "take" in more:
         row = json.loads(str(more["take"]))

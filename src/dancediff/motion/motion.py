@@ -182,6 +182,8 @@ class Motion:
     def load(cls, path, *more) -> "Motion":
         """Read a dance that `save` wrote: .npz, .glb, .bvh, or SMPL arrays in an .npz.
 
+        Also .pkl of EDGE, TCDiff and GCD and .npy of Lodge and FineDance, which are turned upright.
+
         Several files, such as those of a group's dancers, are put side by side.
         Raises: FileNotFoundError, or ValueError naming the file when it is no such motion.
         """

@@ -116,6 +116,26 @@ def test_lists_of_all_splits_and_takes_in_none(data, dance):
         jobs[f"aioz_{lost}"].make()
 
 
+def test_the_one_list_of_the_readme_parts_videos(data, dance):
+    value = content(dance, 1)
+    names = [f"v{video}_{clip}_0_99" for video in range(30) for clip in range(2)]
+    for name in names:
+        data.add(name, value, split=None, music=False)
+    data.add("lost", value, split=None, music=False)
+    for path in data.path.glob("*.txt"):
+        path.unlink()
+    (data.path / "split_sequence_names.txt").write_text("\n".join(names))
+    jobs = aioz_jobs(data.path)
+    sides: dict = {}
+    for job in jobs[:60]:
+        sides.setdefault(job.make.keywords["group"], set()).add(job.make.keywords["split"])
+    assert len(sides) == 30 and all(len(side) == 1 for side in sides.values())
+    assert 1 <= [*sides.values()].count({"val"}) <= 6
+    assert jobs[0].make().split in ("train", "val")
+    with pytest.raises(ValueError, match=r"lost.*none of the lists"):
+        jobs[60].make()
+
+
 def test_clips_of_one_video_stay_together_within_a_split(data, dance):
     value, groups = content(dance, 2), {}
     for name, split in [("v_x_0_0_99", "train"), ("v_x_1_9_99", "train"), ("w_0_0_9", "train"),

@@ -9,32 +9,29 @@ whole take to the middle of the stage. Only heights are fitted for each dancer a
 import contextlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
-from hashlib import sha256
 from pathlib import Path
 
 import torch
 from torch import Tensor
 
-from dancediff.arrays import read_arrays
+from dancediff.arrays import COMPRESSED, read_arrays
 from dancediff.axes import FPS
 from dancediff.data.bvh import BVH, read_bvh
 from dancediff.data.folder.gltf import read_gltf
-from dancediff.data.folder.posture import UPS, Found, Given, settle, up_axis
-from dancediff.data.folder.smpl import COMPRESSED, read_smpl
+from dancediff.data.folder.posture import Found, Given, settle
 from dancediff.data.folder.takes import TakePlan
 from dancediff.data.folder.tree import tree_of_motion
-from dancediff.data.formats import make_take, on_the_floor
+from dancediff.data.folder.upright import standing
+from dancediff.data.formats import drawn_split, make_take
 from dancediff.data.resample import resample_motion
 from dancediff.data.retarget import leg_scale, retarget
 from dancediff.data.soundtrack import with_soundtrack
 from dancediff.data.summary import MEASURED
 from dancediff.data.take import DanceTake
 from dancediff.motion.motion import Motion
-from dancediff.motion.rotation import rotation_about
 from dancediff.motion.skeleton import SMPL24
 from dancediff.music.song import Music
 
-VAL_SHARE = 0.1
 SLIDES = 0.7  # share of the frames with a foot down; real dancers stay below 0.55
 FAR_OFF = 6.0  # degrees of mean direction error; recordings that fit stay below 3
 REPAIRED = 0.1  # share of frames in which something was replaced
@@ -92,7 +89,7 @@ def make_folder_take(
         notes=notes,
         source=plan.source or f"files {', '.join(plan.labels)}"[:200],
         licence=plan.licence or UNKNOWN,
-        split=plan.split or _split(group),
+        split=plan.split or drawn_split(f"folder {group}"),
         group=group,
         genre=plan.genre,
     )
@@ -173,27 +170,13 @@ def _as_they_are(motion: Motion) -> list[Dancer]:
 
 
 def _smpl_dancers(path: Path, given: Given) -> list[Dancer]:
-    """Dancers of a file of SMPL arrays, turned upright and put on the floor."""
-    motion, tells_rate = read_smpl(path)
-    motion = replace(motion, fps=given.fps or motion.fps, root=motion.root * (given.unit or 1.0))
-    points = motion.joints()
-    at = SMPL24.index
-    body = points[:, :, at("neck")] - points[:, :, [at("lankle"), at("rankle")]].mean(2)
-    doubts: list[str] = []
-    up = given.up or up_axis(body, doubts)
-    letter, degrees = UPS[up]
-    turn = rotation_about(letter, torch.deg2rad(torch.tensor(degrees)))
-    pose = motion.pose.clone()
-    pose[:, :, 0] = turn @ pose[:, :, 0]
-    motion = replace(motion, pose=pose, root=motion.root @ turn.T)
-    motion, floors = on_the_floor(resample_motion(motion))
-    dancers = _as_they_are(motion)
-    for dancer, floor in zip(dancers, floors, strict=True):
-        if not tells_rate and given.fps is None:
-            dancer.doubts.append("it tells no frame rate; 30 was taken, else give fps")
-        dancer.doubts += doubts
+    """Dancers of a file of arrays, turned upright and put on the floor."""
+    found = standing(path, given, fps=FPS)
+    dancers = _as_they_are(found.motion)
+    for dancer, floor in zip(dancers, found.floors, strict=True):
+        dancer.doubts += found.doubts
         if abs(floor) > 0.01:
-            dancer.repaired.append(f"{up} up; moved {-floor:+.2f} m to the floor")
+            dancer.repaired.append(f"{found.up} up; moved {-floor:+.2f} m to the floor")
     return dancers
 
 
@@ -223,9 +206,3 @@ def _mean_numbers(rows: list[dict]) -> dict:
         return {}
     mean = {key: sum(row[key] for row in rows) / len(rows) for key in MEASURED}
     return mean | {"penetration_p95": max(row["penetration_p95"] for row in rows)}
-
-
-def _split(group: str) -> str:
-    """Train or val, by the group's name."""
-    side = int.from_bytes(sha256(f"folder {group}".encode()).digest()[:8])
-    return "val" if side < VAL_SHARE * 2**64 else "train"

@@ -6,6 +6,9 @@ r"""SMPL arrays of any common layout: AMASS's .npz, and pickles of AIST++'s or A
     smpl_scaling                     trans is divided by it            one number, may be missing
     mocap_framerate, mocap_frame_rate or fps                           one number, may be missing
 
+A pickle of TCDiff has the rows of a group in one list, (f n, 72), and beside them the positions
+full_pose (n, f, 24, 3), which tell how many dance and whose row is whose.
+
 Body shapes are not used: everybody dances on the SMPL-24 skeleton.
 """
 
@@ -14,17 +17,17 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from dancediff.arrays import read_arrays
+from dancediff.arrays import COMPRESSED, read_arrays
 from dancediff.data.formats import pad_hands, plain_array
 from dancediff.data.safe_pickle import load_pickle
 from dancediff.motion.motion import Motion
 from dancediff.motion.rotation import axis_angle_to_matrix
 
+APART = 0.3  # metres from a path to the pelvis of the same dancer, whatever is its path
 BODY = 22  # joints that SMPL, SMPL-H and SMPL-X share
-COMPRESSED = 2**28  # bytes that a compressed .npz may become
 _POSES = ("poses", "smpl_poses")
 _TRANS = ("trans", "smpl_trans", "root_trans", "transl")
-_RATES = ("mocap_framerate", "mocap_frame_rate", "fps", "framerate")
+RATES = ("mocap_framerate", "mocap_frame_rate", "fps", "framerate")
 _PARTS = ("root_orient", "global_orient", "pose_body", "body_pose")
 _SCALE = "smpl_scaling"
 
@@ -39,12 +42,13 @@ def read_smpl(path) -> tuple[Motion, bool]:
     """
     path = Path(path)
     if path.suffix.lower() == ".npz":
-        keys = (*_POSES, *_TRANS, *_RATES, *_PARTS, _SCALE)
+        keys = (*_POSES, *_TRANS, *RATES, *_PARTS, _SCALE)
         data = read_arrays(path, keys, expand=COMPRESSED)
     else:
         data = load_pickle(path)
     if not isinstance(data, dict):
         raise ValueError(f"it holds a {type(data).__name__}, not a dict with poses and trans")
+    data = _parted(data)
     poses, trans = _poses(data), _one_of(data, _TRANS, "trans")
     trans = _stacked(trans, "trans", 3) / _number(data, (_SCALE,), 1.0)
     if len(poses) != len(trans):
@@ -52,9 +56,37 @@ def read_smpl(path) -> tuple[Motion, bool]:
     f = min(poses.shape[1], trans.shape[1])
     joints = 24 if poses.shape[2] == 72 else BODY  # SMPL-H and SMPL-X go on with other joints
     v = torch.from_numpy(poses[:, :f, : 3 * joints]).float().unflatten(-1, (joints, 3))
-    rate = _number(data, _RATES, 0.0)
+    rate = _number(data, RATES, 0.0)
     pose = pad_hands(axis_angle_to_matrix(v))
     return Motion(pose, torch.from_numpy(trans[:, :f]), rate or 30.0), rate > 0
+
+
+def _parted(data: dict) -> dict:
+    """The rows of a group dancer by dancer, where ``full_pose`` shows that there is one."""
+    full = data.get("full_pose")
+    if (
+        not isinstance(full, np.ndarray)
+        or full.ndim != 4
+        or full.dtype.kind not in "fiu"
+        or full.size == 0
+    ):
+        return data
+    n, f = full.shape[:2]
+    rows, path = data.get("smpl_poses"), data.get("smpl_trans")
+    if not (isinstance(rows, np.ndarray) and isinstance(path, np.ndarray)):
+        return data
+    if rows.ndim != 2 or len(rows) != n * f or not _is_path(path, n * f):
+        return data
+    by_frame = rows.reshape(f, n, -1).swapaxes(0, 1), path.reshape(f, n, 3).swapaxes(0, 1)
+    by_dancer = rows.reshape(n, f, -1), path.reshape(n, f, 3)
+    nearest = min(by_frame, by_dancer, key=lambda parts: np.abs(parts[1] - full[:, :, 0]).max())
+    if not np.abs(nearest[1] - full[:, :, 0]).max() < APART:
+        raise ValueError("smpl_trans are not the first joints of full_pose, so dancers are mixed")
+    return data | dict(zip(("smpl_poses", "smpl_trans"), nearest, strict=True))
+
+
+def _is_path(path: np.ndarray, rows: int) -> bool:
+    return path.size == 3 * rows and path.dtype.kind in "fiu"
 
 
 def _poses(data: dict) -> np.ndarray:

@@ -22,7 +22,7 @@ from dancediff.data.formats import find_song
 from dancediff.data.take import SPLITS
 
 MANIFEST = "takes.toml"
-SUFFIXES = (".bvh", ".npz", ".pkl", ".glb", ".gltf")
+SUFFIXES = (".bvh", ".npz", ".npy", ".pkl", ".glb", ".gltf")
 _GIVEN = tuple(f.name for f in fields(Given))
 _WORDS = ("name", "song", "genre", "split", "source", "licence")
 
