@@ -42,3 +42,17 @@ def split(takes):
 def rescale(train, new):
     low, high = train.amin((0, 1)), train.amax((0, 1))
     return 2 * (new - low) / (high - low) - 1
+
+
+# %% 03.5
+# Where the body is depends on the floor it walks over; from ankles to neck it is stretched, and the
+# mean over many frames points up, since handstands are short. Frames that lie cancel while the body
+# turns. The unit does not matter: only the largest of three numbers is asked for.
+from dancediff.motion.skeleton import SMPL24
+
+
+def up(joints):
+    feet = joints[:, [SMPL24.index("lankle"), SMPL24.index("rankle")]].mean(1)
+    mean = (joints[:, SMPL24.index("neck")] - feet).mean(0)
+    axis = int(mean.abs().argmax())
+    return ("-" if mean[axis] < 0 else "") + "xyz"[axis]

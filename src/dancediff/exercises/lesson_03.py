@@ -1,8 +1,13 @@
-"""Exercises of lesson 03: A data set you can trust."""
+"""Exercises of lesson 03: A data set you can trust.
+
+Read first: `dancediff.exercises.exercise`.
+"""
 
 import torch
 
 from dancediff.motion.representation import Normalizer
+from dancediff.motion.rotation import rotation_about
+from dancediff.motion.skeleton import SMPL24, forward_kinematics
 
 GRAVITY = 9.81  # m/s²
 
@@ -86,9 +91,51 @@ def _clip_cases() -> list[tuple]:
     return [(train, new), (train, train[2:])]
 
 
+def _up(joints):
+    feet = joints[:, [SMPL24.index("lankle"), SMPL24.index("rankle")]].mean(1)
+    mean = (joints[:, SMPL24.index("neck")] - feet).mean(0)
+    axis = int(mean.abs().argmax())
+    return ("-" if mean[axis] < 0 else "") + "xyz"[axis]
+
+
+_TURNS = {"y": ("x", 0.0), "z": ("x", 90.0), "-y": ("z", 180.0), "-z": ("x", -90.0)} | {
+    "x": ("z", -90.0), "-x": ("z", 90.0),
+}  # fmt: skip
+
+
+def _posture_cases() -> list[tuple]:
+    """Bodies that spin and walk ten metres, of which some frames lie or stand on the hands."""
+    body = forward_kinematics(torch.eye(3).expand(24, 3, 3), torch.zeros(3))
+    step = torch.arange(40.0)
+    spin = rotation_about("y", step / 3)
+    lying = rotation_about("x", torch.tensor(torch.pi / 2))
+    upside_down = rotation_about("z", torch.tensor(torch.pi))
+    cases = []
+    for up, pose, frames, unit, floor in (
+        ("z", lying, 9, 100.0, -3.0),
+        ("-y", upside_down, 12, 1.0, 2.0),
+        ("x", lying, 14, 39.37, 5.0),
+        ("y", upside_down, 13, 1.0, 0.0),
+        ("-z", lying, 0, 100.0, -4.0),
+        ("-x", upside_down, 12, 1000.0, 1.0),
+    ):
+        R = torch.cat([spin[:frames] @ pose, spin[frames:]])
+        path = torch.stack([step / 4, floor + 0 * step, 6 - step / 10], -1)
+        axis, degrees = _TURNS[up]
+        turn = rotation_about(axis, torch.deg2rad(torch.tensor(degrees)))
+        cases.append((unit * (body @ R.mT + path[:, None]) @ turn.T,))
+    return cases
+
+
+def _tells_up(got, joints) -> str:
+    right = _up(joints)
+    return "" if got == right else f"yours {got!r}, expected {right!r}"
+
+
 SPECS = {
     "03.1": {"spec": _true_fps, "cases": _jump_cases},
     "03.2": {"spec": _leaks, "cases": _leaks_cases},
     "03.3": {"spec": _split, "cases": _take_cases, "accepts": _splits},
     "03.4": {"spec": _rescale, "cases": _clip_cases},
+    "03.5": {"spec": _up, "cases": _posture_cases, "accepts": _tells_up},
 }

@@ -105,6 +105,21 @@ def split_by_union_find(takes):
     return chosen
 
 
+def up_by_votes(joints):
+    spine = joints[:, 15] - joints[:, 0]  # from the pelvis to the head
+    axes = spine.abs().argmax(-1)
+    votes = [f"{'-' if s[k] < 0 else ''}{'xyz'[k]}" for s, k in zip(spine, axes, strict=True)]
+    return max(set(votes), key=votes.count)
+
+
+def up_by_products(joints):
+    names = ["x", "y", "z", "-x", "-y", "-z"]
+    axes = np.concatenate([np.eye(3), -np.eye(3)])
+    body = joints.numpy()
+    sums = ((body[:, 12] - body[:, 10]) + (body[:, 12] - body[:, 11])).sum(0)
+    return names[int((axes @ sums).argmax())]
+
+
 def rescale_flat(train, new):
     flat = train.reshape(-1, train.shape[-1])
     low, high = flat.min(0).values, flat.max(0).values
@@ -552,6 +567,7 @@ OTHER_WAYS = {
             (new - train.amin((0, 1))) / ((train.amax((0, 1)) - train.amin((0, 1))) / 2) - 1
         ),
     ],
+    "03.5": [up_by_votes, up_by_products],
     "04.1": [
         lambda x_t, eps, t, abar: x_t * abar[t] ** -0.5 - eps * (1 / abar[t] - 1).sqrt(),
         lambda x_t, eps, t, abar: (x_t - eps * math.sqrt(1 - abar[t])) / math.sqrt(abar[t]),

@@ -1,5 +1,7 @@
 r"""SMPL arrays of any common layout: AMASS's .npz, and pickles of AIST++'s or AIOZ-GDance's kind.
 
+Read first: `dancediff.data.formats` · `dancediff.data.safe_pickle`.
+
     poses, or smpl_poses             axis-angle, 22 joints or more     (f, 66+) or (n, f, 66+)
     root_orient and pose_body        the same in two parts             (f, 3), (f, 63)
     trans, smpl_trans or root_trans  metres                            (f, 3) or (n, f, 3)

@@ -43,6 +43,15 @@ def scaled(new, low, high):
     return 2 * (new - low) / (high - low) - 1
 
 
+def named(v):
+    axis = int(v.abs().argmax())
+    return ("-" if v[axis] < 0 else "") + "xyz"[axis]
+
+
+def stretched(joints):
+    return joints[:, 12] - joints[:, 7:9].mean(1)  # from the ankles to the neck
+
+
 NEAR_MISSES = {
     "03.1": [
         lambda height: 9.81 / -height.diff(n=2).mean(),  # no root
@@ -94,5 +103,16 @@ NEAR_MISSES = {
         lambda train, new: (new - train.amin((0, 1))) / (train.amax((0, 1)) - train.amin((0, 1))),
         lambda train, new: scaled(new, train[0].amin(0), train[0].amax(0)),  # the first clip's
         lambda train, new: scaled(train, *scale_of(train))[: len(new)],  # the wrong dances
+    ],
+    "03.5": [
+        lambda joints: named(stretched(joints)[0]),  # a frame that may lie
+        lambda joints: named(joints.mean((0, 1))),  # where the body is
+        lambda joints: named(joints.amax((0, 1)) - joints.amin((0, 1))),  # the longest way
+        lambda joints: "xyz"[int(stretched(joints).mean(0).abs().argmax())],  # no sign
+        lambda joints: named(stretched(joints).abs().mean(0)),  # on the hands is up, too
+        lambda joints: named(-stretched(joints).mean(0)),
+        lambda joints: "xyz"[int(joints[:, 0].std(0).argmin())],  # the pelvis moves least along it
+        lambda joints: named((joints[:, 18] - joints[:, 19]).mean(0)),  # from hand to hand
+        lambda joints: int(stretched(joints).mean(0).abs().argmax()),  # a number, not a name
     ],
 }
