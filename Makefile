@@ -9,7 +9,7 @@ CPU    ?= https://download.pytorch.org/whl/cpu
 TORCH  := $(shell sed -n 's/^\(torch==[0-9.]*\).*/\1/p' requirements.txt)
 export MPLBACKEND ?= Agg
 
-.PHONY: setup dance quick test trust wheel mutants bench lint lab docs player clean
+.PHONY: setup dance quick test trust wheel mutants bench lint lab course slides docs player clean
 setup: $(READY)
 
 # The stamp is written last, so an interrupted set-up is done again. PyPI's PyTorch for Linux brings
@@ -81,6 +81,11 @@ course: $(READY)
 	$(BIN)/python notebooks/student.py out/course
 	$(BIN)/python notebooks/student.py --key out/key
 	@echo "Hand out out/course; out/key has the answers, out/key/key.md on one page."
+
+# A deck a lesson, from its texts and stored pictures; one file each, to be shown without a network.
+slides: $(VENV)/.docs
+	$(BIN)/python notebooks/slides.py out/slides
+	@echo "Open out/slides/00_tour.html in a browser; arrow keys turn pages."
 
 # Shows the outputs stored in the lessons and runs nothing. One resolve again, so PyTorch stays.
 $(VENV)/.docs: $(READY)
