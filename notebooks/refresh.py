@@ -16,6 +16,7 @@ import math
 import os
 import re
 import time
+from datetime import datetime
 from pathlib import Path
 
 import nbformat
@@ -25,6 +26,7 @@ from PIL import Image
 HERE = Path(__file__).parent
 TIMES = HERE.parent / "docs" / "results" / "lessons.json"
 COLOURS = 256
+SLOW = 5  # seconds of a cell
 VIEW = "application/vnd.jupyter.widget-view+json"
 
 
@@ -39,11 +41,13 @@ def refresh(path: Path, *, keep_times: bool = False) -> float:
         kernel_name="python3",
         store_widget_state=False,
         coalesce_streams=True,
-        record_timing=False,
+        record_timing=True,
         resources={"metadata": {"path": str(HERE)}},
     ).execute()
     seconds = time.perf_counter() - start
-    for cell in book.cells:
+    for number, cell in enumerate(book.cells):
+        if (took := cell_seconds(cell)) > SLOW:
+            print(f"  cell {number} took {took:.0f} s: does it show its progress?")
         tidy(cell)
     book.metadata.pop("widgets", None)
     book.metadata["language_info"] = {"name": "python"}
@@ -55,6 +59,22 @@ def refresh(path: Path, *, keep_times: bool = False) -> float:
     nbformat.write(book, part)
     part.replace(path)
     return seconds
+
+
+def cell_seconds(cell) -> float:
+    """How long a cell ran, by the times that its execution noted; they are taken out of it.
+
+    >>> noted = {"iopub.execute_input": "2030-01-01T00:00:01Z", "shell.execute_reply":
+    ...     "2030-01-01T00:00:08Z"}
+    >>> cell_seconds(nbformat.v4.new_code_cell(metadata={"execution": noted}))
+    7.0
+    """
+    noted = cell.metadata.pop("execution", {})
+    times = [noted.get(name) for name in ("iopub.execute_input", "shell.execute_reply")]
+    if None in times:
+        return 0.0
+    begin, end = (datetime.fromisoformat(text) for text in times)
+    return (end - begin).total_seconds()
 
 
 def badge(seconds: int) -> str:

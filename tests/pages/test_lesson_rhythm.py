@@ -10,6 +10,8 @@ import re
 
 import pytest
 
+from dancediff.generation.presets import PAPER
+from dancediff.viz.panels import NOT_IN_PAPERS
 from places import BOOKS, ROOT
 
 FINISHED = ("00", "01", "02", "04", "13", "16")
@@ -93,6 +95,26 @@ def test_sentences_are_short(path):
     if path in LESSONS:
         texts = [cell["source"] for cell in cells(path) if cell["cell_type"] == "markdown"]
     assert [one for one in texts if max(sentences(one), default=0) > SENTENCE] == []
+
+
+@pytest.mark.parametrize("path", sorted(BOOKS.glob("[0-9]*.ipynb")), ids=lambda p: p.stem)
+def test_a_slider_for_what_papers_set_says_what_they_take(path):
+    """`panels.option` looks it up; a slider made by hand must be told."""
+    takes: dict[str, set] = {}
+    for preset in (PAPER["tcdiffpp"], PAPER["lodge"]):
+        for name in preset.keys() - set(NOT_IN_PAPERS):
+            takes.setdefault(name.replace("_", " "), set()).add(preset[name])
+    for cell in cells(path):
+        if cell["cell_type"] == "code":
+            for call in filter(is_slider, ast.walk(ast.parse(cell["source"]))):
+                told = {keyword.arg: ast.unparse(keyword.value) for keyword in call.keywords}
+                label = call.args[3].value
+                if label in takes:
+                    assert float(told["paper"]) in takes[label], ast.unparse(call)
+
+
+def is_slider(node) -> bool:
+    return isinstance(node, ast.Call) and ast.unparse(node.func) == "panels.slider"
 
 
 @pytest.mark.parametrize(

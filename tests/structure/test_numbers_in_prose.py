@@ -45,6 +45,7 @@ SAID = [
     ("notebooks/06_*.ipynb", r"The papers take (\d+); `generate`", f"{PAPER}.tcdiffpp.guidance"),
     ("notebooks/06_*.ipynb", r"`generate` takes (\d+)", f"{PACKAGED}.tcdiffpp.guidance"),
     ("notebooks/12_*.ipynb", r"of its (\d+) steps", f"{PACKAGED}.lodge.steps"),
+    ("notebooks/16_*.ipynb", r"guidance \(the paper's: (\d+)\)", f"{PAPER}.tcdiffpp.guidance"),
     ("README.md", r"(\d+) in all, with", "dancediff.exercises.EXERCISES"),
     ("docs/teaching.md", r"(\d+) exercises that check", "dancediff.exercises.EXERCISES"),
     ("docs/results_tcdiffpp.md", r"defaults became (\d+) steps", f"{PACKAGED}.tcdiffpp.steps"),

@@ -222,8 +222,10 @@ def explore(panel, **controls):
     return Explorer(panel, controls)
 
 
-def slider(low, high, value, label: str, *, step=None):
-    """A slider that reports when it is let go; whole numbers unless one of them is a fraction."""
+def slider(low, high, value, label: str, *, step=None, paper=None):
+    """A slider that reports when it is let go; whole numbers unless one of them is a fraction.
+
+    ``paper``: what the paper takes, for the label."""
     import ipywidgets as widgets
 
     whole = all(isinstance(v, int) for v in (low, high, value, step or 1))
@@ -233,10 +235,19 @@ def slider(low, high, value, label: str, *, step=None):
         max=high,
         value=value,
         step=step or (1 if whole else (high - low) / 100),
-        description=label,
+        description=_with_paper(label, paper),
         continuous_update=False,
         style={"description_width": "initial"},
         layout={"width": "460px"},
+    )
+
+
+def _with_paper(label: str, paper) -> str:
+    """A label, with what the paper takes if that is known."""
+    if paper is None:
+        return label
+    return (
+        f"{label} (paper: {paper:g})" if isinstance(paper, float) else f"{label} (paper: {paper})"
     )
 
 
@@ -261,10 +272,10 @@ def option(model, name: str, low=None, high=None, *, value=None, label="", choic
     one, family = model.request.__dataclass_fields__[name], model.request.family
     usual, paper = (default_of(family, name, preset) for preset in ("packaged", "paper"))
     value, label = usual if value is None else value, label or name.replace("_", " ")
-    if name not in NOT_IN_PAPERS and paper is not None:
-        label += f" (paper: {paper:g})" if isinstance(paper, float) else f" (paper: {paper})"
+    paper = None if name in NOT_IN_PAPERS else paper
     if low is not None:
-        return slider(low, high, value, label)
+        return slider(low, high, value, label, paper=paper)
+    label = _with_paper(label, paper)
     return choice(choices or one.metadata["choices"] or (True, False), value, label)
 
 
