@@ -58,3 +58,10 @@ def test_only_places_on_the_floor_are_moved():
     assert torch.allclose(moved_to_origin(x, at=-1), y, atol=1e-6)
     rest = [k for k in range(151) if k not in (4, 6)]
     assert torch.equal(x[..., rest], y[..., rest])
+
+
+def test_forced_guesses_hear_the_music_of_their_own_history():
+    seen, x = [], torch.arange(9.0)[None, :, None]
+    forced_guesses(watched(seen), x, SONG, history=3, keep=2, window=5)
+    assert [music[0] for _, music in seen] == [0, 2, 4]
+    assert [history[0] for history, _ in seen] == [0, 2, 4]

@@ -496,3 +496,26 @@ def test_fine_tuning_alone_has_clean_borders(solos, tmp_path):
 def test_switches_that_are_extensions_now_are_named(table, message):
     with pytest.raises(ValueError, match=message):
         check_lodge_tables(TABLES | table, "here")
+
+
+def test_primitives_of_a_window_are_those_with_most_movement_in_it():
+    """A dance that is small at first and large later, and the other way round."""
+    frames = torch.arange(400)
+    size = torch.where((frames // 45) % 2 == 0, 0.2, 1.0)  # of a swing; rests lie 15 frames apart
+    angle = size * torch.cos(frames * torch.pi / 15)
+    x = torch.zeros(400, 139)
+    x[:, LODGE.rot6d] = torch.tensor([1.0, 0, 0, 0, 1, 0]).repeat(22)
+    arm = LODGE.joint_channels([16])
+    x[:, arm[:2]] = torch.stack([angle.cos(), angle.sin()], 1)
+    x[:, arm[3:5]] = torch.stack([-angle.sin(), angle.cos()], 1)
+    x[:, 0] = frames  # a contact that says which frame it is
+    take = DanceTake("swings", with_hands(x)[None], M=torch.rand(400, 35), genre="salsa")
+    layout = Layout(256, 128)
+    for start in (0, 45, 60):
+        cut = PrimitiveCut(layout, GENRES)(take, start).unflatten(0, (layout.num_primitives, 8))
+        middles = [round(m) for k, m in enumerate(cut[:, 4, 0].tolist()) if k % 3]
+        energy = take.kinematic_energy
+        for k, middle in enumerate(middles):
+            low = start + 64 * k
+            rests = [b for b in take.motion_beats if low + 12 <= b < low + 52]
+            assert energy[middle] >= max(energy[b] for b in rests) - 1e-9, (start, middle)

@@ -268,3 +268,37 @@ def test_the_small_config_can_be_read():
     path = CONFIGS / "bailando_small.toml"
     tables = check_autoregressive_tables(read_training(path), str(path))
     assert all(tables[f"train_{stage}"]["steps"] > 100 for stage in Bailando.stages)
+
+
+def test_accelerations_count():
+    t = torch.arange(9.0)[None, :, None]
+    ramp, bend = l_motion(t, 0 * t).item(), l_motion(t.square(), 0 * t).item()
+    assert ramp == pytest.approx(4 + 1 + 0)  # mean of 0 ... 8, its steps, no change of them
+    assert bend == pytest.approx(204 / 9 + 8 + 2)
+
+
+def test_logits_of_a_half_are_read_off_its_own_tokens():
+    gpt = CrossConditionalGPT(16, num_codes=8, length=6, music_dim=9, num_layers=1, head_layers=0,
+                              num_heads=2, ff_dim=32)  # fmt: skip
+    h = torch.randn(1, 15, 16, requires_grad=True)
+    for half in (0, 1):
+        (gradient,) = torch.autograd.grad(gpt.choose(h)[:, half].sum(), h)
+        read = gradient[0].abs().amax(-1).unflatten(0, (3, 5)).amax(-1) > 0
+        assert read.tolist() == [False, half == 0, half == 1]
+
+
+def test_a_unit_is_chosen_to_its_own_music(model, monkeypatch):
+    heard = []
+
+    def gpt(codes, M):
+        heard.append(M)
+        return torch.zeros(*codes.shape, 16)
+
+    monkeypatch.delattr(model, "gpt")
+    monkeypatch.setattr(model, "gpt", gpt, raising=False)
+    M = torch.arange(200.0)[:, None].expand(-1, 35)
+    request = BailandoRequest(temperature=1.0, top_k=1)
+    codes = torch.zeros(1, 2, HISTORY + 3, dtype=torch.long)  # three units of the song are there
+    model.next_units(codes, M, request, [torch.Generator()])
+    last = heard[0][0, -1].unflatten(0, (8, 35))[:, 0]
+    assert last.tolist() == list(range(24, 32))

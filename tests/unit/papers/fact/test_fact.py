@@ -205,3 +205,25 @@ def test_the_small_config_can_be_read():
 
     path = CONFIGS / "fact_small.toml"
     assert check_autoregressive_tables(read_training(path), str(path))["train"]["steps"] > 1000
+
+
+def test_guesses_are_read_off_the_first_motion_tokens(model):
+    """Without the layers that see both, music tells nothing, and frame i of motion guess i."""
+    model.cross_modal = torch.nn.Identity()
+    model.motion.layers = torch.nn.Identity()
+    history, M = inputs()
+    guess = model(history, M)
+    assert torch.equal(model(history, torch.zeros_like(M)), guess)
+    changed = history.clone()
+    changed[:, 3, 20:] += 1
+    assert (model(changed, M) - guess).abs().amax((0, 2)).nonzero().flatten().tolist() == [3]
+
+
+def test_training_hears_the_music_from_the_histories_first_frame_on():
+    torch.manual_seed(0)
+    model = FACT(FACTConfig(**TINY, music_frames=40)).eval()  # a window has 70 frames
+    g = torch.Generator().manual_seed(1)
+    x, M = torch.randn(2, 1, 70, 151, generator=g), torch.randn(2, 70, 35, generator=g)
+    loss = model.losses(Batch(x, M, torch.zeros(2, 1)), "train", g)["total"]
+    guess = model(x[:, 0, :60], M[:, :40])
+    assert torch.allclose(loss, future_loss(guess, x[:, 0, 60:]))
