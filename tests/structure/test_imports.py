@@ -17,6 +17,7 @@ ORDER = [  # lowest first; a module imports its own part and lower ones
         "backends",
         "lookup",
         "own",
+        "threads",
         "genre",
         "music",
         "motion",

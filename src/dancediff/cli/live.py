@@ -63,7 +63,6 @@ class _Live:
             server.wait()
         finally:
             server.stop()
-            server.session.join(10)  # a thread that computes must not be cut off by the exit
 
 
 OPTIONS = {one.name: one for one in fields(GroupDanceRequest) if one.name not in NOT_HERE}

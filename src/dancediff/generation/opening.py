@@ -3,11 +3,10 @@
 Read first: `dancediff.music.song`.
 """
 
-import threading
-
 from torch import Tensor
 
 from dancediff.axes import FPS
+from dancediff.threads import Worker
 
 MARGIN = 5 * FPS  # frames before the opening's end: beats and chroma need their surroundings
 SHORTEST = 15.0  # seconds; so much holds a window of 5 s and the margin
@@ -33,7 +32,7 @@ class Opening:
             raise ValueError(f"opening={seconds} must be at least {SHORTEST:g} s, or None")
         self.song = song
         self._part = song if seconds >= song.duration else song.slice(0, seconds)
-        self._thread: threading.Thread | None = None
+        self._thread: Worker | None = None
         self._failed: BaseException | None = None
 
     @property
@@ -64,8 +63,7 @@ class Opening:
     def hear_all(self) -> None:
         """Begin to compute the features of the whole song; returns at once."""
         if self._thread is None:
-            self._thread = threading.Thread(target=self._hear, daemon=True)
-            self._thread.start()
+            self._thread = Worker(self._hear).begin()
 
     @property
     def all_heard(self) -> bool:

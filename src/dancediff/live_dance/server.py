@@ -17,6 +17,7 @@ from urllib.parse import urlsplit
 from dancediff.live_dance.page import live_page, piece_facts
 from dancediff.live_dance.session import LiveSession
 from dancediff.live_dance.sound import WavFile
+from dancediff.threads import Worker
 
 HOST = "127.0.0.1"
 NAMES = (HOST, "localhost")
@@ -51,7 +52,7 @@ class LiveServer:
         self.client = None
         self.asked_port, self.port, self.save, self.wav = port, 0, save, WavFile(song)
         self.session = LiveSession(pipeline, song, tell=self._tell, **options)
-        self._thread: threading.Thread | None = None
+        self._thread: Worker | None = None
 
     @property
     def address(self) -> str:
@@ -69,8 +70,7 @@ class LiveServer:
         Raises: OSError when the port is taken.
         """
         self.session.start()
-        self._thread = threading.Thread(target=self._serve, daemon=True)
-        self._thread.start()
+        self._thread = Worker(self._serve, stop=self.stop).begin()
         self._up.wait()
         if self._failed is not None:
             self.session.stop()
@@ -155,7 +155,7 @@ class LiveServer:
             if SEEK in facts:
                 self.session.seek(facts[SEEK])
             if SAVE in facts:
-                threading.Thread(target=self._save, daemon=True).start()
+                Worker(self._save).begin()
         except (ValueError, TypeError, AttributeError) as error:
             self._send("failed", {"text": " ".join(str(error).split())})
 

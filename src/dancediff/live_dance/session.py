@@ -23,6 +23,7 @@ from dancediff.axes import FPS
 from dancediff.generation.stream import Stream
 from dancediff.motion.motion import Motion
 from dancediff.music.song import Music
+from dancediff.threads import Worker
 
 LEAD = 5.0  # seconds of dance that are ready before the thread rests
 OPENING = 30.0  # seconds of the song that are heard before the first step
@@ -62,11 +63,11 @@ class LiveSession:
         self._pieces: list[tuple[int, int]] = []  # first frame in the song, and how many
         self._last: Motion
         self._stopped = False
-        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread = Worker(self._run, stop=self.stop)
 
     def start(self) -> "LiveSession":
         """Begin to dance; returns at once."""
-        self._thread.start()
+        self._thread.begin()
         return self
 
     @property

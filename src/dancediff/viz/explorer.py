@@ -11,6 +11,7 @@ import inspect
 import threading
 from html import escape
 
+from dancediff.threads import Worker
 from dancediff.viz.still import as_output, show_with_still
 from dancediff.viz.style import as_png
 
@@ -35,7 +36,7 @@ class Explorer:
         self.dance = self.dance_a = self.song = self._still = None
         self._first = {name: control.value for name, control in controls.items()}
         self._newest, self._busy = 0, threading.Lock()
-        self._thread: threading.Thread | None = None
+        self._thread: Worker | None = None
 
         self.run = _button("Dance", "play", self.draw)
         self.reset = _button("Reset", "undo", self._reset)
@@ -75,8 +76,7 @@ class Explorer:
         """Run the panel; a slow one in a thread, after the one that still runs has stopped."""
         self._newest += 1
         if self.slow:
-            self._thread = threading.Thread(target=self._work, args=(self._newest,), daemon=True)
-            self._thread.start()
+            self._thread = Worker(self._work, self._newest, stop=self._forget).begin()
         else:
             self._attempt(self._newest, self.values())
 
@@ -130,8 +130,11 @@ class Explorer:
         _show(self.dance is not None, self.watch)
 
     def _cancel(self, _) -> None:
-        self._newest += 1
+        self._forget()
         self.message.value = "cancelled"
+
+    def _forget(self) -> None:
+        self._newest += 1  # so nobody asks for what is being made
 
     def _reset(self, _) -> None:
         for control in self.controls.values():
