@@ -78,16 +78,27 @@ class SteeredDance:
 
     def ask(self, request: GroupDanceRequest, *, ordered: bool = False) -> None:
         """What the next segments are asked for; ``ordered``: ``request.swap`` is new."""
+        if request.dancers < self.request.dancers:
+            self._leave(request.dancers)
         self.request = request
         if ordered:
             self._order, self._ordered, self._formation = request.swap, True, None
+
+    def _leave(self, stay: int) -> None:
+        """All but the first ``stay`` dancers leave; the others go on from where they are."""
+        self._formation = None
+        if self._order is not None:
+            self._order = [dancer for dancer in self._order if dancer < stay]
+        for name in ("_context", "_noise", "_last"):
+            x = getattr(self, name)
+            setattr(self, name, None if x is None else x[:stay])
 
     def form(self, places: Sequence | None) -> None:
         """Where everybody stands at the end of the next segments; None: anywhere.
 
         Raises: ValueError for places that do not fit the dancers, or a model that cannot do it.
         """
-        self._formation = None if places is None else self.formation(places)
+        self._formation = None if places is None else self.formation(places, self._shape[0])
         self._ordered, self._order = True, None
         if places is not None:
             order = control.final_order(control.EndAt(places).constraint(*self._shape, FPS))
@@ -104,14 +115,14 @@ class SteeredDance:
         preconditioned = preconditioning_of(self.model) is not None
         return preconditioned and self.request.pinning in NOISY_CONTEXT
 
-    def formation(self, places: Sequence) -> Constraint:
-        """Places at a segment's end, in the network's units; raises as `form`."""
+    def formation(self, places: Sequence, dancers: int) -> Constraint:
+        """Places of so many at a segment's end, in the network's units; raises as `form`."""
         if not self.can_form:
             raise ValueError(
                 "formation= needs a model with preconditioning, and pinning='same_noise'; leave "
                 "it out"
             )
-        constraint = control.EndAt(places).constraint(*self._shape, FPS)
+        constraint = control.EndAt(places).constraint(dancers, self._shape[1], FPS)
         return control.normalized(constraint, self.model.normalizer.on_cpu())
 
     def seek(self, frame: int) -> None:

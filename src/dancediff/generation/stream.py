@@ -13,7 +13,7 @@ import contextlib
 import time
 from collections import deque
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import torch
@@ -21,34 +21,10 @@ import torch
 from dancediff.axes import FPS
 from dancediff.generation.opening import Opening
 from dancediff.generation.steered_dance import SteeredDance
+from dancediff.generation.timing import Timing
 from dancediff.motion.motion import Motion
 
-KNOBS = ("genre", "energy", "swap", "formation", "steps")
-
-
-@dataclass
-class Timing:
-    """How long pieces took, in seconds.
-
-    >>> Timing(pieces=2, total=3.0).mean
-    1.5
-    """
-
-    first: float = float("nan")  # from the call of `stream` to the first piece
-    last: float = float("nan")  # the newest piece
-    longest: float = 0.0
-    total: float = 0.0
-    pieces: int = 0
-
-    @property
-    def mean(self) -> float:
-        """Of all pieces."""
-        return self.total / max(self.pieces, 1)
-
-    def add(self, seconds: float) -> None:
-        """One more piece."""
-        self.last, self.longest = seconds, max(self.longest, seconds)
-        self.total, self.pieces = self.total + seconds, self.pieces + 1
+KNOBS = ("genre", "energy", "swap", "formation", "steps", "dancers")
 
 
 class _StoppedError(Exception):
@@ -117,6 +93,7 @@ class Stream(Iterator[Motion]):
         - ``formation``: one (x, z) in metres for each dancer, at the end of the next segments;
           None: anywhere. It goes with no swap: the newer of the two counts.
         - ``steps``: denoising steps; fewer are faster.
+        - ``dancers``: so many of those who dance now; the last ones leave, and with them all places.
 
         Raises: ValueError naming the knob, its value and what is allowed.
         """
@@ -126,12 +103,24 @@ class Stream(Iterator[Motion]):
         if {"swap", "formation"} <= knobs.keys():
             raise ValueError("set swap= or formation=, not both: places say an order, too")
         dance = self._steered()
-        self._resolved(knobs)
+        if "dancers" in knobs:
+            self._check_leaving(knobs)
+        self._resolved(knobs, self._dancers)
         if knobs.get("formation") is not None:
             self._refuse_constraints("formation")
-            dance.formation(knobs["formation"])
+            dance.formation(knobs["formation"], self._dancers)
         if knobs:
             self._changes.append({"set": knobs})
+
+    def _check_leaving(self, knobs: dict) -> None:
+        self._refuse_constraints("dancers")
+        if knobs.keys() & {"swap", "formation"}:
+            raise ValueError("set dancers= alone, and swap= or formation= of those who stay later")
+        if not 1 <= knobs["dancers"] <= self._dancers:
+            raise ValueError(
+                f"dancers={knobs['dancers']} must lie in 1 ... {self._dancers}: who did not dance "
+                "so far cannot join"
+            )
 
     def seek(self, seconds: float) -> None:
         """Go on at another second of the song; the dancers go on from where they are.
@@ -170,6 +159,17 @@ class Stream(Iterator[Motion]):
         return (
             self._dance is not None and self._dance.can_form and self.request.constraint() is None
         )
+
+    @property
+    def can_leave(self) -> bool:
+        """Whether ``dancers=`` may be set: there are several, and no places are asked for."""
+        return self._dance is not None and self._dancers > 1 and self.request.constraint() is None
+
+    @property
+    def _dancers(self) -> int:
+        """How many will be left once all that was asked for is done."""
+        asked = [one["set"]["dancers"] for one in self._changes if "dancers" in one.get("set", {})]
+        return min([self.request.dancers, *asked])
 
     @property
     def is_asked(self) -> bool:
@@ -256,7 +256,7 @@ class Stream(Iterator[Motion]):
             dance.seek(round(change["seek"] * FPS))
         else:
             knobs = change["set"]
-            self.request = self._resolved(knobs)
+            self.request = self._resolved(knobs, self.request.dancers)
             dance.ask(self.request, ordered="swap" in knobs)
             if "formation" in knobs:
                 dance.form(knobs["formation"])
@@ -265,13 +265,17 @@ class Stream(Iterator[Motion]):
     def _is_due(self, change: dict) -> bool:
         return change["piece"] <= self.timing.pieces
 
-    def _resolved(self, knobs: dict) -> Any:
-        """The request with these knobs; raises ValueError as `generate`."""
+    def _resolved(self, knobs: dict, dancers: int) -> Any:
+        """The request of so many dancers with these knobs; raises ValueError as `generate`."""
         changed = {name: value for name, value in knobs.items() if name != "formation"}
+        if not changed:
+            return self.request
+        dancers = changed.setdefault("dancers", dancers)
         if "swap" in changed:
             changed["swap_at"] = None
-        asked = replace(self.request, **changed)
-        return asked.resolve(self.pipeline.model, self.song) if changed else self.request
+        elif self.request.swap is not None:
+            changed["swap"] = [one for one in self.request.swap if one < dancers]
+        return replace(self.request, **changed).resolve(self.pipeline.model, self.song)
 
     def _steered(self) -> SteeredDance:
         if self._dance is None:

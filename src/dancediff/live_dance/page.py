@@ -22,7 +22,7 @@ SIDE = 12  # metres of floor that are shown
 
 def live_page(session, host: str) -> str:
     """The page as HTML; ``host`` is what it may speak to, such as "127.0.0.1:8765"."""
-    n, frames = session.stream.request.dancers, session.stream.request.frames
+    n, frames = session.dancers, session.stream.request.frames
     facts = shared_facts(
         SMPL24, f"{session.song.name} · {n} dancers · live", frames=frames, fps=float(FPS)
     )

@@ -3,7 +3,8 @@ r"""A live session: a stream that is danced in a thread of its own while somebod
 Read first: `dancediff.generation.stream`.
 
 The thread stays ``LEAD`` seconds ahead of what is played: enough not to stop, and little enough
-that a change is seen soon. Where the computer is too slow it takes fewer denoising steps.
+that a change is seen soon. Where the computer is too slow it takes fewer denoising steps, and where
+these are few already, fewer dancers: who is left out stands still.
 """
 
 import itertools
@@ -13,6 +14,7 @@ import tempfile
 import threading
 import weakref
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +31,7 @@ LEAD = 5.0  # seconds of dance that are ready before the thread rests
 OPENING = 30.0  # seconds of the song that are heard before the first step
 FEWEST = 4  # denoising steps; with fewer, feet slide
 ARRAYS = ("pose", "root", "contact")  # of a dance
+RESERVE = 1.0  # seconds that must be ready still when the next piece comes
 BUSY = 0.8  # share of a piece's length that its making may take
 
 
@@ -55,6 +58,7 @@ class LiveSession:
         self.song, self.pipeline, self.lead, self._tell = song, pipeline, lead, tell
         self.stream: Stream = pipeline.stream(song, opening=opening, **options)
         self.stream.set()  # refuses a model that cannot be steered
+        self.dancers = self.stream.request.dancers  # in the beginning
         self.have = np.zeros(self.stream.request.frames, bool)  # frames that were danced
         self.at, self.stalls, self.slow = 0.0, 0, ""
         self._news = threading.Condition()
@@ -190,6 +194,7 @@ class LiveSession:
             piece = next(self.stream, None)
             if piece is None:
                 continue
+            piece = self._with_all(piece)
             start = round(self.stream.begins * FPS)
             arrays = {name: getattr(piece, name).numpy() for name in ARRAYS}
             np.savez(self._file(len(self._pieces)), **arrays)  # a dance file would round them
@@ -211,19 +216,39 @@ class LiveSession:
         with self._news:
             self._news.wait(0.1)
 
+    def _with_all(self, piece: Motion) -> Motion:
+        """The piece with those who left it: they stand where they stopped."""
+        n, frames = piece.num_dancers, piece.num_frames
+        if n == self.dancers:
+            return piece
+        arrays = {}
+        for name in ARRAYS:
+            still = getattr(self._last, name)[n:, -1:]
+            still = still.expand(-1, frames, *still.shape[2:])
+            arrays[name] = torch.cat([getattr(piece, name), still])
+        return replace(piece, **arrays)
+
     def _slow_down(self, length: float) -> None:
-        """Fewer steps if a piece takes nearly as long as it is played, and little is ready."""
-        took, steps = self.stream.timing.last, self.stream.request.steps
+        """Ask for less if a piece takes nearly as long as it is played, and the next may come late.
+
+        First for fewer steps, half as many at the least, then for a dancer less: one piece that took
+        long for another reason does not cost all of them.
+        """
+        took, request = self.stream.timing.last, self.stream.request
         if self.stream.timing.pieces < 2 or self.stream.is_asked:
             return
-        if took > BUSY * length and self.ahead < self.lead / 2:
-            if steps > FEWEST:
-                fewer = max(FEWEST, round(0.7 * steps))
-                self.stream.set(steps=fewer)
-                self.slow = f"This computer is too slow for {steps} steps; now it is {fewer}."
-            else:
-                n = self.stream.request.dancers
-                self.slow = (
-                    f"This computer is too slow for {n} dancers, even with {steps} steps: the "
-                    "dance waits for it. Fewer dancers are faster."
-                )
+        if took <= BUSY * length or self.ahead - took > RESERVE:
+            return
+        if request.steps > FEWEST:
+            fits = int(request.steps * BUSY * length / took)
+            fewer = max(fits, request.steps // 2, FEWEST)
+            self.stream.set(steps=fewer)
+            self.slow = f"This computer is too slow for {request.steps} steps; now it is {fewer}."
+            return
+        much = f"{request.dancers} dancer{'s' * (request.dancers > 1)} with {request.steps} steps"
+        self.slow = f"This computer is too slow for {much}"
+        if self.stream.can_leave:
+            self.stream.set(dancers=request.dancers - 1)
+            self.slow += f": dancer {request.dancers - 1} stands still from now on."
+        else:
+            self.slow += ": the dance waits for it."

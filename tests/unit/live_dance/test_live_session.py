@@ -92,17 +92,6 @@ def test_what_was_danced_is_saved_and_danced_again(open_session, model, song, tm
     assert torch.equal(again, dance.pose)
 
 
-def test_a_slow_computer_takes_fewer_steps_and_says_so(open_session, monkeypatch):
-    monkeypatch.setattr("dancediff.live_dance.session.BUSY", 0.0)
-    monkeypatch.setattr(LiveSession, "ahead", property(lambda self: 0.0))
-    session, told = open_session()
-    until(lambda: "waits for it" in session.slow)
-    assert session.stream.request.steps == FEWEST
-    words = [facts["slow"] for kind, facts in told if kind == "state"]
-    assert any("too slow for 8 steps" in text for text in words)
-    assert "too slow for 2 dancers" in session.slow
-
-
 def test_what_goes_wrong_is_told(open_session, monkeypatch):
     def fail(self, frame):
         raise RuntimeError("no memory")
