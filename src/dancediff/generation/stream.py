@@ -93,7 +93,7 @@ class Stream(Iterator[Motion]):
         - ``formation``: one (x, z) in metres for each dancer, at the end of the next segments;
           None: anywhere. It goes with no swap: the newer of the two counts.
         - ``steps``: denoising steps; fewer are faster.
-        - ``dancers``: so many of those who dance now; the last ones leave, and with them all places.
+        - ``dancers``: so many of those who dance now; the last ones leave, places are given up.
 
         Raises: ValueError naming the knob, its value and what is allowed.
         """

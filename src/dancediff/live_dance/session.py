@@ -19,6 +19,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from torch import Tensor
 
 from dancediff.atomic import atomic_write
 from dancediff.axes import FPS
@@ -221,18 +222,20 @@ class LiveSession:
         n, frames = piece.num_dancers, piece.num_frames
         if n == self.dancers:
             return piece
-        arrays = {}
-        for name in ARRAYS:
+
+        def with_still(name: str) -> Tensor:
             still = getattr(self._last, name)[n:, -1:]
             still = still.expand(-1, frames, *still.shape[2:])
-            arrays[name] = torch.cat([getattr(piece, name), still])
-        return replace(piece, **arrays)
+            return torch.cat([getattr(piece, name), still])
+
+        pose, root, contact = map(with_still, ARRAYS)
+        return replace(piece, pose=pose, root=root, contact=contact)
 
     def _slow_down(self, length: float) -> None:
-        """Ask for less if a piece takes nearly as long as it is played, and the next may come late.
+        """Ask for less if pieces take nearly as long as they are played and the next may be late.
 
-        First for fewer steps, half as many at the least, then for a dancer less: one piece that took
-        long for another reason does not cost all of them.
+        First for fewer steps, half as many at the least, then for a dancer less: one piece that
+        took long for another reason does not cost all of them.
         """
         took, request = self.stream.timing.last, self.stream.request
         if self.stream.timing.pieces < 2 or self.stream.is_asked:

@@ -72,6 +72,41 @@ def test_a_change_holds_from_the_next_segment_on(listening, change):
     assert not torch.equal(whole(plain[3:]), whole(other[3:]))
 
 
+def test_who_leaves_is_the_last_and_nobody_else_jumps(model):
+    stream = model.stream(Tune(), swap=(2, 0, 1), swap_at=10, **ASK)
+    pieces = steered(stream, {2: lambda s: s.set(dancers=2), 3: lambda s: s.set(swap=(1, 0))})
+    assert [piece.num_dancers for piece in pieces] == [3, 3, 2, 2, 2]
+    assert stream.log["calls"] == [
+        {"piece": 2, "set": {"dancers": 2}},
+        {"piece": 3, "set": {"swap": (1, 0)}},
+    ]
+    untouched = list(model.stream(Tune(), swap=(2, 0, 1), swap_at=10, **ASK))
+    assert torch.equal(whole(pieces[:2]), whole(untouched[:2]))
+    last, next_one = pieces[1].root[:2, -1], pieces[2].root[:, 0]
+    assert (next_one - last).norm(dim=-1).max() < (pieces[1].root[2, -1] - last[0]).norm()
+    again = list(Stream.replay(model, Tune(), json.loads(json.dumps(stream.log))))
+    assert all(torch.equal(a.pose, b.pose) for a, b in zip(pieces, again, strict=True))
+
+
+def test_what_is_asked_for_behind_a_leave_is_checked_for_those_who_stay(model):
+    stream = model.stream(Tune(), **ASK)
+    stream.set(swap=(2, 1, 0))  # taken up before one of them leaves
+    stream.set(dancers=2)
+    with pytest.raises(ValueError, match="swap"):
+        stream.set(swap=(2, 1, 0))
+    with pytest.raises(ValueError, match="cannot join"):
+        stream.set(dancers=3)
+    with pytest.raises(ValueError, match="alone"):
+        stream.set(dancers=1, swap=(0,))
+    with pytest.raises(ValueError):
+        stream.set(formation=[(-1, 0), (0, 0), (1, 0)])
+    assert next(stream).num_dancers == 2 and stream.can_leave
+    stream.set(dancers=1)
+    assert not stream.can_leave
+    with pytest.raises(ValueError, match="no start="):
+        model.stream(Tune(), start=[(-1, 0), (0, 0), (1, 0)], **ASK).set(dancers=1)
+
+
 def test_dancers_stand_where_they_were_asked_to(model):
     places = [(-1.5, 0.5), (0.2, -0.5), (1.5, 0.5)]
     stream = model.stream(Tune(), **ASK | {"steps": 8, "foot_contact": False})

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from dancediff.generation.stream import Stream
-from dancediff.live_dance.session import FEWEST, LiveSession
+from dancediff.live_dance.session import LiveSession
 from dancediff.motion.motion import Motion
 from dancediff.music.synth import synth_song
 from tiny_tcdiffpp import tiny_tcdiffpp
