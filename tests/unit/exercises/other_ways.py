@@ -491,6 +491,47 @@ def move_up(dance):
     return Motion(dance.pose, dance.root + tensor([0.0, 60.0, 0.0]))
 
 
+# 15 · Live
+
+
+def steer_by_next(begin, wishes):
+    stream, pieces = begin(), []
+    while True:
+        if len(pieces) in wishes:
+            stream.set(**wishes[len(pieces)])
+        try:
+            pieces.append(next(stream))
+        except StopIteration:
+            return pieces
+
+
+def steer_by_counting(begin, wishes):
+    stream = begin()
+    stream.set(**wishes.get(0, {"energy": 1.0}))
+    pieces = []
+    for k, piece in enumerate(stream, start=1):
+        pieces += [piece]
+        if k in wishes:
+            stream.set(**wishes[k])
+    return tensor(pieces)
+
+
+def most_overlap_by_trying(frames, seconds):
+    overlap = frames
+    while (frames - overlap) / 30 < seconds:
+        overlap -= 1
+    return overlap
+
+
+def beats_in_a_loop(past, now, until):
+    gaps = sorted(b - a for a, b in itertools.pairwise(past[-8:]))
+    found, beat = [], past[-1]
+    while (beat := beat + gaps[len(gaps) // 2]) <= until:
+        if beat > now:
+            found.append(beat)
+    return found
+
+
 # 16 · Your own TCDiff++
 
 
@@ -641,6 +682,15 @@ OTHER_WAYS = {
         ),
     ],
     "13.5": [move_aside, move_up],
+    "15.1": [steer_by_next, steer_by_counting],
+    "15.3": [
+        most_overlap_by_trying,
+        lambda frames, seconds: frames - math.ceil(30 * seconds),
+    ],
+    "15.4": [
+        beats_in_a_loop,
+        lambda past, now, until: tensor(beats_in_a_loop(past, now, until)),
+    ],
     "16.1": [
         fuse_frame_by_frame,
         lambda h, mix: mix(h.movedim(2, 1).flatten(2)).unflatten(2, h.shape[1::2]).movedim(2, 1),

@@ -1,0 +1,47 @@
+"""Solutions of lesson 15."""
+
+# %% 15.1
+# What is asked for holds from the next segment on, so a wish for k pieces must be made once the k-th
+# is there, and before the next one is asked for. That is what the page's knobs do, too.
+
+
+def steer(begin, wishes):
+    stream, pieces = begin(), []
+    stream.set(**wishes.get(0, {}))
+    for piece in stream:
+        pieces.append(piece)
+        stream.set(**wishes.get(len(pieces), {}))
+    return pieces
+
+
+# %% 15.2
+# Hearing comes once, before the first segment, and ends with the opening: neither steps nor the
+# rest of the song make it longer. Denoising comes with every segment, a step after the other.
+waits = {
+    "half as many steps halve the denoising": True,
+    "half as many steps halve the hearing": False,
+    "a song of twice the length is heard twice as long before the first step": False,
+    "the second piece waits for the hearing again": False,
+}
+
+
+# %% 15.3
+# frames - overlap new frames are played for (frames - overlap) / 30 s, which must be at least the
+# seconds that a segment takes. Rounded down: one frame more, and every piece comes a little later.
+import math
+
+
+def most_overlap(frames, seconds):
+    return math.floor(frames - 30 * seconds)
+
+
+# %% 15.4
+# The median gap of the newest beats forgives one that was not found, and forgets the tempo of the
+# verse. The library fits an even beat to all eight; both go on from the last one.
+import numpy as np
+
+
+def next_beats(past, now, until):
+    T = np.median(np.diff(past[-8:]))
+    beats = past[-1] + T * np.arange(1, 100)
+    return beats[(beats > now) & (beats <= until)]
