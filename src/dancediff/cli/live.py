@@ -17,8 +17,10 @@ from dancediff.generation.group_request import GroupDanceRequest
 class _Live:
     """What there is beside the options of a request."""
 
-    song: tyro.conf.Positional[str]
+    song: tyro.conf.Positional[str | None] = None
     """A wav, flac, ogg or mp3 file; 'packaged' for the song that comes with dancediff."""
+    microphone: bool = False
+    """Dance to what the computer's microphone hears, instead of a song."""
     model: str = "tcdiffpp"
     """A packaged model of TCDiff++, or a model folder."""
     own: str | None = None
@@ -37,6 +39,7 @@ class _Live:
         import webbrowser
 
         from dancediff import hub
+        from dancediff.live_dance.notebook import source_of
         from dancediff.live_dance.server import LiveServer
 
         formats = check_formats(self.formats)
@@ -45,8 +48,10 @@ class _Live:
         if not 0 <= self.port < 65536:
             raise ValueError(f"--port {self.port} must lie in 0 ... 65535")
         options = {name: value for name in OPTIONS if (value := getattr(self, name)) is not None}
-        model, song = hub.load(self.model, own=self.own), song_named(self.song)
+        named = None if self.song is None else song_named(self.song)
+        model = hub.load(self.model, own=self.own)
         try:
+            song = source_of(named, self.microphone)
             server = LiveServer(
                 model,
                 song,

@@ -135,10 +135,12 @@ class SteeredDance:
         self._noise, self._skip, self._start, self.over = None, k, frame - k, False
 
     def pieces(
-        self, changes: Callable[[], None], *, report=None, dtype=None
+        self, changes: Callable[[], None], *, eager: bool = False, report=None, dtype=None
     ) -> Iterator[tuple[int, Tensor]]:
         """Its first frame in the song and a piece, features (n, f, d) in metres, on the CPU.
 
+        ``eager``: frames that the next segment shall share are handed out, too, and not with that
+        segment; so a piece is there 2.5 s earlier. It needs ``seam`` "copy", which keeps them.
         ``changes``: called before every segment; it may call the methods above. It goes on after
         the song's end if it is called again after `seek`.
         """
@@ -151,8 +153,9 @@ class SteeredDance:
             frames, rest = self.request.frames, x[:, stride:]
             last = start + x.shape[1] >= frames
             self._context, self._noise = rest[:, : self._kept], noise
-            self._start, self._skip = start + stride, 0
-            parts = [(start + skip, x[:, skip:stride]), (start + stride, rest)][: 1 + last]
+            self._start, self._skip = start + stride, self._kept if eager else 0
+            end = x.shape[1] if eager else stride
+            parts = [(start + skip, x[:, skip:end]), (start + end, x[:, end:])][: 1 + last]
             parts = [(at, part[:, : max(frames - at, 0)]) for at, part in parts]
             parts = [(at, part) for at, part in parts if part.shape[1]]
             for k, (at, part) in enumerate(parts):

@@ -23,6 +23,7 @@ from dancediff.generation.opening import Opening
 from dancediff.generation.steered_dance import SteeredDance
 from dancediff.generation.timing import Timing
 from dancediff.motion.motion import Motion
+from dancediff.music.live_song import LiveSong
 
 KNOBS = ("genre", "energy", "swap", "formation", "steps", "dancers")
 
@@ -237,7 +238,9 @@ class Stream(Iterator[Motion]):
                         yield self.pipeline._motion(x[:, :left].clone(), self.song, self.request)
                     left -= x.shape[1]
                 return
-            for start, x in self._dance.pieces(self._take_up, **how):
+            # who dances to sound that arrives has no time to keep frames back
+            eager = isinstance(self.song, LiveSong) and self.request.seam == "copy"
+            for start, x in self._dance.pieces(self._take_up, eager=eager, **how):
                 self.begins = start / FPS
                 yield self.pipeline._motion(x.clone(), self.song, self.request)
 

@@ -47,6 +47,8 @@ class SongHandler(_Handler):
     def get(self):
         """A part, or the first bytes of the whole."""
         wav = self.server.wav
+        if wav is None:
+            raise tornado.web.HTTPError(404, reason="the sound is in the room")
         try:
             start, stop = asked_range(self.request.headers.get("Range"), wav.size)
         except ValueError as error:

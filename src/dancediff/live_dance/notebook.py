@@ -9,7 +9,11 @@ from pathlib import Path
 from dancediff.live_dance.server import LiveServer
 from dancediff.live_dance.session import LiveSession
 from dancediff.motion.motion import Motion
+from dancediff.music.live_song import LiveSong
 from dancediff.music.song import Music
+from dancediff.music.sound_sources import microphone as listen
+
+RATE = 22050  # of a microphone
 
 
 class Live:
@@ -45,22 +49,49 @@ class Live:
         return f"Live({self.server.address}, {self.session.song.name!r})"
 
 
-def live(song, model="tcdiffpp", *, height: int = 620, out="live", **options) -> Live:
+def source_of(song, microphone: bool | int | str = False) -> Music | LiveSong:
+    """The song, or what a microphone hears from now on.
+
+    Raises: ValueError unless there is one of both; as `sound_sources.microphone`.
+    """
+    asked = microphone is not False
+    if asked == (song is not None):
+        raise ValueError(
+            f"song={song!r} and microphone={microphone!r}: give one of them to dance to"
+        )
+    if asked:
+        device = None if microphone is True else microphone
+        blocks = listen(RATE, device=device)
+        return LiveSong(blocks, RATE, name="microphone", keep=True)
+    return song if isinstance(song, Music | LiveSong) else Music.load(song)
+
+
+def live(
+    song=None,
+    model="tcdiffpp",
+    *,
+    microphone: bool | int | str = False,
+    height: int = 620,
+    out="live",
+    **options,
+) -> Live:
     """Dance to a song while it plays: the stage appears at once, and its knobs are obeyed.
 
     The dance begins before all of it is made; a bar shows how far ahead it is. "Save" writes it to
     the folder ``out``. The notebook's kernel must run on the computer of its browser.
 
-    - ``song``: a `Music`, or the path of one.
+    - ``song``: a `Music`, or the path of one; a `LiveSong` for sound from elsewhere.
+    - ``microphone``: dance to what it hears, instead of a song; True, or a device's number or name.
     - ``model``: a name, a folder, or a pipeline of TCDiff++.
     - ``options``: those of `generate`, such as ``dancers=3``.
 
-    Raises: ValueError as `generate`, and for a model that cannot be steered; ImportError naming
-    the extra when tornado is not installed.
+    Raises: ValueError as `generate`, for a model that cannot be steered, and for a song beside a
+    microphone or none without; ImportError naming the extra when tornado is not installed, or
+    sounddevice for a microphone.
     """
     from dancediff import hub
 
-    song = song if isinstance(song, Music) else Music.load(song)
+    song = source_of(song, microphone)
     pipeline = hub.load(model) if isinstance(model, str | Path) else model
 
     def save(session: LiveSession) -> list[Path]:

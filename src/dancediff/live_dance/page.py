@@ -26,8 +26,8 @@ def live_page(session, host: str) -> str:
     facts = shared_facts(
         SMPL24, f"{session.song.name} · {n} dancers · live", frames=frames, fps=float(FPS)
     )
-    facts |= {"song": "song.wav", "centre": [0.0, 0.0], "side": SIDE}
-    facts["live"] = {"knobs": knobs(session)}
+    facts |= {"song": None if session.listens else "song.wav", "centre": [0.0, 0.0], "side": SIDE}
+    facts["live"] = {"knobs": knobs(session), "listens": session.listens}
     colors = [dancer_color(k) for k in range(n)]
     facts["panes"] = [{"title": "", "metrics": [], "colors": colors}]
     text = json.dumps(facts, separators=(",", ":")).replace("<", "\\u003c")  # no tag can begin

@@ -17,6 +17,7 @@ from urllib.parse import urlsplit
 from dancediff.live_dance.page import live_page, piece_facts
 from dancediff.live_dance.session import LiveSession
 from dancediff.live_dance.sound import WavFile
+from dancediff.music.live_song import LiveSong
 from dancediff.threads import Worker
 
 HOST = "127.0.0.1"
@@ -50,7 +51,8 @@ class LiveServer:
         self._up = threading.Event()
         self._failed: BaseException | None = None
         self.client = None
-        self.asked_port, self.port, self.save, self.wav = port, 0, save, WavFile(song)
+        self.asked_port, self.port, self.save = port, 0, save
+        self.wav = None if isinstance(song, LiveSong) else WavFile(song)
         self.session = LiveSession(pipeline, song, tell=self._tell, **options)
         self._thread: Worker | None = None
 

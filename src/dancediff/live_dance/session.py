@@ -25,6 +25,7 @@ from dancediff.atomic import atomic_write
 from dancediff.axes import FPS
 from dancediff.generation.stream import Stream
 from dancediff.motion.motion import Motion
+from dancediff.music.live_song import LiveSong
 from dancediff.music.song import Music
 from dancediff.threads import Worker
 
@@ -49,7 +50,7 @@ class LiveSession:
     def __init__(
         self,
         pipeline,
-        song: Music,
+        song: Music | LiveSong,
         *,
         tell: Callable[[str, dict], None] = lambda kind, facts: None,
         lead: float = LEAD,
@@ -57,7 +58,12 @@ class LiveSession:
         **options,
     ):
         self.song, self.pipeline, self.lead, self._tell = song, pipeline, lead, tell
-        self.stream: Stream = pipeline.stream(song, opening=opening, **options)
+        self.listens = isinstance(song, LiveSong)
+        if self.listens:  # it is as long as somebody plays, and cannot be heard in advance
+            options = {"seconds": song.duration} | options
+        self.stream: Stream = pipeline.stream(
+            song, opening=None if self.listens else opening, **options
+        )
         self.stream.set()  # refuses a model that cannot be steered
         self.dancers = self.stream.request.dancers  # in the beginning
         self.have = np.zeros(self.stream.request.frames, bool)  # frames that were danced
@@ -102,7 +108,14 @@ class LiveSession:
         self.stream.set(**knobs)
 
     def seek(self, seconds: float) -> None:
-        """As `Stream.seek`; the player is there from now on."""
+        """As `Stream.seek`; the player is there from now on.
+
+        Raises: ValueError as `Stream.seek`, and for a microphone.
+        """
+        if self.listens:
+            raise ValueError(
+                f"seek({seconds}): a microphone hears what is played now; leave it out"
+            )
         self.stream.seek(seconds)
         self.played(seconds, self.stalls)
 
@@ -126,7 +139,7 @@ class LiveSession:
             "piece": self.stream.timing.last,
             "slow": self.slow,
             "over": self.stream.is_over,
-        }
+        } | ({"now": round(self.song.now, 3)} if isinstance(self.song, LiveSong) else {})
 
     def dance(self) -> tuple[Motion, Music]:
         """All that was danced, and its sound: the song, or its parts in the order of the dance.
@@ -150,15 +163,15 @@ class LiveSession:
         if all(follow):
             song = self.song.slice(start / FPS, (start + frames) / FPS)
         else:
-            cut = [self.song.slice(a / FPS, (a + n) / FPS).audio[:] for a, n in spans]
-            song = Music(np.concatenate(cut), self.song.rate, self.song.name)
+            cut = [self.song.slice(a / FPS, (a + n) / FPS) for a, n in spans]
+            song = Music(np.concatenate([one.audio[:] for one in cut]), cut[0].rate, cut[0].name)
         last = self._last
         meta = last.meta | {"seams": [seam for seam in self._seams() if seam < frames]}
         return Motion(fps=last.fps, skeleton=last.skeleton, meta=meta, **joined), song
 
     def _seams(self) -> list[int]:
         lengths = np.cumsum([n for _, n in self._pieces]).tolist()
-        return lengths[1:-1]
+        return lengths[0 if self.listens else 1 : -1]
 
     def save(self, out, formats: list[str]) -> list[Path]:
         """Write what was danced, a file for each format, and ``log.json`` to dance it again.
@@ -185,11 +198,14 @@ class LiveSession:
             self._tell("failed", {"text": " ".join(str(error).split()) or type(error).__name__})
         finally:
             self.stream.stop()
+            if isinstance(self.song, LiveSong):
+                self.song.close()
 
     def _dance(self) -> None:
         noted, told = 0, False
         while not self._stopped:
-            if self.stream.is_over or (self.ahead > self.lead and not self.stream.is_asked):
+            enough = self.ahead > self.lead and not self.listens  # sound that arrives sets the pace
+            if self.stream.is_over or (enough and not self.stream.is_asked):
                 self._rest()
                 continue
             piece = next(self.stream, None)
@@ -207,7 +223,7 @@ class LiveSession:
             for call in calls[noted:]:
                 self._tell("knob", call | {"from": self.stream.begins})
             noted = len(calls)
-            if not told and self.stream.all_heard:
+            if not told and self.stream.all_heard and not self.listens:
                 told = True
                 self._tell("beats", {"beats": self.song.beats()})
             self._slow_down(piece.num_frames / FPS)
@@ -240,10 +256,14 @@ class LiveSession:
         took, request = self.stream.timing.last, self.stream.request
         if self.stream.timing.pieces < 2 or self.stream.is_asked:
             return
-        if took <= BUSY * length or self.ahead - took > RESERVE:
+        if isinstance(self.song, LiveSong):  # most of that time it waited for sound
+            late, fits = self.song.now > self.stream.begins, 0
+        else:
+            late = took > BUSY * length and self.ahead - took <= RESERVE
+            fits = int(request.steps * BUSY * length / took) if late else 0
+        if not late:
             return
         if request.steps > FEWEST:
-            fits = int(request.steps * BUSY * length / took)
             fewer = max(fits, request.steps // 2, FEWEST)
             self.stream.set(steps=fewer)
             self.slow = f"This computer is too slow for {request.steps} steps; now it is {fewer}."

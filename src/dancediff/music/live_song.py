@@ -7,7 +7,8 @@
 Read first: `dancediff.music.causal` · `dancediff.generation.stream`.
 """
 
-from collections.abc import Iterable
+import time
+from collections.abc import Callable, Iterable
 
 import numpy as np
 import torch
@@ -16,6 +17,7 @@ from torch import Tensor
 from dancediff.axes import FPS
 from dancediff.music.causal import AHEAD, CausalMusic
 from dancediff.music.features import MFCC, NUM_FEATURES
+from dancediff.music.song import Music
 
 
 class LiveSong:
@@ -25,6 +27,8 @@ class LiveSong:
     - ``seconds``: how long it may last.
     - ``ahead``: by how many seconds frames are foretold. A segment of 5 s, of which the second half
       is new, is asked for ``ahead`` - 2.5 s before its new part sounds: the time to make it.
+
+    - ``keep``: whether `slice` shall know what was heard; 4 bytes a sample.
 
     Memory is 4 kB a second of ``seconds``.
 
@@ -45,14 +49,23 @@ class LiveSong:
         seconds: float = 600.0,
         ahead: float = 3.5,
         name: str = "live",
+        keep: bool = False,
+        clock: Callable[[], float] = time.monotonic,
     ):
         """Nothing is heard yet."""
         if not 0 <= ahead <= AHEAD:
             raise ValueError(f"ahead={ahead} must be within 0 and {AHEAD} s")
         self.music, self.duration, self.name = CausalMusic(rate), float(seconds), name
         self._blocks, self._ahead, self._heard = iter(blocks), ahead, -1
+        self._kept: list[np.ndarray] | None = [] if keep else None
+        self._clock, self._began = clock, float("nan")
         self._M = torch.zeros(1 + int(seconds * FPS), NUM_FEATURES)
         self._M[:, MFCC.start] = -100 * 128**0.5  # silence
+
+    @property
+    def now(self) -> float:
+        """Seconds since the sound began, heard or not yet; nan before its first block."""
+        return self._clock() - self._began
 
     @property
     def tempo(self) -> float:
@@ -72,7 +85,7 @@ class LiveSong:
             block = next(self._blocks, None)
             if block is None:
                 break
-            self.music.push(block)
+            self._hear(block)
         if self._heard != self.music.num_frames:
             self._heard, first = self.music.num_frames, self.music.first_frame
             self._M = self._M.clone()  # who holds the one before can tell that it is another
@@ -84,3 +97,29 @@ class LiveSong:
     def features(self) -> Tensor:
         """What is known of all frames now, (f, 35)."""
         return self.features_until(0)
+
+    def _hear(self, block: np.ndarray) -> None:
+        if np.isnan(self._began):  # a block comes when its last sample has sounded
+            self._began = self._clock() - len(block) / self.music.rate
+        if self._kept is not None:
+            mono = np.asarray(block, np.float32)
+            self._kept.append(mono.mean(axis=1) if mono.ndim == 2 else mono.copy())
+        self.music.push(block)
+
+    def slice(self, start: float, stop: float) -> Music:
+        """What was heard from one second to another, mono; silence where nothing was heard yet.
+
+        Raises: ValueError without ``keep``.
+        """
+        if self._kept is None:
+            raise ValueError("what was heard was not kept; use LiveSong(..., keep=True)")
+        rate = self.music.rate
+        sound = np.zeros(round(stop * rate), np.float32)
+        heard = np.concatenate([*self._kept, sound[:0]])[: len(sound)]
+        sound[: len(heard)] = heard
+        return Music(sound[round(start * rate) :], rate, self.name)
+
+    def close(self) -> None:
+        """Let go of the microphone; nothing more is heard."""
+        if hasattr(self._blocks, "close"):
+            self._blocks.close()

@@ -16,6 +16,7 @@ import numpy as np
 from dancediff.music.song import Music
 
 BLOCK = 0.1  # seconds
+PATIENCE = 5.0  # seconds without a block after which a microphone counts as gone
 
 
 def played(
@@ -53,9 +54,12 @@ def microphone(
 ) -> Iterator[np.ndarray]:
     """Blocks of the sound of a microphone, (n, 1), until the loop ends.
 
+    It begins with the first block that is asked for.
+
     ``device``: number or name, as ``python -m sounddevice`` lists them; by default the system's.
 
-    Raises: ImportError without sounddevice or PortAudio; ValueError where no microphone answers.
+    Raises: ImportError without sounddevice or PortAudio; ValueError where no microphone
+    answers, or it gives nothing any more.
     """
     try:
         import sounddevice
@@ -77,6 +81,15 @@ def microphone(
             f"device={device!r} gives no sound at rate={rate}; `python -m sounddevice` lists those "
             "that there are"
         ) from err
+    return _arriving(stream, blocks, device)
+
+
+def _arriving(stream, blocks: "queue.SimpleQueue[np.ndarray]", device) -> Iterator[np.ndarray]:
     with stream:
         while True:
-            yield blocks.get()
+            try:
+                yield blocks.get(timeout=PATIENCE)
+            except queue.Empty as err:
+                raise ValueError(
+                    f"device={device!r} gives no sound any more; plug it in, and begin again"
+                ) from err

@@ -41,6 +41,7 @@
     },
     state(state) {
       live.state = state;
+      if (data.live.listens) follow(state.now);
       $("slow").textContent = state.slow;
     },
     beats({ beats }) {
@@ -57,8 +58,16 @@
   const ready = () => Math.max(readyUntil(frame()) / data.fps - clock.time(), 0);
   const enough = () => ready() >= ENOUGH || readyUntil(frame()) >= data.frames;
 
+  // a microphone does not wait: the picture is where the sound in the room is
+  function follow(now) {
+    if (Math.abs(clock.time() - now) > 0.1) clock.seek(now);
+    live.waiting = false;
+    if (!clock.playing()) clock.play();
+  }
+
   function watch() {
     const here = frame();
+    if (data.live.listens) return show();
     if (readyUntil(here) > here) since = performance.now();
     if (clock.playing() && ready() < 2 / data.fps && readyUntil(here) < data.frames) {
       audio.pause();
@@ -77,13 +86,17 @@
       coming = here;
       send({ seek: here / data.fps });
     }
+    show();
+  }
+
+  function show() {
     const seconds = ready();
     $("ahead").firstElementChild.style.width = `${Math.min(seconds / 10, 1) * 100}%`;
     $("ahead").lastElementChild.textContent = live.waiting && live.resume ? "waiting for the dance" : `${seconds.toFixed(1)} s ahead · ${live.state.steps ?? "?"} steps`;
     requestAnimationFrame(watch);
   }
 
-  audio.addEventListener("seeking", () => (jumped = !enough()));
+  audio?.addEventListener("seeking", () => (jumped = !enough()));
   $("play").addEventListener("click", () => (live.resume = live.waiting && !live.resume));
   setInterval(() => send({ at: clock.time(), stalls: live.stalls }), 200);
 
