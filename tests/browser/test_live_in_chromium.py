@@ -14,6 +14,8 @@ import pytest
 from chromium_page import SLOW, changed, num_colors, picture, until
 
 from dancediff.live_dance.server import LiveServer
+from dancediff.music.live_song import LiveSong
+from dancediff.music.sound_sources import played
 from dancediff.music.synth import synth_song
 from tiny_tcdiffpp import tiny_tcdiffpp
 
@@ -179,3 +181,24 @@ def test_nobody_else_can_reach_it(server):
     for other in others - {"127.0.0.1"}:
         with pytest.raises(OSError):
             socket.create_connection((other, server.port), timeout=2).close()
+
+
+def test_a_dance_to_sound_in_the_room_follows_its_clock(model, song, page):
+    """The page plays no sound; the picture is where the sound is, and pieces come in time."""
+    room = LiveSong(played(song), song.rate, seconds=40.0, keep=True)
+    server = LiveServer(model, room, dancers=2, steps=2, seed=1).start()
+    try:
+        page.goto(server.address, timeout=30_000 * SLOW, wait_until="commit")
+        until(page, "window.dancediff?.live?.pieces.length > 2", 60 * SLOW)
+        assert page.evaluate("window.dancediff.audio ?? null") is None
+        still = picture(page, "#stage")
+        off = abs(page.evaluate("window.dancediff.state().time") - room.now)
+        assert off < 3.0 * SLOW  # it is put right with every piece, every 2.5 s
+        until(page, f"window.dancediff.state().time > {room.now + 1}", 20 * SLOW)
+        assert changed(still, picture(page, "#stage")) > 0.0005
+        assert not [url for url in page.asked if url.endswith("song.wav")]
+        assert page.complaints == []
+    finally:
+        server.stop()
+        server._thread.join(30)
+    assert not server.is_running

@@ -131,15 +131,17 @@ class LiveSession:
         self._thread.join(seconds)
 
     def state(self) -> dict:
-        """What a page shows: seconds ahead, steps, where the next piece begins, what is wrong."""
+        """What a page shows: where the room is, seconds ahead, steps, what is wrong."""
+        now = self.song.now if isinstance(self.song, LiveSong) else 0.0
         return {
+            "now": round(now, 3) if now > 0 else None,  # nothing was heard yet
             "ahead": round(self.ahead, 2),
             "steps": self.stream.request.steps,
             "first": self.stream.timing.first,
             "piece": self.stream.timing.last,
             "slow": self.slow,
             "over": self.stream.is_over,
-        } | ({"now": round(self.song.now, 3)} if isinstance(self.song, LiveSong) else {})
+        }
 
     def dance(self) -> tuple[Motion, Music]:
         """All that was danced, and its sound: the song, or its parts in the order of the dance.

@@ -41,7 +41,7 @@
     },
     state(state) {
       live.state = state;
-      if (data.live.listens) follow(state.now);
+      if (state.now) follow(state.now);
       $("slow").textContent = state.slow;
     },
     beats({ beats }) {
