@@ -28,7 +28,7 @@ class Vote(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Score:
+class StudyScore:
     """How often the first system was preferred to another, by one question's answers.
 
     ``alpha``: Krippendorff's, of which dance of a pair raters chose; None where it is not defined,
@@ -47,7 +47,7 @@ class StudyScores:
     """All scores of a study; ``str`` is a table."""
 
     raters: int
-    scores: list[Score]
+    scores: list[StudyScore]
     left: float  # the share of votes for the dance on the left
 
     def facts(self) -> dict:
@@ -75,7 +75,7 @@ class StudyScores:
 
 
 def score_study(answers: Sequence, key=None) -> StudyScores:
-    """Score files of answers with the key of their study.
+    """StudyScore files of answers with the key of their study.
 
     ``key``: its file; default: the one among ``answers`` whose name ends in .key.json. A file that
     is handed in twice counts once.
@@ -105,7 +105,7 @@ def score_study(answers: Sequence, key=None) -> StudyScores:
     )
 
 
-def _scores(votes: list[Vote], questions: list[str]) -> list[Score]:
+def _scores(votes: list[Vote], questions: list[str]) -> list[StudyScore]:
     """One for each opponent and question that has votes."""
     scores = []
     for first, against in sorted({(vote.first, vote.against) for vote in votes}):
@@ -114,7 +114,7 @@ def _scores(votes: list[Vote], questions: list[str]) -> list[Score]:
             if here:
                 wins = [vote.winner == first for vote in here]
                 rate = win_rate(wins, [v.pair for v in here], [v.rater for v in here])
-                scores.append(Score(question, first, against, rate, _alpha(here)))
+                scores.append(StudyScore(question, first, against, rate, _alpha(here)))
     return scores
 
 

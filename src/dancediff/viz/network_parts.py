@@ -62,7 +62,7 @@ class Word:
 
 
 @dataclass(frozen=True)
-class Layout:
+class Diagram:
     """A picture: its height, and what is in it. Frames come first: they lie below."""
 
     about: str
@@ -92,7 +92,7 @@ def right(x: float, y: float, length: float, module: str, **more) -> Arrow:
 
 
 SD = "decoder.sequence_decoder"
-TCDIFFPP = Layout(
+TCDIFFPP = Diagram(
     "TCDiff++: from a noisy group and its music to a clean guess",
     430,
     (
@@ -176,7 +176,7 @@ def stage(path: str, key: str, y: float, lesson: int) -> tuple[list[Box], list[A
 
 GLOBAL, GLOBAL_ARROWS = stage("global_stage", "global_stage", 34, 11)
 LOCAL, LOCAL_ARROWS = stage("local_stage", "local_stage", 318, 12)
-LODGE = Layout(
+LODGE = Diagram(
     "Lodge: from a song to its key motions, and from those to the whole dance",
     514,
     (

@@ -16,7 +16,7 @@ from torch import nn
 from dancediff.axes import FPS
 from dancediff.papers.lodge.model import Lodge
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
-from dancediff.viz.network_parts import LESSONS, LODGE, TCDIFFPP, Arrow, Box, Layout
+from dancediff.viz.network_parts import LESSONS, LODGE, TCDIFFPP, Arrow, Box, Diagram
 from dancediff.viz.network_trace import Call, call_lodge, call_tcdiffpp, trace
 from dancediff.viz.palette import GRID, INK, MUTED, PAPER, dancer_color
 
@@ -160,7 +160,7 @@ def _runs(arrow: Arrow, calls: dict[str, Call]) -> bool:
     return {arrow.module, arrow.needs} - {""} <= calls.keys()
 
 
-def _svg(layout: Layout, parts: list[str]) -> str:
+def _svg(layout: Diagram, parts: list[str]) -> str:
     size = f'viewBox="0 0 {WIDTH} {layout.height:g}" width="{WIDTH}" height="{layout.height:g}"'
     tip = (
         f'<defs><marker id="tip" viewBox="0 0 8 8" refX="7" refY="4" markerWidth="6" '
