@@ -45,7 +45,7 @@ def test_binder_runs_a_command_that_exists():
 
 
 def test_colab_is_told_an_extra_and_a_folder_that_exist():
-    (cell,) = re.findall(r"^```python\n(!git clone.*?)^```", PAGE, re.DOTALL | re.MULTILINE)
+    (cell,) = re.findall(r"^```text\n(!git clone.*?)^```", PAGE, re.DOTALL | re.MULTILINE)
     (extra,) = re.findall(r"\./dancediff\[(\w+)\]", cell)
     (folder,) = re.findall(r"^%cd dancediff/(\S+)", cell, re.MULTILINE)
     assert extra in PROJECT["optional-dependencies"] and (ROOT / folder / "student.py").exists()

@@ -48,7 +48,38 @@ NEAR_MISSES = {
         lambda begin, wishes: list(begin()),  # nobody asks
         lambda begin, wishes: steers(begin, wishes)[1:],
     ],
-    "15.2": [],
+    "15.2": [
+        {
+            "half as many steps halve the denoising": False,
+            "half as many steps halve the hearing": False,
+            "a song of twice the length is heard twice as long before the first step": False,
+            "the second piece waits for the hearing again": False,
+        },
+        {
+            "half as many steps halve the denoising": True,
+            "half as many steps halve the hearing": True,
+            "a song of twice the length is heard twice as long before the first step": False,
+            "the second piece waits for the hearing again": False,
+        },
+        {
+            "half as many steps halve the denoising": True,
+            "half as many steps halve the hearing": False,
+            "a song of twice the length is heard twice as long before the first step": True,
+            "the second piece waits for the hearing again": False,
+        },
+        {
+            "half as many steps halve the denoising": True,
+            "half as many steps halve the hearing": False,
+            "a song of twice the length is heard twice as long before the first step": False,
+            "the second piece waits for the hearing again": True,
+        },
+        {
+            "half as many steps halve the denoising": False,
+            "half as many steps halve the hearing": True,
+            "a song of twice the length is heard twice as long before the first step": True,
+            "the second piece waits for the hearing again": True,
+        },
+    ],
     "15.3": [
         lambda frames, seconds: math.ceil(frames - 30 * seconds),  # a frame too much
         lambda frames, seconds: round(frames - 30 * seconds),
