@@ -13,14 +13,16 @@ def fuse(h, mix):
 
 # %% 16.2
 # Frame i reads (C) what frame j wrote (B), faded by all decays in between: the difference of two
-# running sums. The future has not been written yet: its fade is zero.
+# running sums. The future has not been written yet: its fade is exp(-inf) = 0. With tril behind the
+# exp the dance is the same, but exp of a large gap is infinite, and its gradient no number.
 import torch
 
 
 def ssd(u, a, B, C):
     total = a.cumsum(-1)
-    fade = (total[..., :, None] - total[..., None, :]).exp()
-    return (torch.tril(fade) * (C @ B.mT)) @ u
+    gap = total[..., :, None] - total[..., None, :]
+    future = torch.ones_like(gap, dtype=torch.bool).triu(1)
+    return (gap.masked_fill(future, -torch.inf).exp() * (C @ B.mT)) @ u
 
 
 # %% 16.3
