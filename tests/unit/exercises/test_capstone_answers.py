@@ -1,4 +1,4 @@
-"""What lesson 16 builds on must train, too: an answer that is right forward may have no gradient."""
+"""What lesson 16 builds on must train: an answer that is right may have no gradient."""
 
 import pytest
 import torch
