@@ -20,7 +20,9 @@ from dancediff.extensions.energy_condition import listens_to_energy
 from dancediff.extensions.genre_condition import genres_of
 from dancediff.metrics.measure import Measured
 from dancediff.metrics.rows import table_rows
+from dancediff.training.config import TrainConfig
 from dancediff.training.group_takes import prepared_takes
+from dancediff.training.objective import GroupObjective
 from dancediff.training.validation_metrics import METRICS, dance_windows, measured
 
 SAMPLERS = ("dpm 20", "dpm 12", "dpm 12 0.16", "dpm 8 0.16", "dpm 6 0.16", "dpm 4 0.16",
@@ -49,6 +51,7 @@ class FewSteps:
             dancers_per_batch=DANCERS,
             seed=77,
         )
+        to_network = GroupObjective(model, TrainConfig()).to_network
         batches = [windows.batch(k) for k in range(2 * self.batches)]
         half = self.batches
         reference = [one for batch in batches[half:] for one in measured(batch)]
@@ -59,7 +62,7 @@ class FewSteps:
             options = options_of(name, model)
             dances: list[Measured] = []
             for k, batch in enumerate(tqdm(batches[:half], desc=name)):
-                x = dance_windows(model, in_network_units(model, batch), k, options)
+                x = dance_windows(model, to_network(batch), k, options)
                 dances += measured(batch._replace(x=x))
             times = sampling_times(options.sampler, options.steps, model.abar, options.sigma_min)
             rows.append([f"`{name}`", len(times) - 1, *scores(dances, reference)])
@@ -77,7 +80,7 @@ class FewSteps:
             "data": f"{count} held-out windows of the recipe's data, compared with as many others",
             "seed": f"0 to {self.batches - 1}",
             "intervals": "95 % bootstrap over windows",
-            "command": f"python benchmarks/few_steps.py {self.model} data/all",
+            "command": f"python benchmarks/few_steps.py {self.model} {self.data}",
             "columns": ["sampler", "guesses", *METRICS],
             "rows": rows,
         }
@@ -94,12 +97,6 @@ def options_of(name: str, model) -> SamplerOptions:
     sampler, steps, *rest = name.split()
     sigma_min = float(rest[0]) if rest else 0.0
     return SamplerOptions(model.abar, sampler, int(steps), eta=0.0, clamp=None, sigma_min=sigma_min)
-
-
-def in_network_units(model, batch):
-    """Motion and music of a batch as the network knows them."""
-    x, M = model.normalizer.normalize(batch.x), model.music_normalizer.normalize(batch.M)
-    return batch._replace(x=x, M=M)
 
 
 def scores(dances: list[Measured], reference: list[Measured]) -> list[list[float | None]]:

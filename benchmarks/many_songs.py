@@ -13,6 +13,7 @@ import sys
 import tempfile
 import time
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 
 import tyro
@@ -28,6 +29,7 @@ class Args:
     seconds: float = 20.0
     workers: tuple[int, ...] = (1, 2)
     backend: str = "loky"
+    json_file: Path | None = None
 
 
 def content(folder: Path) -> dict[str, bytes]:
@@ -68,6 +70,25 @@ def main(args: Args) -> None:
             times = speed[workers] / speed[args.workers[0]]
             print(f"{workers} workers: {speed[workers]:.3f} songs/s, {times:.2f} x the first")
         print(json.dumps({"songs_per_second": speed, "cores": os.cpu_count()}))
+    if args.json_file is not None:
+        text = json.dumps(table(args, speed), indent=1, ensure_ascii=False)
+        args.json_file.write_text(text + "\n", encoding="utf-8")
+
+
+def table(args: Args, speed: dict[int, float]) -> dict:
+    """In the form of docs/results/*.json."""
+    first = speed[args.workers[0]]
+    counts = " ".join(map(str, args.workers))
+    return {
+        "about": "Songs a second of `dancediff generate FOLDER`, loading included, "
+        f"{args.songs} songs of {args.seconds:g} s; the bytes of all dances are the same.",
+        "data": "synthetic songs",
+        "date": datetime.now(UTC).date().isoformat(),
+        "command": f"python benchmarks/many_songs.py --songs {args.songs} --seconds "
+        f"{args.seconds:g} --workers {counts}",
+        "columns": ["workers", "songs a second", "times the first"],
+        "rows": [[n, round(one, 3), round(one / first, 2)] for n, one in speed.items()],
+    }
 
 
 if __name__ == "__main__":

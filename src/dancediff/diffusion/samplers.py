@@ -115,8 +115,9 @@ def logsnr_times(steps: int, abar: Tensor, sigma_min: float = 0.0) -> list[int]:
     What a dance is made of becomes visible one size after the other, formations first, trembling
     last. Steps that are even in t hurry through both ends.
 
-    - ``sigma_min``: noise, as a share of the signal, at which the last guess is taken. Below 0.16
-      a small network mostly follows its own trembling; what is left is no dance.
+    - ``sigma_min``: noise, as a share of the signal, at which the last guess is taken; 0 for the
+      least of the schedule. What a network's guesses under little noise are worth differs:
+      ``benchmarks/few_steps.py`` measures it.
 
     Source: DPM-Solver++ section 5.  Differs: begins at `LOUDEST`, since the cosine schedule's first
     step alone is a quarter of its way; steps that fall on the same t are taken once.
@@ -132,7 +133,7 @@ def logsnr_times(steps: int, abar: Tensor, sigma_min: float = 0.0) -> list[int]:
     if not 1 <= steps <= len(abar):
         raise ValueError(f"steps={steps} must lie in 1 ... {len(abar)}, the schedule's length")
     if not 0 <= sigma_min <= 1:
-        raise ValueError(f"sigma_min={sigma_min} must lie in 0 ... 1; 0.16 leaves out trembling")
+        raise ValueError(f"sigma_min={sigma_min} must lie in 0 ... 1, noise over signal")
     level = 0.5 * torch.log(abar / (1 - abar))
     end = min(-math.log(sigma_min), float(level[0])) if sigma_min else float(level[0])
     wanted = torch.linspace(max(LOUDEST, float(level[-1])), end, steps)

@@ -49,8 +49,8 @@ class SamplingConfig(DanceRequest):
     )
     sigma_min: float = option(
         0.0,
-        "For dpm: noise, as a share of the signal, at which the last guess is taken; below it a "
-        "small network trembles.",
+        "For dpm: noise, as a share of the signal, at which the last guess is taken; 0: as little "
+        "as there is.",
         low=0,
         high=1,
     )

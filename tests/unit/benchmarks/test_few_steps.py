@@ -4,12 +4,7 @@ import json
 import sys
 from pathlib import Path
 
-import numpy as np
-import torch
-
-from dancediff.data.choreographer import choreograph
-from dancediff.data.take import DanceTake
-from dancediff.music.features import BEATS
+from duets import duets
 from places import BENCHMARKS
 from tiny_tcdiffpp import tiny_tcdiffpp
 
@@ -26,13 +21,7 @@ def test_a_row_names_sampler_steps_and_last_guess():
 
 
 def test_every_sampler_gives_a_row_and_the_truth_is_first(monkeypatch, tmp_path):
-    beats = np.arange(0.5, 6.0, 0.5)
-    M = torch.zeros(180, 35)
-    M[(beats * 30).astype(int), BEATS] = 1
-    takes = [
-        DanceTake(f"duo {k}", choreograph(beats, dancers=2, seed=k, seconds=6)[0], M=M)
-        for k in range(4)
-    ]
+    takes = duets()
     pipeline = tiny_tcdiffpp()
     monkeypatch.setattr(few_steps, "prepared_takes", lambda *_: takes)
     monkeypatch.setattr(few_steps, "DANCERS", 4)

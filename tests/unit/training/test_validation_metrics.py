@@ -2,32 +2,22 @@
 
 import csv
 
-import numpy as np
 import pytest
 import torch
 
-from dancediff.data.choreographer import choreograph
-from dancediff.data.take import DanceTake
 from dancediff.data.windows import GroupCut, WindowSampler
-from dancediff.music.features import BEATS
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 from dancediff.training.config import TrainConfig
 from dancediff.training.evaluator import Evaluator
 from dancediff.training.trainer import Trainer
 from dancediff.training.validation_metrics import BATCHES, METRICS, ValidationMetrics, dance_windows
+from duets import duets
 
 
 @pytest.fixture(scope="module")
 def windows():
     """Of four duets to a steady beat."""
-    beats = np.arange(0.5, 6.0, 0.5)
-    M = torch.zeros(180, 35)
-    M[(beats * 30).astype(int), BEATS] = 1
-    takes = [
-        DanceTake(f"duo {k}", choreograph(beats, dancers=2, seed=k, seconds=6)[0], M=M)
-        for k in range(4)
-    ]
-    return WindowSampler(takes, GroupCut(150), dancers_per_batch=4)
+    return WindowSampler(duets(), GroupCut(150), dancers_per_batch=4)
 
 
 def test_a_training_writes_a_row_each_time_and_replaces_it_when_run_again(windows, tmp_path):

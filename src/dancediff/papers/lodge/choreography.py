@@ -13,13 +13,14 @@ Symbols (axes: p primitives · k frames of a primitive · f frames of a local ·
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import torch
 from torch import Tensor
 
 from dancediff.motion.mirror import mirror_features
 from dancediff.motion.representation import LODGE, Normalizer
-from dancediff.papers.lodge.primitives import SOFT_PER_LOCAL, Layout, spread_evenly
+from dancediff.papers.lodge.primitives import SOFT_PER_LOCAL, Layout
 from dancediff.papers.lodge.segments import Segments
 
 FIXED = (1 / 8, 2 / 8, 5 / 8, 6 / 8)  # of a local: frames 32, 64, 160, 192 of 256
@@ -179,3 +180,36 @@ def cue_positions(beats: Sequence[int], layout: Layout, *, count: int) -> list[i
     if not any(span <= b <= n - span for b in beats):
         return [round(share * n) for share in FIXED[:: len(FIXED) // count]]
     return spread_evenly(beats, count, 0, n, margin=span, apart=span)
+
+
+def spread_evenly(
+    candidates: Iterable[int], count: int, start: int, stop: int, *, margin: int, apart: int
+) -> list[int]:
+    """``count`` frames of start ... stop: candidates as far as there are, else in the largest gaps.
+
+    Kept are those ``margin`` from both ends and ``apart`` from each other. Of too many every so
+    manieth is taken; too few are completed by halving the largest gap; without any the frames are
+    spread evenly.
+
+    >>> spread_evenly([40, 80, 120, 160, 200], 2, 0, 256, margin=8, apart=8)
+    [80, 160]
+    >>> spread_evenly([40], 2, 0, 256, margin=8, apart=8)
+    [40, 148]
+    >>> spread_evenly([], 2, 0, 256, margin=8, apart=8)
+    [64, 192]
+    """
+    chosen: list[int] = []
+    for frame in sorted(map(int, candidates)):
+        far = not chosen or frame - chosen[-1] >= apart
+        if far and start + margin <= frame <= stop - margin:
+            chosen.append(frame)
+    if not chosen:
+        return [start + (2 * i + 1) * (stop - start) // (2 * count) for i in range(count)]
+    if len(chosen) > count:
+        return [chosen[(2 * i + 1) * len(chosen) // (2 * count)] for i in range(count)]
+    while len(chosen) < count:
+        fences = [start, *chosen, stop]
+        gaps = [after - before for before, after in pairwise(fences)]
+        k = gaps.index(max(gaps))
+        chosen.insert(k, (fences[k] + fences[k + 1]) // 2)
+    return chosen

@@ -18,7 +18,6 @@ In a global segment they come in this order, two soft ones in each local:
 import operator
 from collections.abc import Iterable
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 import torch
@@ -233,37 +232,4 @@ def fullest(
         free = max([start + margin, low, *(frame + apart for frame in chosen)])
         fit = [frame for frame in frames if free <= frame < low + part and frame <= stop - margin]
         chosen.append(max(fit, key=lambda frame: energy[frame]) if fit else low + part // 2)
-    return chosen
-
-
-def spread_evenly(
-    candidates: Iterable[int], count: int, start: int, stop: int, *, margin: int, apart: int
-) -> list[int]:
-    """``count`` frames of start ... stop: candidates as far as there are, else in the largest gaps.
-
-    Kept are those ``margin`` from both ends and ``apart`` from each other. Of too many every so
-    manieth is taken; too few are completed by halving the largest gap; without any the frames are
-    spread evenly.
-
-    >>> spread_evenly([40, 80, 120, 160, 200], 2, 0, 256, margin=8, apart=8)
-    [80, 160]
-    >>> spread_evenly([40], 2, 0, 256, margin=8, apart=8)
-    [40, 148]
-    >>> spread_evenly([], 2, 0, 256, margin=8, apart=8)
-    [64, 192]
-    """
-    chosen: list[int] = []
-    for frame in sorted(map(int, candidates)):
-        far = not chosen or frame - chosen[-1] >= apart
-        if far and start + margin <= frame <= stop - margin:
-            chosen.append(frame)
-    if not chosen:
-        return [start + (2 * i + 1) * (stop - start) // (2 * count) for i in range(count)]
-    if len(chosen) > count:
-        return [chosen[(2 * i + 1) * len(chosen) // (2 * count)] for i in range(count)]
-    while len(chosen) < count:
-        fences = [start, *chosen, stop]
-        gaps = [after - before for before, after in pairwise(fences)]
-        k = gaps.index(max(gaps))
-        chosen.insert(k, (fences[k] + fences[k + 1]) // 2)
     return chosen

@@ -5,7 +5,13 @@ from dancediff.data.choreographer.structure import Section
 from dancediff.extensions.repeat_sections import repeat_sections
 from dancediff.motion.mirror import mirror_features
 from dancediff.motion.representation import LODGE, Normalizer
-from dancediff.papers.lodge.choreography import Arrangement, arrange, chain, cue_positions
+from dancediff.papers.lodge.choreography import (
+    Arrangement,
+    arrange,
+    chain,
+    cue_positions,
+    spread_evenly,
+)
 from dancediff.papers.lodge.cue_guidance import cue_channels
 from dancediff.papers.lodge.primitives import DISCRETE, LAYOUT, Layout
 from dancediff.papers.lodge.segments import segments_of
@@ -190,3 +196,10 @@ def test_cues_of_some_locals_are_those_of_all():
     assert part.value.shape == (2, 256, 139) and part.hard.any() and part.soft.any()
     for name in ("value", "hard", "soft"):
         assert torch.equal(getattr(part, name), getattr(whole, name)[3:5]), name
+
+
+def test_few_and_many_candidates():
+    assert spread_evenly(range(0, 257, 10), 4, 0, 256, margin=8, apart=8) == [40, 100, 160, 220]
+    assert spread_evenly([30, 200], 4, 0, 256, margin=8, apart=8) == [30, 72, 115, 200]
+    assert spread_evenly([100, 103, 106, 109], 2, 0, 256, margin=8, apart=8) == [100, 109]
+    assert spread_evenly([3, 253], 2, 0, 256, margin=8, apart=8) == [64, 192]  # all too close

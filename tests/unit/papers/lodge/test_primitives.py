@@ -11,7 +11,6 @@ from dancediff.papers.lodge.primitives import (
     beside_joins,
     primitive_frames,
     primitives_of,
-    spread_evenly,
     thinned_primitives,
 )
 from dancediff.papers.lodge.segments import segments_of
@@ -124,13 +123,6 @@ def test_no_frame_is_taken_twice(layout):
         low, high = frames[:, 0], frames[:, -1]
         assert frames.min() >= 0 and frames.max() < layout.global_frames
         assert (low[1:] > high[:-1]).all()  # in order of time, and apart
-
-
-def test_few_and_many_candidates():
-    assert spread_evenly(range(0, 257, 10), 4, 0, 256, margin=8, apart=8) == [40, 100, 160, 220]
-    assert spread_evenly([30, 200], 4, 0, 256, margin=8, apart=8) == [30, 72, 115, 200]
-    assert spread_evenly([100, 103, 106, 109], 2, 0, 256, margin=8, apart=8) == [100, 109]
-    assert spread_evenly([3, 253], 2, 0, 256, margin=8, apart=8) == [64, 192]  # all too close
 
 
 def test_a_clip_of_another_length_is_refused():
