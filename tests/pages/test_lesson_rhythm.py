@@ -14,7 +14,7 @@ from dancediff.generation.presets import PAPER
 from dancediff.viz.panels import NOT_IN_PAPERS
 from places import BOOKS, ROOT
 
-FINISHED = ("00", "01", "02", "04", "13", "16")
+FINISHED = ("00", "01", "02", "03", "04", "05", "06", "07", "08", "13", "16")
 LESSONS = sorted(path for number in FINISHED for path in BOOKS.glob(f"{number}_*.ipynb"))
 FIRST_PICTURE = 20  # lines of code up to it
 CODE, WORDS, SENTENCE = 15, 120, 35  # lines of a cell, words of a text, words of a sentence
