@@ -1,8 +1,4 @@
-"""Lessons that are read at one go: short cells, short sentences, and a picture soon.
-
-Finished lessons keep the limits below; the others keep those of tests/unit/exercises/test_nb.py
-until somebody has gone through them. Whoever has adds the lesson to `FINISHED`.
-"""
+"""Lessons that are read at one go: short cells, short sentences, and a picture soon."""
 
 import ast
 import json
@@ -14,8 +10,7 @@ from dancediff.generation.presets import PAPER
 from dancediff.viz.panels import NOT_IN_PAPERS
 from places import BOOKS, ROOT
 
-FINISHED = ("00", "01", "02", "03", "04", "05", "06", "07", "08", "13", "16")
-LESSONS = sorted(path for number in FINISHED for path in BOOKS.glob(f"{number}_*.ipynb"))
+LESSONS = sorted(BOOKS.glob("[0-9]*.ipynb"))
 FIRST_PICTURE = 20  # lines of code up to it
 CODE, WORDS, SENTENCE = 15, 120, 35  # lines of a cell, words of a text, words of a sentence
 
@@ -97,7 +92,7 @@ def test_sentences_are_short(path):
     assert [one for one in texts if max(sentences(one), default=0) > SENTENCE] == []
 
 
-@pytest.mark.parametrize("path", sorted(BOOKS.glob("[0-9]*.ipynb")), ids=lambda p: p.stem)
+@pytest.mark.parametrize("path", LESSONS, ids=lambda p: p.stem)
 def test_a_slider_for_what_papers_set_says_what_they_take(path):
     """`panels.option` looks it up; a slider made by hand must be told."""
     takes: dict[str, set] = {}
