@@ -4,7 +4,8 @@ Read first: `dancediff.generation.stream`.
 
 The thread stays ``LEAD`` seconds ahead of what is played: enough not to stop, and little enough
 that a change is seen soon. Where the computer is too slow it takes fewer denoising steps, and where
-these are few already, fewer dancers: who is left out stands still.
+these are few already, fewer dancers: who is left out stands still. When it has time again, it takes
+as many steps as before.
 """
 
 import itertools
@@ -35,6 +36,7 @@ FEWEST = 4  # denoising steps; with fewer, feet slide
 ARRAYS = ("pose", "root", "contact")  # of a dance
 RESERVE = 1.0  # seconds that must be ready still when the next piece comes
 BUSY = 0.8  # share of a piece's length that its making may take
+EASY = 4  # pieces in a row that left time for more steps, before more are taken
 
 
 class LiveSession:
@@ -68,6 +70,7 @@ class LiveSession:
         self.dancers = self.stream.request.dancers  # in the beginning
         self.have = np.zeros(self.stream.request.frames, bool)  # frames that were danced
         self.at, self.stalls, self.slow = 0.0, 0, ""
+        self.most_steps, self._easy = self.stream.request.steps, 0
         self._news = threading.Condition()
         self._folder = Path(tempfile.mkdtemp(prefix="dancediff-live-"))
         weakref.finalize(self, shutil.rmtree, self._folder, ignore_errors=True)
@@ -229,6 +232,7 @@ class LiveSession:
                 told = True
                 self._tell("beats", {"beats": self.song.beats()})
             self._slow_down(piece.num_frames / FPS)
+            self._speed_up(piece.num_frames / FPS)
             self._tell("state", self.state())
 
     def _rest(self) -> None:
@@ -277,3 +281,18 @@ class LiveSession:
             self.slow += f": dancer {request.dancers - 1} stands still from now on."
         else:
             self.slow += ": the dance waits for it."
+
+    def _speed_up(self, length: float) -> None:
+        """Ask for more steps again, if several pieces in a row left time for them.
+
+        Twice as many at the most, and never more than in the beginning. With a microphone a piece
+        takes as long as its sound, which says nothing about the computer: there they stay.
+        """
+        steps = self.stream.request.steps
+        more = min(2 * steps, self.most_steps)
+        fits = self.stream.timing.last * more / steps <= BUSY * length
+        self._easy = self._easy + 1 if fits and more > steps and not self.stream.is_asked else 0
+        if self._easy >= EASY:
+            self._easy = 0
+            self.stream.set(steps=more)
+            self.slow = "" if more == self.most_steps else f"There is time for {more} steps again."

@@ -87,6 +87,23 @@ def test_steps_are_lowered_first(monkeypatch, song):
     assert all(at < 6 for at in computer.stalls)  # once, before it is known
 
 
+def test_steps_come_back_when_there_is_time_again(monkeypatch, song):
+    computer = SlowComputer(monkeypatch, song, 0.1)  # 3.6 s for a piece of 2.5 s
+    stream = computer.session.stream
+
+    def other_work_ends(x, t, conditions):
+        computer.cost = 0.05 if stream.begins >= 5 else 0.1  # 1.8 s for 12 steps, 0.9 for 6
+        return computer.computes(x, t, conditions)
+
+    computer.session.pipeline.model.denoise = other_work_ends
+    session = computer.dance()
+    assert computer.said() == ["", "This computer is too slow for 12 steps; now it is 6."]
+    assert computer.told[-1][1]["slow"] == ""
+    calls = [call["set"] for call in stream.log["calls"] if "set" in call]
+    assert calls == [{"steps": 6}, {"steps": 12}] and session.stream.request.steps == 12
+    assert all(at < 6 for at in computer.stalls)
+
+
 def test_then_dancers_stand_still(monkeypatch, song):
     computer = SlowComputer(monkeypatch, song, 0.24)  # 2.9 s for 3 dancers with 4 steps
     session = computer.dance()
