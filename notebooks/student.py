@@ -17,13 +17,14 @@ from dancediff.grading import checks, with_solutions
 
 HERE = Path(__file__).parent
 LESSONS = sorted(HERE.glob("[0-9]*.ipynb"))
-ELSEWHERE = re.compile(r"\[([^\]]*)\]\(\.\./[^)]*\)")  # links out of the folder
+# links out of the folder; the brackets around one, if nothing else is in them, go with it
+ELSEWHERE = re.compile(r"( \()?\[([^\]]*)\]\(\.\./[^)]*\)(?(1)\))")
 
 
 def for_students(book):
     """A lesson without outputs, and with links to nothing but the other lessons."""
     for cell in book.cells:
-        cell.source = ELSEWHERE.sub(r"\1", cell.source)
+        cell.source = ELSEWHERE.sub(lambda link: "" if link[1] else link[2], cell.source)
         if cell.cell_type == "code":
             cell.outputs, cell.execution_count = [], None
     return book

@@ -45,6 +45,20 @@ def test_students_get_no_stored_answer_and_no_solution(folders):
             assert link.startswith("http") or (folders[0] / link).exists(), link
 
 
+@pytest.mark.parametrize(
+    ("source", "left"),
+    [
+        ("led off ([how](../docs/a.md)); so", "led off; so"),
+        ("is [a residual](../docs/a.md), which", "is a residual, which"),
+        ("see ([one](../a.md) or two)", "see (one or two)"),
+        ("next ([05](05_b.ipynb))", "next ([05](05_b.ipynb))"),
+    ],
+)
+def test_a_lost_link_leaves_no_words_in_brackets(source, left):
+    book = nbformat.v4.new_notebook(cells=[nbformat.v4.new_markdown_cell(source)])
+    assert student.for_students(book).cells[0].source == left
+
+
 def test_the_lessons_themselves_stay_as_they_are(folders):
     for path in BOOKS.glob("*.ipynb"):
         mine = nbformat.read(folders[0] / path.name, 4)
