@@ -14,6 +14,7 @@ from dancediff.diffusion.conditions import Conditions
 from dancediff.diffusion.schedule import q_sample
 from dancediff.motion.contact import feet_low, foot_speed
 from dancediff.music.synth import synth_song
+from dancediff.papers.tcdiffpp.group_dance_decoder import FusionProjection
 
 pytestmark = pytest.mark.slow
 
@@ -91,7 +92,8 @@ def test_every_group_size(model, song, dancers):
 def test_no_part_of_the_fusion_projection_is_dead(model, song):
     """Units of its second layer that hear something: dances of all sizes, to music, five levels."""
     heard, model = [], model.model
-    hook = model.decoder.fusion_projection.middle.register_forward_hook(
+    fusion = next(m for m in model.modules() if isinstance(m, FusionProjection))
+    hook = fusion.middle.register_forward_hook(
         lambda _, __, out: heard.append((out > 0).flatten(0, -2).float().mean(0))
     )
     generator = torch.Generator().manual_seed(0)
