@@ -83,7 +83,7 @@ def table_of(family: str) -> str:
         links = ", ".join(f"[{Path(file).stem}](../src/dancediff/{file})" for file in files)
         as_in = f"As the paper has it: {links}." if links else "The paper has none."
         lines.append(f"| **{WHERE[kind]}** | {cells[0]} | {cells[1]} | {as_in} |")
-        for number, one in enumerate((e for e in there if "packaged" in e.presets), 1):
+        for number, one in enumerate((e for e in there if e.packaged_in(family)), 1):
             name = f"{number}. " * (kind == "hook") + f"[{one.name}]({source(one)})"
             theirs = switch(PAPER[family], one.name, False)
             ours = switch(PACKAGED[family], one.name, True)
@@ -125,7 +125,7 @@ def names(kinds: tuple[str, ...]) -> list[str]:
     return [
         e.name
         for e in REGISTRY.values()
-        if "packaged" in e.presets and ("step" if e.name in STEP else e.kind) in kinds
+        if any(map(e.packaged_in, PAPERS)) and ("step" if e.name in STEP else e.kind) in kinds
     ]
 
 

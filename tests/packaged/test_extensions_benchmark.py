@@ -30,7 +30,7 @@ def test_every_switch_is_there(name):
 def test_what_can_be_switched_off_while_sampling_is():
     off = {(s.model, name) for s in SETTINGS.values() for name in s.off}
     for one in REGISTRY.values():
-        if one.kind in ("hook", "guidance", "sampling") and "packaged" in one.presets:
-            for model in {"tcdiffpp", "lodge"} & set(one.models):
+        if one.kind in ("hook", "guidance", "sampling"):
+            for model in filter(one.packaged_in, ("tcdiffpp", "lodge")):
                 possible = one.name in ("control", "group_relations")  # nothing without them
                 assert possible or (model, one.name) in off, (model, one.name)

@@ -71,8 +71,7 @@ def test_how_a_dance_is_made_names_all_options_and_additions(family):
         for name, value in preset[family].items():
             assert f"`{name}={value!r}`" in block
     for one in REGISTRY.values():
-        here = family in one.models and "packaged" in one.presets
-        assert (f"[{one.name}]" in block) == here
+        assert (f"[{one.name}]" in block) == one.packaged_in(family)
 
 
 def test_every_addition_says_what_it_brings():

@@ -27,8 +27,9 @@ SHARED = (
 class Extension:
     """One addition; ``module`` is where it is, ``needs`` are other names of the registry.
 
-    ``presets``: those that have it; of networks and training, those whose weights were made with
-    it. ``lesson``: the notebook that shows it, if one does.
+    ``models``: families that can have it. ``packaged``: those whose packaged weights were made with
+    it, or whose packaged preset uses it; without it all. ``lesson``: the notebook that shows it, if
+    one does.
     """
 
     name: str
@@ -36,9 +37,17 @@ class Extension:
     summary: str
     module: str
     models: tuple[str, ...]
-    presets: tuple[str, ...] = ("packaged",)
+    packaged: tuple[str, ...] | None = None
     needs: tuple[str, ...] = ()
     lesson: int | None = None
+
+    def packaged_in(self, model: str) -> bool:
+        """Has what comes with dancediff for that family it?
+
+        >>> REGISTRY["ssd"].packaged_in("tcdiffpp"), REGISTRY["ssd"].packaged_in("lodge")
+        (True, False)
+        """
+        return model in (self.models if self.packaged is None else self.packaged)
 
 
 GROUP, SOLO = ("tcdiffpp",), ("lodge",)
@@ -57,13 +66,13 @@ _ALL = (
     Extension("beat_phase", "network", "How far a frame is between two beats is an input.",
               "beat_phase", ALL),
     Extension("genre_condition", "network", "A genre, or a mix of genres, can be asked for.",
-              "genre_condition", BY_SEGMENTS, presets=()),
+              "genre_condition", BY_SEGMENTS, packaged=()),
     Extension("energy_condition", "network", "How full the music is in each frame is an input.",
-              "energy_condition", ALL, presets=()),
+              "energy_condition", ALL, packaged=()),
     Extension("non_local_filter", "network", "Frames that look alike are averaged.",
               "non_local_filter", ALL, needs=LINEAR),
     Extension("frame_tokens", "network", "Layers see three frames as one token.", "frame_tokens",
-              ("tcdiffpp", "edge"), presets=()),
+              ("tcdiffpp", "edge"), packaged=()),
     Extension("aligned_attention", "network", "Half of the heads start at their own frame.",
               "aligned_attention", ALL),
     Extension("ssd", "network", "State space models with one decay a head: matrix products.",
@@ -71,7 +80,7 @@ _ALL = (
     Extension("footwork_residual", "network", "The Footwork Adaptor corrects legs.",
               "residuals", GROUP),
     Extension("fusion_residual", "network", "The mixed dancers are added to their own tokens.",
-              "residuals", GROUP, presets=()),
+              "residuals", GROUP, packaged=()),
     Extension("style_film", "network", "Lodge's style token joins the vector of FiLM.",
               "lodge_stages", SOLO),
     Extension("global_style", "network", "Lodge's first stage gets the genre, too.",
@@ -89,12 +98,13 @@ _ALL = (
     Extension("slide_loss", "training", "Feet that truly stand should not slide.",
               "slide_loss", ALL),
     Extension("own_overlap", "training", "Windows begin as the network itself makes them.",
-              "own_overlap", GROUP, presets=()),
+              "own_overlap", GROUP, packaged=()),
     Extension("masked_music", "training", "Timbre and harmony are hidden.", "training.config", ALL),
     Extension("music_dropout", "training", "Some windows lack timbre, some harmony.",
-              "music_dropout", ALL, presets=()),
+              "music_dropout", ALL, packaged=()),
     Extension("any_song", "training", "Real dances are also learned to other dances' songs.",
-              "training.config", SOLO),
+              "training.config", (*GROUP, *SOLO),
+              packaged=SOLO),
     # guidance
     Extension("autoguidance", "guidance", "Guesses are pushed away from the linear one.",
               "autoguidance", ALL, needs=LINEAR, lesson=6),

@@ -41,11 +41,19 @@ def test_an_entry_is_sound(extension):
         and extension.summary.endswith(".")
         and "\n" not in extension.summary
     )
+    assert set(extension.packaged or ()) <= set(extension.models)
     for name in extension.needs:
         assert set(extension.models) <= set(REGISTRY[name].models)
-        for preset in extension.presets:
-            assert preset in REGISTRY[name].presets
-    assert set(extension.presets) <= set(PRESETS) - {"paper"}
+        for model in filter(extension.packaged_in, extension.models):
+            assert REGISTRY[name].packaged_in(model)
+
+
+@pytest.mark.parametrize("model", hub.packaged_models())
+def test_packaged_networks_have_what_the_registry_says(model):
+    config = json.loads((hub.model_folder(model) / "config.json").read_text(encoding="utf-8"))
+    networks = [name for name, one in REGISTRY.items() if one.kind == "network"]
+    says = {name for name in networks if REGISTRY[name].packaged_in(model)}
+    assert says == set(config["extensions"])
 
 
 def named_in(lesson: str, extension) -> bool:
@@ -74,7 +82,8 @@ def test_presets_have_what_the_registry_says(preset):
         for option, value in options.items():
             extension = REGISTRY.get(OPTIONS.get(option, option))
             if extension is not None and model in extension.models:
-                assert on(value) == (preset in extension.presets), (model, option)
+                usual = preset == "packaged" and extension.packaged_in(model)
+                assert on(value) == usual, (model, option)
 
 
 def hooks_in_registry(model: str) -> list[str]:
