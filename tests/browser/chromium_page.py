@@ -37,8 +37,12 @@ def shot(element) -> np.ndarray:
 
 
 def changed(a: np.ndarray, b: np.ndarray) -> float:
-    """Share of the pixels that are another colour."""
-    return (np.abs(a - b).max(-1) > 24).mean()
+    """Share of the pixels that are another colour.
+
+    Of what both pictures show: a line more in a panel makes a stage lower.
+    """
+    rows, columns = (min(sizes) for sizes in zip(a.shape[:2], b.shape[:2], strict=True))
+    return (np.abs(a[:rows, :columns] - b[:rows, :columns]).max(-1) > 24).mean()
 
 
 def num_colors(image: np.ndarray) -> int:
