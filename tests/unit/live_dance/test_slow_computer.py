@@ -71,8 +71,9 @@ def song():
     return synth_song(2, seconds=SECONDS)[0]
 
 
-def test_a_fast_computer_keeps_all(monkeypatch, song):
-    computer = SlowComputer(monkeypatch, song, 0.05)  # 1.8 s for a piece of 2.5 s
+@pytest.mark.parametrize("cost", [0.05, 0.02])  # 1.8 s for a piece of 2.5 s, or 0.7 s
+def test_a_fast_computer_keeps_all(monkeypatch, song, cost):
+    computer = SlowComputer(monkeypatch, song, cost)
     session = computer.dance()
     assert computer.said() == [""] and computer.stalls == []
     assert session.stream.request.steps == 12 and session.stream.log["calls"][:-1] == []
