@@ -491,6 +491,31 @@ def move_up(dance):
     return Motion(dance.pose, dance.root + tensor([0.0, 60.0, 0.0]))
 
 
+# 14 · What came before
+
+
+def roll_in_one_row(step, seed, frames):
+    dance, s = seed.clone(), seed.shape[1]
+    while dance.shape[1] < s + frames:
+        dance = cat([dance, step(dance[:, -s:])[:, 0][:, None]], dim=1)
+    return dance[:, s:]
+
+
+def roll_by_rolling(step, seed, frames):
+    history, made = seed.clone(), zeros(len(seed), frames, seed.shape[-1])
+    for k in range(frames):
+        made[:, k] = step(history)[:, 0]
+        history = history.roll(-1, 1)
+        history[:, -1] = made[:, k]
+    return made
+
+
+def perplexity_by_unique(codes, num_codes):
+    _, counts = np.unique(codes.numpy(), return_counts=True)
+    p = counts / counts.sum()
+    return float(np.prod(p**-p))
+
+
 # 15 · Live
 
 
@@ -682,6 +707,19 @@ OTHER_WAYS = {
         ),
     ],
     "13.5": [move_aside, move_up],
+    "14.1": [roll_in_one_row, roll_by_rolling],
+    "14.2": [
+        lambda z, e: torch.cdist(z, e.expand(len(z), -1, -1)).argmin(2),
+        lambda z, e: (e.square().sum(-1) - 2 * z @ e.T).argmin(-1),
+    ],
+    "14.3": [
+        perplexity_by_unique,
+        lambda codes, k: (
+            torch.distributions.Categorical(torch.bincount(codes.flatten(), minlength=k).float())
+            .entropy()
+            .exp()
+        ),
+    ],
     "15.1": [steer_by_next, steer_by_counting],
     "15.3": [
         most_overlap_by_trying,

@@ -15,6 +15,7 @@ from near_misses import (
     lesson_11,
     lesson_12,
     lesson_13,
+    lesson_14,
     lesson_15,
     lesson_16,
 )
@@ -34,6 +35,7 @@ NEAR_MISSES = (
     | lesson_11.NEAR_MISSES
     | lesson_12.NEAR_MISSES
     | lesson_13.NEAR_MISSES
+    | lesson_14.NEAR_MISSES
     | lesson_15.NEAR_MISSES
     | lesson_16.NEAR_MISSES
 )
