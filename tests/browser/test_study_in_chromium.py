@@ -21,6 +21,9 @@ SECONDS = 3.0
 SONGS = 3
 
 
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(400)]
+
+
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
     """A study of three songs: dances of "good" against those of "bad"."""
