@@ -22,12 +22,10 @@ def _fade(history):
 
 
 def _roll(step, seed, frames: int):
-    history, made = seed, []
+    dance, seen = seed, seed.shape[1]
     for _ in range(frames):
-        new = step(history)[:, :1]
-        history = torch.cat([history[:, 1:], new], dim=1)
-        made.append(new)
-    return torch.cat(made, dim=1)
+        dance = torch.cat([dance, step(dance[:, -seen:])[:, :1]], dim=1)
+    return dance[:, seen:]
 
 
 def _rolls() -> list[tuple]:
