@@ -16,6 +16,7 @@ from dancediff.papers.lodge.losses import l_critic, l_genre
 from dancediff.papers.lodge.model import Lodge
 from dancediff.papers.lodge.parallel import GLOBALS, ParallelSampler
 from dancediff.training import lodge
+from dancediff.training.trainer import Trainer
 from tiny_lodge import GLOBAL, LOCAL, ask, tiny_lodge
 
 GENRES = ("hiphop", "salsa")
@@ -98,13 +99,13 @@ def test_l22_diversity_is_right_where_the_reference_has_it():
 def test_l23_fine_tuning_sees_whole_locals(solos, tmp_path, monkeypatch):
     shapes, started_from = {}, {}
 
-    class Trainer(lodge.Trainer):
+    class Watched(Trainer):
         def run(self):
             shapes[self.out.name] = tuple(self.data.batch(0)[0].shape[1:])
             started_from[self.out.name] = self.model
             return self.model
 
-    monkeypatch.setattr(lodge, "Trainer", Trainer)
+    monkeypatch.setattr(lodge, "trainer_for", lambda *training: Watched)
     lodge.train_lodge(TABLES, tmp_path, solos=solos)
     assert shapes == {"global": (104, 139), "local": (64, 139), "fine_tune": (64, 139)}
     assert started_from["fine_tune"] is started_from["local"]

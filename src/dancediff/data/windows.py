@@ -40,7 +40,7 @@ class Batch(NamedTuple):
 
     def to(self, device) -> "Batch":
         """The same windows on a device."""
-        parts: Any = (None if part is None else part.to(device) for part in self)
+        parts: Any = (None if part is None else part.to(device, non_blocking=True) for part in self)
         return Batch(*parts)
 
 
@@ -214,11 +214,14 @@ class WindowSampler:
         self.dancers_per_batch, self.seed = dancers_per_batch, seed
         self.real, self.swaps = real, swaps
         self.genres, self.with_energy = tuple(genres), energy
-        self._curves: dict[tuple[int, int], Tensor] = {}  # energy of songs that were met, whole
+        self._curves: dict[int, Tensor] = {}  # energy of songs that were met, whole
+        self._danced: dict[tuple[int, bool], list[DanceTake]] = {}  # by group size and `real`
         self.synthetic = [take for take in takes if not take.real]
         self.by_size: dict[int, list[DanceTake]] = {}
         for take in takes:
-            self.by_size.setdefault(take.num_dancers, []).append(take)
+            n = take.num_dancers
+            self.by_size.setdefault(n, []).append(take)
+            self._danced.setdefault((n, take.real), []).append(take)
         sizes = self.by_size if swaps else ()
         self.changes = {n: order_changes(self.by_size[n], cut.num_frames) for n in sizes}
 
@@ -239,13 +242,13 @@ class WindowSampler:
             places = orders[rng.integers(len(orders))]
             k, start = places[rng.integers(len(places))]
             return self.window(takes[k], rng, start=int(start))
-        return self.window(self.choose(takes, rng), rng)
+        return self.window(self.choose(n, rng), rng)
 
-    def choose(self, takes: list[DanceTake], rng: np.random.Generator) -> DanceTake:
-        """A take at random, with the share of real ones that was asked for."""
+    def choose(self, n: int, rng: np.random.Generator) -> DanceTake:
+        """A take of n dancers at random, with the share of real ones that was asked for."""
+        takes = self.by_size[n]
         if self.real is not None:
-            want = rng.random() < self.real
-            takes = [take for take in takes if take.real == want] or takes
+            takes = self._danced.get((n, bool(rng.random() < self.real)), takes)
         return takes[rng.integers(len(takes))]
 
     def window(self, take: DanceTake, rng: np.random.Generator, start: int | None = None) -> Batch:
@@ -273,8 +276,8 @@ class WindowSampler:
 
     def energy(self, take: DanceTake, number: int) -> Tensor:
         """Energy of one of a take's songs, beside the loud parts of the whole song (f,)."""
-        key = id(take), number
+        song = take.songs[number]
+        key = song.data_ptr()  # dancers of one take share its songs
         if key not in self._curves:
-            loudness = take.loudness if number == 0 else None
-            self._curves[key] = energy_curve(take.songs[number], loudness)
+            self._curves[key] = energy_curve(song, take.loudness if number == 0 else None)
         return self._curves[key]

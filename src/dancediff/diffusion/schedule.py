@@ -114,6 +114,22 @@ def gaussian(
     return send(torch.randn(tuple(shape), generator=generator).to(dtype), device)
 
 
+def noise_like(x: Tensor, generator: torch.Generator) -> Tensor:
+    """Standard normal noise of the shape and on the device of x, for training.
+
+    Drawn where x is: on a GPU by a generator there, which ``generator`` (CPU) seeds. Noise of a
+    large batch would take longer to draw on the CPU than the step it is for.
+
+    >>> noise_like(torch.zeros(2, 3), torch.Generator().manual_seed(0)).shape
+    torch.Size([2, 3])
+    """
+    if x.device.type == "cpu":
+        return torch.randn(x.shape, generator=generator)
+    seed = int(torch.randint(2**62, (1,), generator=generator))
+    there = torch.Generator(x.device).manual_seed(seed)
+    return torch.randn(x.shape, generator=there, device=x.device)
+
+
 def send(x: Tensor, device: torch.device | str) -> Tensor:
     """Bring a tensor of the CPU to a device, without waiting for what that is busy with.
 

@@ -12,6 +12,7 @@ import torch
 from torch import Tensor, nn
 
 from dancediff.diffusion.conditions import Conditions
+from dancediff.diffusion.schedule import send
 from dancediff.extensions.parts import Part, Pass
 
 DROP = 0.15  # share of training windows that are learned without their energy
@@ -74,4 +75,4 @@ def with_dropped_energy(energy: Tensor, generator: torch.Generator) -> Tensor:
     True
     """
     keep = torch.rand(len(energy), generator=generator) >= DROP
-    return energy.masked_fill(~keep.to(energy.device)[:, None], torch.nan)
+    return energy.masked_fill(~send(keep, energy.device)[:, None], torch.nan)

@@ -15,6 +15,7 @@ import torch
 from torch import Tensor, nn
 
 from dancediff.diffusion.conditions import Conditions
+from dancediff.diffusion.schedule import send
 from dancediff.extensions.parts import Part, Pass
 
 DROP = 0.15  # share of training windows that are learned without their genre
@@ -96,4 +97,4 @@ def with_dropped_genre(genre: Tensor, generator: torch.Generator) -> Tensor:
     True
     """
     keep = torch.rand(len(genre), generator=generator) >= DROP
-    return genre * keep.to(genre.device)[:, None]
+    return genre * send(keep, genre.device)[:, None]

@@ -39,7 +39,7 @@ def weights_of(model: DanceNetwork, power: float) -> Tensor | None:
     known = preconditioning_of(model)
     if known is None:
         raise ValueError(f"level_weights={power} needs a model with preconditioning; use 0")
-    return level_weights(known.error(model.abar.float()), power)
+    return level_weights(known.error(model.abar.float()), power).cpu()
 
 
 def draw_levels(weights: Tensor, b: int, generator: torch.Generator) -> tuple[Tensor, Tensor]:
@@ -48,9 +48,9 @@ def draw_levels(weights: Tensor, b: int, generator: torch.Generator) -> tuple[Te
     A level is drawn in proportion to the root of its weight and counts for the rest of it: the same
     losses in the mean as of even draws, but fewer rows that hardly count.
     """
-    odds = weights.sqrt().cpu()
+    odds = weights.sqrt()
     t = torch.multinomial(odds, b, replacement=True, generator=generator)
-    return t, weights.cpu()[t] / odds[t] * odds.mean()
+    return t, weights[t] / odds[t] * odds.mean()
 
 
 def weigh_rows(c: Comparison, weight: Tensor) -> Comparison:

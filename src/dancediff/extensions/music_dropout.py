@@ -13,6 +13,7 @@ Symbols (axes: b batch · f frames · m music features)
 import torch
 from torch import Tensor
 
+from dancediff.diffusion.schedule import send
 from dancediff.music.features import BLOCKS
 
 DROPPED = ("mfcc", "chroma")  # blocks of features, each dropped for itself
@@ -31,6 +32,6 @@ def with_dropped_blocks(M: Tensor, share: float, generator: torch.Generator) -> 
     """
     M = M.clone()
     for name in DROPPED:
-        dropped = torch.rand(len(M), generator=generator) < share
-        M[dropped.to(M.device), :, BLOCKS[name]] = 0
+        kept = torch.rand(len(M), generator=generator) >= share
+        M[..., BLOCKS[name]] *= send(kept, M.device)[:, None, None]
     return M

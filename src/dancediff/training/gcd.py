@@ -24,6 +24,11 @@ class GCDObjective(GroupObjective):
 
     weights: ClassVar[type] = GCDWeights
 
+    @property
+    def draws_first(self) -> bool:
+        """The contrast draws strangers."""
+        return False
+
     def conditions(self, batch: Batch, noised: Noised, **own: Tensor | None) -> Conditions:
         """As for every network, and a latent."""
         conditions = super().conditions(batch, noised, **own)

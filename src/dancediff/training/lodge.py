@@ -42,6 +42,7 @@ from dancediff.papers.lodge.primitives import Layout
 from dancediff.training.boards import check_logs
 from dancediff.training.checkpoint import NAME, check_free, load_average
 from dancediff.training.config import SoloData, TrainConfig, TrainingExtensions
+from dancediff.training.cuda_graph import trainer_for
 from dancediff.training.distributed import World
 from dancediff.training.evaluator import Evaluator
 from dancediff.training.lodge_data import (
@@ -54,7 +55,7 @@ from dancediff.training.lodge_data import (
 from dancediff.training.lodge_losses import Critic, LodgeObjective
 from dancediff.training.statistics import PLAIN, window_weights
 from dancediff.training.tables import check_all, check_sizes
-from dancediff.training.trainer import Trainer, name_of
+from dancediff.training.trainer import name_of
 
 Stage = TypeVar("Stage", GlobalDenoiser, LocalDenoiser)
 STAGES = {
@@ -292,12 +293,13 @@ class LodgeTraining:
         critic = self._critic(stage, settings.lr)
         clean = stage == "fine_tune"
         kind = "global" if stage == "global" else "local"
-        trainer = Trainer(
+        objective = LodgeObjective(network, settings, clean=clean, critic=critic)
+        trainer = trainer_for(objective, settings, self.options["world"])(
             network,
             self.windows[kind],
             settings,
             folder,
-            objective=LodgeObjective(network, settings, clean=clean, critic=critic),
+            objective=objective,
             evaluator=Evaluator(self.validation[kind], settings, preview),
             data_name=name_of(self.windows[kind].takes, {}),
             **self.options,

@@ -8,12 +8,15 @@ Symbols (axes: b batch · f frames · d = 139 motion features)
     D            the discriminator, whose logits say "real"
 """
 
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import torch
 from torch import Tensor
 
+from dancediff.diffusion.schedule import send
 from dancediff.motion.representation import LODGE
 from dancediff.nn.losses import compare
 from dancediff.papers.lodge.cue_guidance import clean_borders
@@ -35,7 +38,7 @@ from dancediff.papers.lodge.losses import (
 from dancediff.training.checkpoint import load_extra
 from dancediff.training.config import TrainConfig
 from dancediff.training.extended_losses import extended_losses
-from dancediff.training.objective import Objective
+from dancediff.training.objective import Drawn, Objective
 
 
 class LodgeObjective(Objective):
@@ -64,43 +67,68 @@ class LodgeObjective(Objective):
 
     def losses(self, model, batch, number: int) -> dict[str, Tensor]:
         """All terms of a `Batch` by name, and their weighted sum "total"."""
+        drawn = self.drawn(model, batch, number)
+        with self.same_dropout(number):
+            terms, x_hat, style = self._compared(model, drawn)
+        if self.critic is not None and model.training:
+            there, generator = drawn.batch, drawn.noised.generator
+            x_0, M, genre = there.x, there.M, there.label
+            added = self.critic.terms(x_hat, x_0, M, genre, number, generator)
+            other = style_noise(model, genre, generator)
+            if style is not None and other is not None and drawn.z is not None:
+                added["diversity"] = l_diversity(drawn.z, other, style, model.style(genre, other))
+            weights = {k: getattr(self.weights, k) for k in added if k != "critic"}
+            terms["total"] = terms["total"] + sum(w * added[k] for k, w in weights.items())
+            terms |= added
+        return terms
+
+    @property
+    def draws_first(self) -> bool:
+        """The discriminator draws."""
+        return self.critic is None
+
+    def drawn(self, model: Any, batch, number: int) -> Drawn:
+        """A `Batch` on the network's device, with noise."""
         batch = self.to_network(batch)
-        x_0, M, genre = batch.x, batch.M, batch.label
-        noised = self.noised(x_0, number)
-        x_t = clean_borders(noised.x_t, x_0) if self.clean else noised.x_t
-        drawn = style_of(model, genre, noised.generator)
-        style = None if drawn is None else drawn[0]
-        conditions = self.conditions(batch, noised, style=style)
-        with self.deterministic_autocast(number):
-            guess = model(x_t, noised.t, conditions)
+        noised = self.noised(batch.x, number)
+        if self.clean:
+            noised = replace(noised, x_t=clean_borders(noised.x_t, batch.x))
+        z = style_noise(model, batch.label, noised.generator)
+        return Drawn(batch, noised, self.conditions(batch, noised), z)
+
+    def compared(self, model: Any, drawn: Drawn) -> dict[str, Tensor]:
+        """All terms but the discriminator's, by name, and their weighted sum "total"."""
+        terms, *_ = self._compared(model, drawn)
+        return terms
+
+    def _compared(
+        self, model: Any, drawn: Drawn
+    ) -> tuple[dict[str, Tensor], Tensor, Tensor | None]:
+        """The terms, the guess and the style tokens."""
+        batch, noised = drawn.batch, drawn.noised
+        style = None if drawn.z is None else model.style(batch.label, drawn.z)
+        conditions = replace(drawn.conditions, style=style)
+        with self.autocast():
+            guess = model(noised.x_t, noised.t, conditions)
         x_raw, x_hat = guess if isinstance(guess, tuple) else (guess, guess)
         clips = model.clips if isinstance(model, GlobalDenoiser) else lambda x: x
         x_raw, x_hat = x_raw.float(), x_hat.float()
         terms = extended_losses(
-            compare(clips(x_raw), clips(x_hat), clips(x_0), model.normalizer, LODGE),
+            compare(clips(x_raw), clips(x_hat), clips(batch.x), model.normalizer, LODGE),
             partial(motion_losses, relative=self.weights.relative),
             self.weights.terms(),
             extensions=self.config.extensions,
             reconstruction="recon",
             row_weights=noised.weight,
         )
-        if self.critic is not None and model.training:
-            added = self.critic.terms(x_hat, x_0, M, genre, number, noised.generator)
-            other = style_of(model, genre, noised.generator)
-            if drawn is not None and other is not None:
-                added["diversity"] = l_diversity(drawn[1], other[1], drawn[0], other[0])
-            weights = {k: getattr(self.weights, k) for k in added if k != "critic"}
-            terms["total"] = terms["total"] + sum(w * added[k] for k, w in weights.items())
-            terms |= added
-        return terms
+        return terms, x_hat, style
 
 
-def style_of(model, genre: Tensor, g: torch.Generator) -> tuple[Tensor, Tensor] | None:
-    """Style tokens (b, d_model) of a batch and their noise (b, z), where the model has any."""
+def style_noise(model, genre: Tensor, g: torch.Generator) -> Tensor | None:
+    """Noise (b, z) of the style of each row, where the model has any."""
     if model.style is None:
         return None
-    z = torch.randn(len(genre), model.style.noise, generator=g).to(genre.device)
-    return model.style(genre, z), z
+    return send(torch.randn(len(genre), model.style.noise, generator=g), genre.device)
 
 
 class Critic:

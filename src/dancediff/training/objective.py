@@ -10,8 +10,9 @@ Symbols (axes: b batch · n dancers · f frames · d motion features)
 """
 
 from abc import ABC, abstractmethod
+from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, is_dataclass, replace
 from functools import cached_property
 from typing import Any, ClassVar, Generic, TypeVar, cast
 
@@ -20,12 +21,12 @@ from torch import Tensor
 
 from dancediff.data.windows import Batch
 from dancediff.diffusion.conditions import Conditions, Denoiser
-from dancediff.diffusion.schedule import q_sample
+from dancediff.diffusion.schedule import noise_like, q_sample, send
 from dancediff.extensions.energy_condition import listens_to_energy, with_dropped_energy
 from dancediff.extensions.genre_condition import genre_condition_of, with_dropped_genre
 from dancediff.extensions.level_weights import draw_levels, weights_of
 from dancediff.extensions.music_dropout import with_dropped_blocks
-from dancediff.extensions.own_overlap import with_own_overlap
+from dancediff.extensions.own_overlap import OverlapDraw, draw_overlap, with_own_overlap
 from dancediff.nn.dance_network import DanceNetwork, NormalizedNetwork
 from dancediff.nn.losses import Comparison, compare
 from dancediff.papers.tcdiffpp.losses import LossWeights, five_losses
@@ -44,6 +45,49 @@ class Noised:
     mask: Tensor
     weight: Tensor | None
     generator: torch.Generator
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A batch on the network's device, and all that is random about it."""
+
+    batch: Batch
+    noised: Noised
+    conditions: Conditions
+    z: Tensor | None = None  # noise of Lodge's style (b, z)
+
+    overlap: OverlapDraw | None = None  # windows that begin as the network makes them
+
+    def tensors(self) -> list[Tensor]:
+        """All that the losses follow from, besides the weights."""
+        return [part for part in _leaves(self) if isinstance(part, Tensor)]
+
+    def clone(self) -> "Drawn":
+        """The same with tensors of its own."""
+        return _cloned(self)
+
+
+def _leaves(value) -> Iterator[Any]:
+    """What is in a dataclass, and in those in it, in a fixed order."""
+    if isinstance(value, Batch):
+        yield from value
+    elif is_dataclass(value):
+        for name in vars(value):
+            yield from _leaves(getattr(value, name))
+    else:
+        yield value
+
+
+def _cloned(value) -> Any:
+    """The same with tensors of its own."""
+    if isinstance(value, Tensor):
+        return value.clone()
+    if isinstance(value, Batch):
+        parts: Any = map(_cloned, value)
+        return Batch(*parts)
+    if is_dataclass(value) and not isinstance(value, type):
+        return replace(value, **{name: _cloned(part) for name, part in vars(value).items()})
+    return value
 
 
 class BatchLosses(ABC, Generic[Network]):
@@ -75,12 +119,21 @@ class BatchLosses(ABC, Generic[Network]):
     @contextmanager
     def deterministic_autocast(self, number: int):
         """Inside, dropout follows from the batch's number, in the precision of the config."""
+        with self.same_dropout(number), self.autocast():
+            yield
+
+    @contextmanager
+    def same_dropout(self, number: int):
+        """Inside, dropout follows from the batch's number."""
         device = self.device
-        half = self.config.precision == "bf16"
         with torch.random.fork_rng(devices=[device] if device.type == "cuda" else []):
             torch.manual_seed(self.seed(number))  # dropout has no generator argument
-            with torch.autocast(device.type, torch.bfloat16, enabled=half):
-                yield
+            yield
+
+    def autocast(self) -> torch.autocast:
+        """Inside, networks compute in the precision of the config."""
+        half = self.config.precision == "bf16"
+        return torch.autocast(self.device.type, torch.bfloat16, enabled=half)
 
     def seed(self, number: int) -> int:
         """Of what is random about a batch."""
@@ -88,7 +141,29 @@ class BatchLosses(ABC, Generic[Network]):
 
 
 class Objective(BatchLosses[DanceNetwork]):
-    """Losses of a guess of the clean motion, which is made from a noisy one."""
+    """Losses of a guess of the clean motion, which is made from a noisy one.
+
+    First everything random is drawn, then the losses follow from it and the weights alone.
+    """
+
+    @property
+    def draws_first(self) -> bool:
+        """Does `compared` draw nothing itself?"""
+        return True
+
+    @abstractmethod
+    def drawn(self, model: Any, batch, number: int) -> Drawn:
+        """A `Batch` on the network's device, with noise."""
+
+    @abstractmethod
+    def compared(self, model: Any, drawn: Drawn) -> dict[str, Tensor]:
+        """All terms of the network's guess by name, and their weighted sum "total"."""
+
+    def losses(self, model: Any, batch, number: int) -> dict[str, Tensor]:
+        """All terms of a `Batch` by name, and their weighted sum "total"."""
+        drawn = self.drawn(model, batch, number)
+        with self.same_dropout(number):
+            return self.compared(model, drawn)
 
     @cached_property
     def level_weights(self) -> Tensor | None:
@@ -129,10 +204,10 @@ class Objective(BatchLosses[DanceNetwork]):
             t, weight = torch.randint(sizes.num_steps, (b,), generator=g), None
         else:
             t, weight = draw_levels(self.level_weights, b, g)
-            weight = weight.to(device)
-        t = t.to(device)
-        eps = torch.randn(x_0.shape, generator=g).to(device)
-        mask = (torch.rand(b, generator=g) >= sizes.cond_drop).to(device)
+            weight = send(weight, device)
+        t = send(t, device)
+        eps = noise_like(x_0, g)
+        mask = send(torch.rand(b, generator=g) >= sizes.cond_drop, device)
         x_t = q_sample(x_0, t, self.model.abar, eps).to(x_0.dtype)
         return Noised(x_t, t, mask, weight, g)
 
@@ -150,18 +225,25 @@ class GroupObjective(Objective):
         """Terms that need more than a guess and the truth; here none."""
         return {}
 
-    def losses(self, model: DanceNetwork, batch, number: int) -> dict[str, Tensor]:
-        """All terms of a `Batch` by name, and their weighted sum "total"."""
+    def drawn(self, model: Any, batch, number: int) -> Drawn:
+        """A `Batch` on the network's device, with noise."""
         batch = self.to_network(batch)
-        x_0, noised = batch.x, self.noised(batch.x, number)
+        noised = self.noised(batch.x, number)
         conditions = self.conditions(batch, noised, swap=batch.label)
-        with self.deterministic_autocast(number):
-            x_t = self._with_own_overlap(model, x_0, noised, conditions)
+        share = self.config.extensions.own_overlap
+        overlap = draw_overlap(batch.x, share, self.model.config.num_steps, noised.generator)
+        return Drawn(batch, noised, conditions, overlap=overlap)
+
+    def compared(self, model: Any, drawn: Drawn) -> dict[str, Tensor]:
+        """All terms of the network's guess by name, and their weighted sum "total"."""
+        batch, noised, conditions = drawn.batch, drawn.noised, drawn.conditions
+        x_t = self._with_own_overlap(model, drawn)
+        with self.autocast():
             guess = model(x_t, noised.t, conditions)
             own = self.own_terms(model, batch, noised, conditions)
         x_raw, x_hat = guess if isinstance(guess, tuple) else (guess, guess)  # EDGE adapts nothing
         return extended_losses(
-            compare(x_raw.float(), x_hat.float(), x_0, model.normalizer),
+            compare(x_raw.float(), x_hat.float(), batch.x, model.normalizer),
             lambda c: self.terms(c) | own,
             self.config.weights.terms(),
             extensions=self.config.extensions,
@@ -169,15 +251,12 @@ class GroupObjective(Objective):
             row_weights=noised.weight,
         )
 
-    def _with_own_overlap(
-        self, model: DanceNetwork, x_0: Tensor, noised: Noised, conditions: Conditions
-    ) -> Tensor:
+    def _with_own_overlap(self, model: DanceNetwork, drawn: Drawn) -> Tensor:
         """x_t of windows some of which begin as the network makes them, under the same noise."""
-        share = self.config.extensions.own_overlap
-        if not share:
+        x_0, noised = drawn.batch.x, drawn.noised
+        if drawn.overlap is None:
             return noised.x_t
-        changed = (
-            with_own_overlap(cast(Denoiser, model), x_0, conditions, share, noised.generator) - x_0
-        )
+        with self.autocast():
+            mixed = with_own_overlap(cast(Denoiser, model), x_0, drawn.conditions, drawn.overlap)
         signal = model.abar[noised.t].sqrt().reshape(-1, *[1] * (x_0.ndim - 1))
-        return (noised.x_t + signal * changed).to(noised.x_t.dtype)
+        return (noised.x_t + signal * (mixed - x_0)).to(noised.x_t.dtype)

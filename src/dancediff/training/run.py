@@ -29,6 +29,7 @@ from dancediff.training.autoregressive import (
 from dancediff.training.autoregressive import is_autoregressive, train_autoregressive
 from dancediff.training.checkpoint import NAME, check_free
 from dancediff.training.config import GroupData, TrainConfig, TrainingExtensions
+from dancediff.training.cuda_graph import trainer_for
 from dancediff.training.evaluator import Evaluator
 from dancediff.training.gcd import GCDObjective
 from dancediff.training.group_takes import solos_of, takes_for
@@ -167,7 +168,7 @@ def train_from_config(
     data=None,
     start: nn.Module | None = None,
     preview: Callable | None = None,
-    trainer: type[Trainer] = Trainer,
+    trainer: type[Trainer] | None = None,
     **options,
 ):
     """Make or read the data, build the model, train it; returns the averaged model.
@@ -178,7 +179,8 @@ def train_from_config(
       ``takes`` are solos; other classes have `dancediff.training.autoregressive`.
     - ``start``: a trained model to start from, see `take_over`; for TCDiff++ and EDGE.
     - ``preview(model, step)``: see `dancediff.training.evaluator`.
-    - ``trainer``: a class that trains in another way; for TCDiff++ and EDGE.
+    - ``trainer``: a class that trains in another way; for TCDiff++ and EDGE. By default `Trainer`,
+      or on a GPU see `trainer_for`.
     - ``options``: ``device``, or a ``world`` that brings its own; ``resume``, ``overwrite``,
       ``log``: see `dancediff.training.trainer.Trainer`.
 
@@ -221,12 +223,14 @@ def train_from_config(
     validation = _windows(held_out, corpus, model, settings) if held_out else None
     metrics = ValidationMetrics(validation, Path(out) / "metrics.csv") if validation else None
     device, world = options.pop("device", "cpu"), options.get("world")
-    return trainer(
-        model.to(device if world is None else world.device),
+    model = model.to(device if world is None else world.device)
+    objective = objective_class(model_class)(model, settings)
+    return (trainer or trainer_for(objective, settings, world))(
+        model,
         _windows(takes, corpus, model, settings),
         settings,
         out,
-        objective=objective_class(model_class)(model, settings),
+        objective=objective,
         evaluator=Evaluator(validation, settings, preview, metrics),
         data_name=name_of(takes, tables["data"]),
         **options,

@@ -53,7 +53,7 @@ def l_dist(root_hat: Tensor, root_0: Tensor) -> Tensor:
     True
     """
     error, n = root_hat - root_0, root_hat.shape[1]
-    i, j = torch.triu_indices(n, n, 1)
+    i, j = torch.triu_indices(n, n, 1, device=error.device)
     return mean((error[:, i] - error[:, j]).square())
 
 
