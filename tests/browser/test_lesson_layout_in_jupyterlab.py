@@ -25,7 +25,8 @@ SETTINGS = """{
 OFTEN = ("favicon", "404 (Not Found)")  # of JupyterLab itself, not of a lesson
 # what is wider than its place: cut off, or to be scrolled to
 TOO_WIDE = """
-[...document.querySelectorAll('.jp-Notebook .jp-RenderedMarkdown, .jp-Notebook .jp-OutputArea-output')]
+[...document.querySelectorAll(
+    '.jp-Notebook .jp-RenderedMarkdown, .jp-Notebook .jp-OutputArea-output')]
   .flatMap((box) => [box, ...box.querySelectorAll('mjx-container, table, pre, div')])
   .filter((box) => box.scrollWidth > box.clientWidth + 2 && box.clientWidth > 0)
   .filter((box) => getComputedStyle(box).overflowX !== 'visible')
