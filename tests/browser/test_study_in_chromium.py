@@ -46,7 +46,7 @@ def begin(page, made, rater):
 
 
 def wait_for_player(page):
-    until(page, "document.getElementById('stage').contentWindow?.dancediff", 20 * SLOW)
+    until(page, "window.study.ready()", 20 * SLOW)  # before, no second that is watched counts
     page.wait_for_timeout(300)
 
 

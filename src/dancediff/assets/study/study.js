@@ -21,7 +21,7 @@ const pair = () => study.pairs[state.at];
 const answered = (id) => study.questions.filter((q) => state.answers[id]?.[q.name]).length;
 const complete = (id) => answered(id) === study.questions.length;
 const votes = () => study.pairs.reduce((sum, id) => sum + answered(id), 0);
-const open = () => (state.watched[pair()] ?? 0) >= study.least;
+const open = () => (state.watched[pair()] ?? 0) > study.least - 0.1; // clocks end a little early
 
 // ------------------------------------------------------------------------------------- keeping
 
@@ -218,4 +218,4 @@ document.addEventListener("keydown", pressed);
 setInterval(watch, 200);
 makeVotes();
 start();
-window.study = { state: () => state, open: () => state !== null && open() };
+window.study = { state: () => state, ready: () => ready, open: () => state !== null && open() };
