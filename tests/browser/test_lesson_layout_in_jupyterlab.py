@@ -1,6 +1,7 @@
 """All lessons as they are handed out, in JupyterLab: wide and narrow, light and dark, all is seen.
 
-With ``DANCEDIFF_SHOTS`` a folder, pictures of all pages are kept there.
+By default wide and light, and narrow and dark. With ``DANCEDIFF_SHOTS`` a folder both widths are
+looked at in both themes, and pictures of all pages are kept there.
 """
 
 import os
@@ -16,7 +17,8 @@ pytest.importorskip("jupyterlab")
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
 LESSONS = sorted(path.stem for path in BOOKS.glob("[0-9]*.ipynb"))
-WIDTHS = (1400, 900)
+KEPT = os.environ.get("DANCEDIFF_SHOTS")
+LOOKS = [(1400, "light"), (900, "dark"), *([(900, "light"), (1400, "dark")] if KEPT else [])]
 THEMES = {"light": "JupyterLab Light", "dark": "JupyterLab Dark"}
 SETTINGS = """{
 "@jupyterlab/notebook-extension:tracker": {"windowingMode": "none"},
@@ -76,7 +78,7 @@ def lab(new_page, tmp_path_factory):
             book = nbformat.read(BOOKS / f"{name}.ipynb", 4)
             book.metadata["kernelspec"] = {"name": "python3", "display_name": "Python 3"}
             nbformat.write(book, folder / "work" / f"{name}.ipynb")
-        page = new_page(WIDTHS[0], 1000)
+        page = new_page(1400, 1000)
         page.goto(f"{address}/lab?reset")
         until(page, "window.jupyterapp !== undefined", 60 * SLOW)
         page.evaluate("window.jupyterapp.restored.then(() => true)")  # before, nothing opens
@@ -99,31 +101,29 @@ def test_all_of_a_lesson_is_seen(name, lab):
     cells = len(nbformat.read(BOOKS / f"{name}.ipynb", 4).cells)
     until(lab, f"document.querySelectorAll('.jp-Notebook .jp-Cell').length === {cells}", 60 * SLOW)
     found = {}
-    for theme, title in THEMES.items():
-        command(lab, "apputils:change-theme", {"theme": title})
-        until(lab, f"document.body.dataset.jpThemeName === '{title}'", 20 * SLOW)
-        for width in WIDTHS:
-            lab.set_viewport_size({"width": width, "height": 1000})
-            lab.wait_for_timeout(300 * SLOW)
-            where = f"{theme} at {width}"
-            if wide := lab.evaluate(TOO_WIDE):
-                found[f"too wide, {where}"] = wide
-            if dim := lab.evaluate(UNREADABLE):
-                found[f"unreadable, {where}"] = dim
-            keep(lab, f"{name}_{width}_{theme}", width)
+    for width, theme in LOOKS:
+        command(lab, "apputils:change-theme", {"theme": THEMES[theme]})
+        until(lab, f"document.body.dataset.jpThemeName === '{THEMES[theme]}'", 20 * SLOW)
+        lab.set_viewport_size({"width": width, "height": 1000})
+        lab.wait_for_timeout(300 * SLOW)
+        if wide := lab.evaluate(TOO_WIDE):
+            found[f"too wide, {theme} at {width}"] = wide
+        if dim := lab.evaluate(UNREADABLE):
+            found[f"unreadable, {theme} at {width}"] = dim
+        keep(lab, f"{name}_{width}_{theme}", width)
     assert found == {}
     assert [text for text in lab.complaints if not any(word in text for word in OFTEN)] == []
 
 
 def keep(page, name: str, width: int) -> None:
     """A picture of the whole lesson, if somebody wants it."""
-    if not (folder := os.environ.get("DANCEDIFF_SHOTS")):
+    if not KEPT:
         return
-    Path(folder).mkdir(parents=True, exist_ok=True)
+    Path(KEPT).mkdir(parents=True, exist_ok=True)
     height = page.evaluate("document.querySelector('.jp-WindowedPanel-inner').scrollHeight")
     page.set_viewport_size({"width": width, "height": min(height + 200, 15_000)})
     page.wait_for_timeout(1500)
-    page.screenshot(path=Path(folder) / f"{name}.jpg", type="jpeg", quality=60)
+    page.screenshot(path=Path(KEPT) / f"{name}.jpg", type="jpeg", quality=60)
 
 
 def test_what_is_cut_off_or_dim_is_found(lab):
