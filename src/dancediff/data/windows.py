@@ -40,7 +40,10 @@ class Batch(NamedTuple):
 
     def to(self, device) -> "Batch":
         """The same windows on a device."""
-        parts: Any = (None if part is None else part.to(device, non_blocking=True) for part in self)
+        parts: Any = (  # from pinned memory the CPU need not wait
+            None if part is None else part.to(device, non_blocking=part.is_pinned())
+            for part in self
+        )
         return Batch(*parts)
 
 
@@ -214,7 +217,7 @@ class WindowSampler:
         self.dancers_per_batch, self.seed = dancers_per_batch, seed
         self.real, self.swaps = real, swaps
         self.genres, self.with_energy = tuple(genres), energy
-        self._curves: dict[int, Tensor] = {}  # energy of songs that were met, whole
+        self._curves: dict[tuple[int, int], Tensor] = {}  # energy of songs that were met, whole
         self._danced: dict[tuple[int, bool], list[DanceTake]] = {}  # by group size and `real`
         self.synthetic = [take for take in takes if not take.real]
         self.by_size: dict[int, list[DanceTake]] = {}
@@ -277,7 +280,7 @@ class WindowSampler:
     def energy(self, take: DanceTake, number: int) -> Tensor:
         """Energy of one of a take's songs, beside the loud parts of the whole song (f,)."""
         song = take.songs[number]
-        key = song.data_ptr()  # dancers of one take share its songs
+        key = song.data_ptr(), len(song)  # dancers of one take share its songs
         if key not in self._curves:
             self._curves[key] = energy_curve(song, take.loudness if number == 0 else None)
         return self._curves[key]

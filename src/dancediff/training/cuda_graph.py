@@ -21,8 +21,10 @@ import torch
 from torch import Tensor, nn
 
 from dancediff.nn.dance_network import NormalizedNetwork
+from dancediff.training.checkpoint import Signals
 from dancediff.training.config import TrainConfig
 from dancediff.training.distributed import World
+from dancediff.training.logger import Logger
 from dancediff.training.objective import BatchLosses, Drawn, Objective
 from dancediff.training.optimizer import set_learning_rate
 from dancediff.training.prefetch import Prefetched
@@ -30,6 +32,7 @@ from dancediff.training.schedule import learning_rate
 from dancediff.training.trainer import Trainer
 
 WORKERS = 8  # processes that cut windows
+RECORDABLE = ("adam", "adamw", "muon")
 EAGER = 2  # batches of a shape before it is recorded: caches fill, libraries choose their kernels
 
 
@@ -79,7 +82,7 @@ class GraphTrainer(Trainer[NormalizedNetwork]):
     Losses are read a step late, so that the GPU need not wait: the row of step k in losses.csv is
     that of step k - 1. Dropout draws from the GPU's own generator.
 
-    Raises: ValueError for several processes, ``accumulate`` above one, or losses that draw.
+    Raises: ValueError for what `fits_graphs` refuses.
     """
 
     def __init__(self, model: NormalizedNetwork, data, config: TrainConfig, out=None, **options):
@@ -89,7 +92,8 @@ class GraphTrainer(Trainer[NormalizedNetwork]):
         if not fits_graphs(self.objective, config, self.world):
             raise ValueError(
                 f"CUDA graphs are for one process (here {self.world.size}), accumulate=1 (here "
-                f"{config.accumulate}) and losses that draw nothing; use Trainer"
+                f"{config.accumulate}), networks and losses of dancediff that draw nothing, and "
+                f"{', '.join(RECORDABLE)} (here {config.optimizer}); use Trainer"
             )
         for group in self.optimizer.param_groups:
             group["capturable"] = True
@@ -150,19 +154,37 @@ class GraphTrainer(Trainer[NormalizedNetwork]):
         now = Late(losses)
         known, self.late = (now if self.late is None else self.late), now
         *values, norm = known.read()
-        if not math.isfinite(norm):
-            raise RuntimeError(
-                f"the gradient of step {max(0, step - 1)} is not finite: lower lr, or use "
-                "precision fp32, and resume from the checkpoint before"
-            )
+        _check_finite(norm, max(0, step - 1))
         return dict(zip(names, values, strict=True)) | {"gradient": norm}
+
+    def _save(self, step: int, logger: Logger, signals: Signals) -> None:
+        """As `Trainer`, but not before the last step is known to be sound."""
+        due = step % self.config.save_every == 0 or step == self.config.steps
+        if self.late is not None and (due or signals.save or signals.stop):
+            _check_finite(self.late.read()[-1], step - 1)
+        super()._save(step, logger, signals)
+
+
+def _check_finite(norm: float, step: int) -> None:
+    if not math.isfinite(norm):
+        raise RuntimeError(
+            f"the gradient of step {step} is not finite: lower lr, or use precision fp32, and "
+            "resume"
+        )
 
 
 def fits_graphs(objective: BatchLosses, config: TrainConfig, world: World | None) -> bool:
-    """Is this a training whose steps may be recorded?"""
+    """Is this a training whose steps may be recorded?
+
+    Not with code of the user's own, which may ask a tensor for its number, and not with Adan, which
+    counts its steps on the CPU.
+    """
     alone = world is None or world.size == 1
     draws_first = isinstance(objective, Objective) and objective.draws_first
-    return alone and config.accumulate == 1 and draws_first
+    ours = objective.model.__module__.startswith("dancediff.")
+    ours = ours and config.extensions.own_loss is None
+    known = config.optimizer in RECORDABLE
+    return alone and config.accumulate == 1 and draws_first and ours and known
 
 
 def trainer_for(objective: BatchLosses, config: TrainConfig, world: World | None) -> type[Trainer]:

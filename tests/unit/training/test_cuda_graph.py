@@ -123,12 +123,44 @@ def test_a_gradient_that_is_not_finite_ends_the_run_a_step_late():
         trainer.step(2)
 
 
+class Poisoned(Replayed):
+    """Its weights are no numbers from step 3 on, of which step 3 itself cannot know."""
+
+    def step(self, step):
+        if step == 3:
+            with torch.no_grad():
+                for weight in self.model.parameters():
+                    weight.fill_(torch.nan)
+        return super().step(step)
+
+
+def test_a_checkpoint_is_never_written_over_with_what_is_not_finite(tmp_path):
+    config = replace(CONFIG, save_every=2)
+    with pytest.raises(RuntimeError, match="step 3 is not finite"):
+        Poisoned(model_of("TCDiffPP"), sampler(), config, tmp_path).run()
+    resumed = Replayed(model_of("TCDiffPP"), sampler(), config, tmp_path, resume=True)
+    assert resumed.first == 2
+    assert all(weight.isfinite().all() for weight in resumed.model.parameters())
+
+
+class Own(TCDiffPP):
+    """A network of somebody's own."""
+
+
+def own_loss(c):
+    return c.x_hat.square().mean()
+
+
 def test_who_can_be_recorded():
     tcdiffpp, gcd = model_of("TCDiffPP"), GCD(GCDConfig(d_model=16, num_layers=1, ff_dim=16))
     group = GroupObjective(tcdiffpp, CONFIG)
     assert fits_graphs(group, CONFIG, None) and fits_graphs(group, CONFIG, World())
     assert not fits_graphs(group, CONFIG, World(rank=0, size=2))
     assert not fits_graphs(group, replace(CONFIG, accumulate=2), None)
+    assert not fits_graphs(group, replace(CONFIG, optimizer="adan"), None)
+    own_loss = replace(TrainingExtensions(), own_loss="test_cuda_graph:own_loss")
+    assert not fits_graphs(group, replace(CONFIG, extensions=own_loss), None)
+    assert not fits_graphs(GroupObjective(Own(tcdiffpp.config), CONFIG), CONFIG, None)
     weights = GCDObjective.weights()
     assert not fits_graphs(GCDObjective(gcd, replace(CONFIG, weights=weights)), CONFIG, None)
     assert trainer_for(group, CONFIG, None) is Trainer  # no GPU

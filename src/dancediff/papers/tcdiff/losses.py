@@ -66,7 +66,7 @@ def path_losses(guess: Tensor, truth: Tensor) -> dict[str, Tensor]:
     True
     """
     error, n = guess - truth, guess.shape[1]
-    i, j = torch.triu_indices(n, n, 1)
+    i, j = torch.triu_indices(n, n, 1, device=error.device)
     return {
         "path": mean(error.square()),
         "path_distance": mean((error[:, i] - error[:, j]).square()),
