@@ -182,12 +182,20 @@ class Run:
         """Let the learning rate fall to zero over the rest of the budget, and save the model."""
         left = branch / "left.toml"
         if not left.exists():
-            done = last_line(branch)["step"]
-            more = max(1, round(done * (1 - STABLE) / STABLE))
-            changed = {"steps": done + more, "decay": more / (done + more)}
+            changed = steps_left(last_line(branch)["step"])
             write_config(left, self.config, seed=self.seed, **changed)
         model = self.train(left, branch, BudgetTrainer)
         hub.save_model(model, branch / "model", card="A branch of a training with a budget.\n")
+
+
+def steps_left(done: int) -> dict[str, float]:
+    """How a training ends after so many steps at the constant rate.
+
+    >>> steps_left(8)
+    {'steps': 10, 'decay': 0.2}
+    """
+    more = max(1, round(done * (1 - STABLE) / STABLE))
+    return {"steps": done + more, "decay": more / (done + more)}
 
 
 def last_line(folder: Path) -> dict:

@@ -1,19 +1,20 @@
 """The bench of systems: one config each, trained for the same budgets, scored on the same windows.
 
-Read first: `dancediff.bench.budget` · `dancediff.bench.scores`.
+Read first: `dancediff.bench.budget` · `dancediff.bench.stages` · `dancediff.bench.scores`.
 
 In the output folder
 
     held/, reference/            windows to dance, takes to compare with, unless they are given
     SYSTEM-SEED/                 the run that branches leave
-    SYSTEM-SEED/BUDGETmin/       a branch: checkpoint, model/, dances-FRAMES/, point.json
+    SYSTEM-SEED/BUDGETmin/       a branch: checkpoint, model/, dances-FRAMES/, point.json; or a
+                                 training, if the system is trained in stages: a folder each
 
 so what is done is not done again, and a training that was stopped goes on from its checkpoint.
 """
 
 import json
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
@@ -22,14 +23,14 @@ from dancediff import hub
 from dancediff.bench.budget import Run, last_line
 from dancediff.bench.held_out import SEGMENT, Window, chosen, windows
 from dancediff.bench.scores import danced, reference_of, scores_of
+from dancediff.bench.stages import StagedRun, stages_of
 from dancediff.data.choreographed import choreograph_jobs
 from dancediff.data.prepare import prepare
-from dancediff.generation.pipeline import Pipeline
-from dancediff.generation.presets import PACKAGED
+from dancediff.generation.pipeline import LodgePipeline, Pipeline
+from dancediff.generation.presets import PACKAGED, PAPER
 from dancediff.metrics.measure import Measured
 from dancediff.motion.motion import Motion
-from dancediff.training.autoregressive import is_autoregressive
-from dancediff.training.lodge import is_lodge
+from dancediff.papers.edge.model import start_slots
 from dancediff.training.tables import read_training
 
 HELD, REFERENCE = 500_000, 700_000  # the first songs of both sets; training begins at 0
@@ -48,10 +49,21 @@ BARE: dict[str, Any] = {  # nothing of ours while a dance is sampled, and no gui
 
 
 def bare_dance(model: Pipeline, window: Window, seed: int, *, steps: int) -> Motion:
-    """The window's music, danced by as many, with none of our additions to sampling."""
-    asked = BARE | {"steps": steps}
+    """The window's music, danced by as many, with none of our additions to sampling.
+
+    Lodge, which makes one solo for all, makes one for each instead, as the other solo systems do.
+    """
+    n, off = window.motion.num_dancers, PAPER[model.request.family]
+    asked = BARE | {name: False for name in off if off[name] is False} | {"steps": steps}
     options = {name: value for name, value in asked.items() if name in model.request.names()}
-    return model.generate(window, dancers=window.motion.num_dancers, seed=seed, **options)
+    if not isinstance(model, LodgePipeline) or n == 1:
+        return model.generate(window, dancers=n, seed=seed, **options)
+    solos = []
+    for k, place in enumerate(start_slots(n)):
+        alone = model.request(seed=seed).seed_of(k)
+        solo = model.generate(window, dancers=1, seed=alone, **options)
+        solos.append(replace(solo, root=solo.root + place))
+    return Motion.side_by_side(solos)
 
 
 @dataclass
@@ -61,7 +73,7 @@ class ModelBench:
     ``configs`` name the systems; ``held`` and ``other`` are prepared folders, by default made of
     ``songs`` synthetic dances each; ``data`` is learned from, by default what each config says.
 
-    Raises: ValueError for a config of a system that is trained in stages, or two of one name.
+    Raises: ValueError for two configs of one name.
     """
 
     configs: Sequence[Path]
@@ -79,14 +91,6 @@ class ModelBench:
     takes: list | None = None  # to learn from, in the place of ``data``
 
     def __post_init__(self):
-        for config in self.configs:
-            tables = read_training(config)
-            if is_lodge(tables) or is_autoregressive(tables):
-                kind = tables["model"]["class"]
-                raise ValueError(
-                    f"config {str(config)!r}: {kind} is trained in stages, which share no budget; "
-                    "name configs of systems that are trained in one"
-                )
         names = [config.stem for config in self.configs]
         if twice := {name for name in names if names.count(name) > 1}:
             raise ValueError(f"configs {sorted(twice)} have one name; give each its own")
@@ -96,7 +100,8 @@ class ModelBench:
         for seed in self.seeds:
             for config in self.configs:
                 folder = self.out / f"{config.stem}-{seed}"
-                run = Run(config, seed, folder, self.data, self.takes)
+                kind = StagedRun if stages_of(read_training(config)) else Run
+                run = kind(config, seed, folder, self.data, self.takes)
                 for budget, branch in run.models(tuple(self.minutes)):
                     yield self.point(config.stem, seed, budget, branch)
 

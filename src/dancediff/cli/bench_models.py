@@ -18,7 +18,7 @@ class BenchModels:
     """
 
     configs: tyro.conf.Positional[tuple[Path, ...]]
-    """A training config for each system, such as edge_small gcd_small tcdiff_small."""
+    """A training config for each system, such as edge_small bailando_small tcdiff_small."""
     out: Path = Path("runs/bench")
     """Folder for trainings, dances, results.json, results.md and pictures."""
     minutes: tuple[float, ...] = (30.0,)

@@ -103,14 +103,16 @@ def train_autoregressive(
     takes: list[DanceTake] | None = None,
     data=None,
     preview: Callable | None = None,
+    trainer: type[Trainer] = Trainer,
     **run,
 ) -> AutoregressiveNetwork:
     """Train all stages in folders of ``out``; returns the averaged model.
 
     ``data``, else ``folder`` in the config: a prepared folder; else the choreographer's dances;
     ``takes`` replaces both. Models of solos learn from every dancer alone.
-    ``preview(model, step)``: in the last stage.  ``run``: ``device``, and as
-    `dancediff.training.trainer.Trainer` has them ``world``, ``resume``, ``overwrite`` and ``log``.
+    ``preview(model, step)``: in the last stage.  ``trainer``: the class that trains every stage.
+    ``run``: ``device``, and as `dancediff.training.trainer.Trainer` has them ``world``, ``resume``,
+    ``overwrite`` and ``log``.
 
     Raises: ValueError for a bad config or folder.
     """
@@ -145,7 +147,8 @@ def train_autoregressive(
         validation = _windows(held_out, corpus, model, tables) if held_out else None
         show = preview if stage == model_class.stages[-1] else None
         options = {"data_name": name_of(takes, tables["data"]), **run}
-        model = _trained(model, stage, one, Path(out) / stage, windows, validation, show, options)
+        folder = Path(out) / stage
+        model = _trained(model, stage, one, folder, windows, validation, show, trainer, options)
     return model.requires_grad_(True).eval()
 
 
@@ -188,6 +191,7 @@ def _trained(
     windows: WindowSampler,
     validation: WindowSampler | None,
     preview: Callable | None,
+    trainer: type[Trainer],
     options: dict[str, Any],
 ) -> AutoregressiveNetwork:
     """The averaged network of a stage, whose other parts stay as they are."""
@@ -197,7 +201,7 @@ def _trained(
     model.requires_grad_(False)
     for part in model.learning(stage):
         part.requires_grad_(True)
-    return Trainer(
+    return trainer(
         model,
         windows,
         settings,

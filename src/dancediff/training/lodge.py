@@ -55,7 +55,7 @@ from dancediff.training.lodge_data import (
 from dancediff.training.lodge_losses import Critic, LodgeObjective
 from dancediff.training.statistics import PLAIN, window_weights
 from dancediff.training.tables import check_all, check_sizes
-from dancediff.training.trainer import name_of
+from dancediff.training.trainer import Trainer, name_of
 
 Stage = TypeVar("Stage", GlobalDenoiser, LocalDenoiser)
 STAGES = {
@@ -197,6 +197,7 @@ class LodgeTraining:
     """Two networks, what they learn from, and their three trainings.
 
     ``resume``, ``overwrite``, ``world``, ``log``: see `dancediff.training.trainer.Trainer`.
+    ``trainer``: what trains every stage; by default see `trainer_for`.
     """
 
     def __init__(
@@ -209,6 +210,7 @@ class LodgeTraining:
         device: str = "cpu",
         world: World | None = None,
         log: str | Sequence[str] = (),
+        trainer: type[Trainer] | None = None,
     ):
         """Random weights."""
         self.tables, self.out = tables, Path(out)
@@ -217,6 +219,7 @@ class LodgeTraining:
         self.corpus = SoloData(**tables["data"])
         self.options: dict[str, Any] = {"resume": resume, "overwrite": overwrite}
         self.options |= {"world": world, "log": check_logs(log)}
+        self.trainer = trainer
         for stage in (name for name in STAGES if self.settings[name] is not None):
             check_free(self.out / stage, resume, overwrite)
         torch.manual_seed(tables["train"].get("seed", 0))
@@ -294,7 +297,8 @@ class LodgeTraining:
         clean = stage == "fine_tune"
         kind = "global" if stage == "global" else "local"
         objective = LodgeObjective(network, settings, clean=clean, critic=critic)
-        trainer = trainer_for(objective, settings, self.options["world"])(
+        kind_of_trainer = self.trainer or trainer_for(objective, settings, self.options["world"])
+        trainer = kind_of_trainer(
             network,
             self.windows[kind],
             settings,

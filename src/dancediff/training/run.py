@@ -179,8 +179,8 @@ def train_from_config(
       ``takes`` are solos; other classes have `dancediff.training.autoregressive`.
     - ``start``: a trained model to start from, see `take_over`; for TCDiff++ and EDGE.
     - ``preview(model, step)``: see `dancediff.training.evaluator`.
-    - ``trainer``: a class that trains in another way; for TCDiff++ and EDGE. By default `Trainer`,
-      or on a GPU see `trainer_for`.
+    - ``trainer``: a class that trains in another way, every stage. By default `Trainer`, or on a
+      GPU see `trainer_for`.
     - ``options``: ``device``, or a ``world`` that brings its own; ``resume``, ``overwrite``,
       ``log``: see `dancediff.training.trainer.Trainer`.
 
@@ -190,12 +190,13 @@ def train_from_config(
     if is_lodge(raw):
         if start is not None:
             raise ValueError("start is not for Lodge, whose stages are trained one after the other")
-        options |= {"solos": takes, "data": data, "preview": preview}
+        options |= {"solos": takes, "data": data, "preview": preview, "trainer": trainer}
         return train_lodge(raw, out, source=source, **options)
     if is_autoregressive(raw):
         if start is not None:
             raise ValueError("start is for TCDiff++ and EDGE only; leave it out")
         options |= {"takes": takes, "data": data, "preview": preview}
+        options |= {"trainer": trainer or Trainer}
         return train_autoregressive(raw, out, source=source, **options)
     if start is not None and not isinstance(start, DanceNetwork):
         raise ValueError(f"start, a {type(start).__name__}, is no model of TCDiff++ or EDGE")

@@ -3,11 +3,17 @@
 import json
 
 import pytest
+import torch
 
+from dancediff import hub
+from dancediff.bench.budget import last_line
 from dancediff.bench.model_bench import BARE, METRICS, TRUTH, ModelBench
 from dancediff.bench.results import rows_of
+from dancediff.bench.stages import StagedRun, stage_shares
 from dancediff.cli import main
+from dancediff.genre import GENRES
 from dancediff.motion.motion import Motion
+from dancediff.papers.edge.model import SPACING
 
 DATA = """
 [data]
@@ -91,12 +97,112 @@ def test_other_windows_are_scored_anew(out, configs):
     assert point["how"]["count"] == 2 and len(bench.windows(150)) == 2
 
 
-@pytest.mark.parametrize("kind", ["Lodge", "FACT"])
-def test_systems_that_are_trained_in_stages_are_refused(kind, tmp_path):
-    path = tmp_path / "a.toml"
-    path.write_text(f'[model]\nclass = "{kind}"\n[train]\n', encoding="utf-8")
-    with pytest.raises(ValueError, match=rf"a.toml'\: {kind} is trained in stages"):
-        ModelBench([path], tmp_path)
+CODES = "width = 16\ncode_dim = 8\nnum_codes = 16\nlength = 7\n"
+LODGE = """
+[data]
+songs = 3
+seconds = 12.0
+workers = 1
+windows_per_batch = 2
+global_windows_per_batch = 2
+[global_stage]
+{small}music_frames = 256
+local_frames = 64
+[local_stage]
+{small}num_frames = 64
+style_noise = 16
+genres = {genres}
+[train]
+steps = 4
+warmup = 1
+save_every = 2
+[train_fine_tune]
+steps = 2
+[model]
+class = "Lodge"
+"""
+STAGED = {
+    "tiny_fact": f'{DATA}class = "FACT"\n{SMALL}',
+    "tiny_bailando": f'{DATA}class = "Bailando"\n{SMALL}head_layers = 1\n{CODES}',
+    "tiny_codancers": f'{DATA}class = "CoDancers"\n{SMALL}{CODES}',
+    "tiny_lodge": LODGE.format(small=SMALL, genres=list(GENRES)),
+}
+STAGES = {
+    "tiny_fact": {"train": 1.0},
+    "tiny_bailando": {"units": 1 / 3, "gpt": 1 / 3, "actor_critic": 1 / 3},
+    "tiny_codancers": {"units": 1 / 2, "gpt": 1 / 2},
+    "tiny_lodge": {"global": 0.4, "local": 0.4, "fine_tune": 0.2},
+}
+
+
+@pytest.fixture(scope="module")
+def staged(out, tmp_path_factory):
+    """The bench of systems that are trained in stages, and its points."""
+    folder = tmp_path_factory.mktemp("staged")
+    for name, text in STAGED.items():
+        (folder / f"{name}.toml").write_text(text, encoding="utf-8")
+    bench = ModelBench(
+        [folder / f"{name}.toml" for name in STAGED],
+        folder / "out",
+        held=out / "held",
+        other=out / "reference",
+        minutes=(1 / 60,),
+        seeds=(0,),
+        count=3,
+        steps=2,
+    )
+    return bench, list(bench.points())
+
+
+def test_stages_share_a_budget_as_they_share_the_steps(staged):
+    bench, points = staged
+    assert [point["config"] for point in points] == list(STAGED)
+    for point in points:
+        branch = bench.out / f"{point['config']}-0" / f"{1 / 60:g}min"
+        shares = STAGES[point["config"]]
+        spent = {stage: last_line(branch / stage) for stage in shares}
+        for stage, share in shares.items():
+            left = json.loads((branch / stage / "left.json").read_text(encoding="utf-8"))
+            assert spent[stage]["step"] == left["steps"]
+            assert left["decay"] == pytest.approx(0.2, abs=0.5 / left["steps"] ** 0.5)
+            assert spent[stage]["spent"] > 0.8 * share  # of one second
+        for name in ("spent", "windows", "step"):
+            assert point[name] == pytest.approx(sum(one[name] for one in spent.values()))
+
+
+def test_each_dancer_of_a_solo_system_dances_alone(staged):
+    bench, _ = staged
+    groups = [w for w in bench.windows(150) if w.motion.num_dancers > 1]
+    assert groups
+    folder = bench.out / "tiny_lodge-0" / f"{1 / 60:g}min"
+    dance = Motion.load(folder / "dances-150-2" / f"{groups[0].name}.npz")
+    assert dance.num_dancers == groups[0].motion.num_dancers
+    gaps = dance.root[1:, 0, 0] - dance.root[:-1, 0, 0]
+    assert torch.allclose(gaps, torch.tensor(SPACING), atol=1e-4)
+    assert (dance.pose[1] - dance.pose[0]).abs().max() > 0.01
+
+
+def test_a_stage_that_was_stopped_goes_on(staged, tmp_path, monkeypatch):
+    bench, _ = staged
+    config = bench.configs[list(STAGED).index("tiny_codancers")]
+    run = StagedRun(config, 0, tmp_path, None)
+    with monkeypatch.context() as m, pytest.raises(RuntimeError, match="stopped"):
+        m.setattr(hub, "save_model", _stop)
+        list(run.models((1 / 60,)))
+    branch = tmp_path / f"{1 / 60:g}min"
+    before = (branch / "gpt" / "losses.csv").read_bytes()
+    ((_, model),) = run.models((1 / 60,))
+    assert (model / "model" / "config.json").exists()
+    assert (branch / "gpt" / "losses.csv").read_bytes() == before  # nothing was trained again
+
+
+def _stop(*args, **options):
+    raise RuntimeError("stopped")
+
+
+def test_a_stage_needs_its_number_of_steps():
+    with pytest.raises(ValueError, match="steps of the stage 'units' are missing"):
+        stage_shares({"model": {"class": "CoDancers"}, "train": {}})
 
 
 def test_bad_arguments_are_told(tmp_path, capsys):
