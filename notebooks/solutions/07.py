@@ -33,3 +33,25 @@ def ranks(root):
 def mark(tokens, table):
     frames = len(tokens) // len(table)
     return tokens + table.repeat(frames, 1)
+
+
+# %% 07.5
+# The mean takes everything that place and order explain, so what is left shows how a group moves
+# together. Every frequency has a covariance of its own, and its eigenvectors are the patterns that
+# vary independently: to draw a group, draw a number for each of them.
+from torch import einsum, linalg
+
+
+def fit(x, C):
+    order = x[:, :, 0].argsort(dim=1)
+    x = x.take_along_dim(order[:, :, None], dim=1)
+    place = x[:, :, 0].mean(0)
+    S = x[:, :, -1].argsort(dim=1)
+    way = place[S.argsort(dim=1)] - place  # (b, n)
+    gone = x - place[:, None]
+    progress = (way[:, :, None] * gone).sum((0, 1)) / way.square().sum()
+    left = gone - progress * way[:, :, None]
+    waves = left @ C.T
+    covariance = einsum("bnf,bmf->fnm", waves, waves) / len(x)
+    size, basis = linalg.eigh(covariance)
+    return place, progress, basis, size.clamp(min=0).sqrt()

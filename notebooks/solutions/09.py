@@ -31,3 +31,23 @@ import torch
 def floor_velocity(root):
     steps = 30 * root[..., [0, 2]].diff(dim=1)
     return torch.cat([torch.zeros_like(steps[:, :1]), steps], dim=1)
+
+
+# %% 09.4
+# The gate lets a layer do one thing while the body travels and another while it stands. All three
+# layers see the whole pose, but only the legs are taken from what they make of it.
+import torch.nn.functional as F
+
+
+def adapt(x_raw, layers, legs):
+    steps = x_raw[..., [4, 6]].diff(dim=1)
+    v = (30 * F.pad(steps, (0, 0, 1, 0))).clamp(-3, 3)
+    x = x_raw
+    for k, layer in enumerate(layers):
+        gate = (v @ layer["Wg"] + layer["bg"]).sigmoid()
+        x = (x @ layer["W"] + layer["b"]) * gate + v @ layer["Wb"]
+        if k < 2:
+            x = F.leaky_relu(x)
+    x_hat = x_raw.clone()
+    x_hat[..., legs] = x[..., legs]
+    return x_hat

@@ -201,5 +201,15 @@ def _name(v) -> str:
         return v.__name__.strip("_")
     if isinstance(v, list) and len(v) > SHOWN and isinstance(v[0], int):
         return f"[{', '.join(map(str, v[:3]))}, …, {v[-1]}]"
-    hidden = isinstance(v, torch.Tensor) or (isinstance(v, list) and isinstance(v[0], torch.Tensor))
-    return _kind(v) if hidden else f"{v!r}"
+    return _kind(v) if _has_tensors(v) else f"{v!r}"
+
+
+def _has_tensors(v) -> bool:
+    """Whether a tensor is, or is in, what a case holds.
+
+    >>> _has_tensors([{"W": torch.ones(2)}]), _has_tensors({0: {"energy": 0.5}})
+    (True, False)
+    """
+    if isinstance(v, dict):
+        v = list(v.values())
+    return isinstance(v, torch.Tensor) or (isinstance(v, list) and any(map(_has_tensors, v)))

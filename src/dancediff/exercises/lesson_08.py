@@ -1,9 +1,10 @@
 """Exercises of lesson 08: A memory for time."""
 
 import torch
+import torch.nn.functional as F
 
-from dancediff.exercises.shared import unlike
-from dancediff.nn.ssm import selective_scan
+from dancediff.exercises.shared import unlike, unlike_part
+from dancediff.nn.ssm import MambaBlock, selective_scan
 
 
 def _kernel(A, B, C, delta, length):
@@ -53,6 +54,41 @@ def _stream_cases() -> list[tuple]:
     return [(torch.randn(f * n, d, generator=draw), n, _fading_memory) for f, n, d in sizes]
 
 
+def _next_frame(x, past, h, block):
+    u, z = block.in_proj(x).chunk(2, dim=-1)
+    heard = torch.cat([past, u[:, None]], dim=1)
+    u = F.silu(torch.einsum("nfd,df->nd", heard, block.conv.weight[:, 0]) + block.conv.bias)
+    sizes = block.dt_proj.in_features, block.d_state, block.d_state
+    dt, B, C = block.x_proj(u).split(sizes, dim=-1)
+    delta = F.softplus(block.dt_proj(dt))
+    fade = torch.exp(-delta[..., None] * block.A_log.exp())
+    h = fade * h + (delta * u)[..., None] * B[:, None]
+    y = (h * C[:, None]).sum(-1) + block.D_skip * u
+    return block.out_proj(y * F.silu(z)), heard[:, 1:], h
+
+
+def _live_cases() -> list[tuple]:
+    """Dancers who have just begun, and others who have not; blocks of several sizes."""
+    draw = torch.Generator().manual_seed(0)
+    cases = []
+    for n, d, states, begun in ((2, 4, 3, 0), (3, 20, 2, 1), (5, 6, 4, 1)):
+        with torch.random.fork_rng(devices=[]):  # the lesson's own draws stay as they are
+            block = MambaBlock(d, d_state=states).requires_grad_(requires_grad=False)
+        for weights in block.parameters():
+            weights.copy_(0.6 * torch.randn(weights.shape, generator=draw))
+        sizes = ((n, d), (n, 3, 2 * d), (n, 2 * d, states))
+        x, past, h = (torch.randn(*size, generator=draw) for size in sizes)
+        cases.append((x, begun * past, begun * h, block))
+    return cases
+
+
+def _goes_on(got, x, past, h, block) -> str:
+    out, kept, state = got
+    right = _next_frame(x, past, h, block)
+    parts = {"past": (kept, right[1]), "h": (state, right[2]), "out": (out, right[0])}
+    return next(filter(None, (unlike_part(name, *both) for name, both in parts.items())), "")
+
+
 SPECS = {
     "08.1": {"spec": _kernel, "cases": _kernel_cases},
     "08.2": {
@@ -61,4 +97,5 @@ SPECS = {
         "accepts": _forgets_there_only,
     },
     "08.4": {"spec": _each_remembers, "cases": _stream_cases},
+    "08.5": {"spec": _next_frame, "cases": _live_cases, "accepts": _goes_on},
 }

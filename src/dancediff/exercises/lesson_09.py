@@ -1,6 +1,9 @@
 """Exercises of lesson 09: Changing places."""
 
+from itertools import pairwise
+
 import torch
+import torch.nn.functional as F
 
 from dancediff.exercises.shared import unlike, walks
 from dancediff.extensions.order_constraint import in_order
@@ -48,8 +51,42 @@ def _floor_velocity(root):
     return ground_velocity(x)
 
 
+def _adapt(x_raw, layers, legs):
+    steps = x_raw[..., [4, 6]].diff(dim=1)
+    v = (30 * F.pad(steps, (0, 0, 1, 0))).clamp(-3, 3)
+    x = x_raw
+    for k, layer in enumerate(layers):
+        x = F.leaky_relu(x) if k else x
+        gate = torch.sigmoid(v @ layer["Wg"] + layer["bg"])
+        x = (x @ layer["W"] + layer["b"]) * gate + v @ layer["Wb"]
+    x_hat = x_raw.clone()
+    x_hat[..., legs] = x[..., legs]
+    return x_hat
+
+
+def _adaptor_cases() -> list[tuple]:
+    """Some roots are so fast that v is cut."""
+    draw = torch.Generator().manual_seed(0)
+    cases = []
+    for n, f, widths, legs in (
+        (2, 6, (9, 5, 4, 9), [0, 8, 3]),
+        (3, 4, (12, 7, 7, 12), [7, 8, 9, 10, 11]),
+        (1, 5, (7, 6, 3, 7), [1, 2]),
+    ):
+        layers = []
+        for wide, out in pairwise(widths):
+            sizes = {"W": (wide, out), "b": (out,), "Wg": (2, out), "bg": (out,), "Wb": (2, out)}
+            layer = {name: 0.6 * torch.randn(*size, generator=draw) for name, size in sizes.items()}
+            layers.append(layer)
+        x_raw = torch.randn(n, 1, widths[0], generator=draw).repeat(1, f, 1)
+        x_raw += (0.1 * torch.randn(n, f, widths[0], generator=draw)).cumsum(1)
+        cases.append((x_raw, layers, legs))
+    return cases
+
+
 SPECS = {
     "09.1": {"spec": _swap_twice, "cases": _swap_pairs},
     "09.2": {"spec": in_order, "cases": _out_of_order, "accepts": _stands_in_order},
     "09.3": {"spec": _floor_velocity, "cases": walks},
+    "09.4": {"spec": _adapt, "cases": _adaptor_cases},
 }

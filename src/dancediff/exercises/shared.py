@@ -19,6 +19,23 @@ def unlike(got, shape, kinds=torch.Tensor) -> str:
     return "" if torch.as_tensor(got).isfinite().all() else "some of your numbers are not finite"
 
 
+def unlike_part(name: str, got, want: torch.Tensor) -> str:
+    """What is wrong with one of several things that an answer returns, or "".
+
+    >>> unlike_part("h", torch.ones(2), torch.tensor([1.0, 3.0]))
+    'h is wrong at [1]: yours 1, expected 3'
+    """
+    if wrong := unlike(got, want.shape, NUMBERS):
+        return f"{name}: {wrong}"
+    mine = torch.as_tensor(got).to(want)
+    off = (~torch.isclose(mine, want, rtol=1e-3, atol=1e-4)).nonzero()
+    if not len(off):
+        return ""
+    first = off[0].tolist()
+    yours, right = (x[tuple(first)].item() for x in (mine, want))
+    return f"{name} is wrong at {first}: yours {yours:.4g}, expected {right:.4g}"
+
+
 def walks(sizes=((2, 40), (3, 30), (5, 20))) -> list[tuple]:
     """Roots that wander over a stage, one metre up (n, f, 3); no three of them in a row."""
     draw = torch.Generator().manual_seed(0)

@@ -19,6 +19,8 @@ from dancediff.metrics.rhythm import closeness
 from dancediff.motion.motion import Motion
 from dancediff.motion.rotation import rotation_about
 from dancediff.motion.skeleton import world_rotations
+from dancediff.nn.conditioning import ConcatSquashLinear
+from dancediff.papers.tcdiffpp.footwork_adaptor import ground_velocity
 
 # 01 · A dance is a tensor
 
@@ -261,6 +263,41 @@ def mark_in_frames(tokens, table):
     return (tokens.reshape(-1, *table.shape) + table).reshape(tokens.shape)
 
 
+def prior_by_loops(x, C):
+    n, f = x.shape[1:]
+    groups = [group[group[:, 0].argsort()] for group in x]
+    place = stack([group[:, 0] for group in groups]).mean(0)
+    ways, along = [], zeros(f)
+    for group in groups:
+        rank_at_end = [(group[:, -1] < end).sum() for end in group[:, -1]]
+        ways.append(stack([place[k] for k in rank_at_end]) - place)
+        for way, path, begin in zip(ways[-1], group, place, strict=True):
+            along += way * (path - begin)
+    progress = along / sum(way.dot(way) for way in ways)
+    waves = [
+        [C @ (path - begin - step * progress) for path, begin, step in zip(*one, strict=True)]
+        for one in zip(groups, [place] * len(groups), ways, strict=True)
+    ]
+    basis, std = zeros(f, n, n), zeros(f, n)
+    for k in range(f):
+        here = stack([stack([wave[k] for wave in group]) for group in waves])
+        size, basis[k] = torch.linalg.eigh(here.T @ here / len(here))
+        std[k] = size.clamp(min=0) ** 0.5
+    return place, progress, basis, std
+
+
+def prior_by_svd(x, C):
+    """In numpy; the largest formation first."""
+    x = np.take_along_axis(x.numpy(), np.argsort(x[:, :, :1].numpy(), axis=1), axis=1)
+    place = x[:, :, 0].mean(axis=0)
+    way = place[np.argsort(np.argsort(x[:, :, -1], axis=1), axis=1)] - place
+    moved = (x - place[:, None]).reshape(-1, x.shape[2])
+    progress = np.linalg.lstsq(way.reshape(-1, 1), moved, rcond=None)[0][0]
+    left = x - place[:, None] - way[:, :, None] * progress
+    basis, std, _ = np.linalg.svd((left @ C.numpy().T).transpose(2, 1, 0), full_matrices=False)
+    return place, progress, basis, std / len(x) ** 0.5
+
+
 # 08 · A memory for time
 
 
@@ -294,6 +331,39 @@ def remember_one_by_one(tokens, n, memory):
     return out
 
 
+def live_by_einsum(x, past, h, block):
+    u, z = block.in_proj(x).chunk(2, -1)
+    seen = cat([past, u[:, None]], 1)
+    u = F.silu(block.conv(seen.mT)[..., 3])
+    B, C = block.x_proj(u)[..., -2 * block.d_state :].chunk(2, -1)
+    dt = block.x_proj(u)[..., : -2 * block.d_state]
+    delta = F.softplus(block.dt_proj(dt))
+    h = h * torch.exp(-torch.einsum("ne,es->nes", delta, block.A_log.exp()))
+    h = h + torch.einsum("ne,ne,ns->nes", delta, u, B)
+    y = torch.einsum("nes,ns->ne", h, C) + u * block.D_skip
+    return [block.out_proj(z * z.sigmoid() * y), seen[:, -3:], h]
+
+
+def live_dancer_by_dancer(x, past, h, block):
+    d_inner, rank = len(block.D_skip), block.dt_proj.in_features
+    outs, kept, states = [], [], []
+    for k in range(len(x)):
+        both = block.in_proj.weight @ x[k]
+        u, gate = both[:d_inner], both[d_inner:]
+        kept.append(stack([past[k, 1], past[k, 2], u]))
+        weight = block.conv.weight[:, 0]
+        u = block.conv.bias + sum(weight[:, j] * past[k, j] for j in range(3)) + weight[:, 3] * u
+        u = u / (1 + torch.exp(-u))
+        made = block.x_proj.weight @ u
+        delta = torch.log1p(torch.exp(block.dt_proj(made[:rank])))
+        B, C = made[rank : rank + block.d_state], made[rank + block.d_state :]
+        states.append(
+            torch.exp(-delta[:, None] * block.A_log.exp()) * h[k] + torch.outer(delta * u, B)
+        )
+        outs.append(block.out_proj((states[-1] @ C + block.D_skip * u) * F.silu(gate)))
+    return stack(outs), stack(kept), stack(states)
+
+
 # 09 · Changing places
 
 
@@ -324,6 +394,31 @@ def velocity_by_shifting(root):
 def velocity_in_numpy(root):
     floor = root.numpy()[:, :, [0, 2]]
     return np.diff(floor, axis=1, prepend=floor[:, :1]) * 30
+
+
+def adapt_by_recursion(x_raw, layers, legs):
+    """Every layer by a call of its own."""
+
+    def csl(k, x, v):
+        at = layers[k]
+        x = (x @ at["W"] + at["b"]) / (1 + torch.exp(-(v @ at["Wg"]) - at["bg"])) + v @ at["Wb"]
+        return x if k == 2 else csl(k + 1, torch.where(x > 0, x, 0.01 * x), v)
+
+    floor = x_raw[..., 4:7:2]
+    v = 30 * (floor - cat([floor[:, :1], floor[:, :-1]], 1))
+    x_a = csl(0, x_raw, torch.minimum(torch.maximum(v, tensor(-3.0)), tensor(3.0)))
+    return torch.where(torch.isin(torch.arange(x_raw.shape[-1]), tensor(legs)), x_a, x_raw)
+
+
+def adapt_by_library(x_raw, layers, legs):
+    csl = [ConcatSquashLinear(*layer["W"].shape, d_cond=2) for layer in layers]
+    for one, layer in zip(csl, layers, strict=True):
+        weights = {"linear.weight": "W", "gate.weight": "Wg", "shift.weight": "Wb"}
+        state = {name: layer[key].T for name, key in weights.items()}
+        one.load_state_dict(state | {"linear.bias": layer["b"], "gate.bias": layer["bg"]})
+    v = ground_velocity(x_raw)
+    x_a = csl[2](F.leaky_relu(csl[1](F.leaky_relu(csl[0](x_raw, v)), v)), v)
+    return x_raw.index_copy(-1, tensor(legs), x_a[..., legs])
 
 
 # 10 · A long group dance
@@ -673,6 +768,7 @@ OTHER_WAYS = {
     "07.1": [attention, hears_the_others],
     "07.3": [ranks_by_counting, ranks_in_a_loop],
     "07.4": [mark_in_a_loop, mark_in_frames],
+    "07.5": [prior_by_loops, prior_by_svd],
     "08.1": [kernel_step_by_step, kernel_by_einsum],
     "08.2": [forgets_once, forgets_a_little_always],
     "08.4": [
@@ -681,9 +777,11 @@ OTHER_WAYS = {
             memory(tokens.unflatten(0, (-1, n)).movedim(1, 0)).movedim(0, 1).flatten(0, 1)
         ),
     ],
+    "08.5": [live_by_einsum, live_dancer_by_dancer],
     "09.1": [order_by_permuting, lambda S1, S2: S1.gather(0, S2)],
     "09.2": [order_from_the_right, order_only_if_needed],
     "09.3": [velocity_by_shifting, velocity_in_numpy],
+    "09.4": [adapt_by_recursion, adapt_by_library],
     "10.1": [join_from_behind, join_two_and_two],
     "10.2": [all_turn_right_back, all_march_aside],
     "10.3": [assign_by_loop, assign_by_scipy],

@@ -1,6 +1,59 @@
 """Plausible wrong answers to the exercises of lesson 07: Who stands where?"""
 
+from functools import partial
+
 import torch
+
+
+def prior(x, C, wrong):
+    """Exercise 07.5 with one mistake."""
+    if wrong == "ranked at every frame":
+        x = x.sort(1).values
+    elif wrong != "not ranked":
+        when = -1 if wrong == "ranked at the end" else 0
+        x = x.take_along_dim(x[:, :, when].argsort(1)[:, :, None], 1)
+    place = (x if wrong == "all frames" else x[:, :, 0]).mean(
+        (0, 2) if wrong == "all frames" else 0
+    )
+    S = x[:, :, -1].argsort(1)
+    way = place[S if wrong == "S for its inverse" else S.argsort(1)] - place
+    if wrong == "a dancer's own way":
+        way = x[:, :, -1] - place
+    gone = x - place[:, None]
+    progress = (way[:, :, None] * gone).sum((0, 1)) / way.square().sum()
+    if wrong == "the mean of shares":
+        shares = gone / way[:, :, None]
+        progress = shares[way.abs() > 0].mean(0)
+    elif wrong == "not divided":
+        progress = (way[:, :, None] * gone).mean((0, 1))
+    left = gone if wrong == "who changes places varies" else gone - progress * way[:, :, None]
+    waves = {"no DCT": left, "transposed": left @ C}.get(wrong, left @ C.T)
+    waves = waves.nan_to_num()  # where nobody has any way to go
+    size, basis = torch.linalg.eigh(waves.permute(2, 1, 0) @ waves.permute(2, 0, 1) / len(x))
+    if wrong == "rows for columns":
+        basis = basis.mT
+    elif wrong == "unsorted":
+        size = size.flip(-1)
+    return place, progress, basis, size if wrong == "no root" else size.sqrt()
+
+
+PRIOR_MISTAKES = (
+    "not ranked",
+    "ranked at every frame",  # nobody ever changes places
+    "ranked at the end",
+    "all frames",  # the place is a mean over time
+    "S for its inverse",
+    "a dancer's own way",
+    "the mean of shares",  # not the least squares
+    "not divided",
+    "who changes places varies",  # the way is not taken out
+    "no DCT",
+    "transposed",
+    "rows for columns",
+    "unsorted",  # sizes of other formations
+    "no root",  # the variance
+)
+
 
 NEAR_MISSES = {
     "07.1": [
@@ -40,5 +93,10 @@ NEAR_MISSES = {
         lambda tokens, table: tokens + table.repeat(len(tokens) // len(table), 1).roll(1, 0),
         lambda tokens, table: tokens + table.mean(0),
         lambda tokens, table: tokens * table.repeat(len(tokens) // len(table), 1),
+    ],
+    "07.5": [
+        *(partial(prior, wrong=wrong) for wrong in PRIOR_MISTAKES),
+        lambda x, C: prior(x, C, "")[:3],
+        lambda x, C: tuple(reversed(prior(x, C, ""))),
     ],
 }

@@ -1,6 +1,62 @@
 """Plausible wrong answers to the exercises of lesson 08: A memory for time."""
 
+from functools import partial
+
 import torch
+import torch.nn.functional as F
+
+
+def live(x, past, h, block, wrong):
+    """Exercise 08.5 with one mistake."""
+    u, z = block.in_proj(x).chunk(2, dim=-1)
+    if wrong == "gate first":
+        u, z = z, u
+    seen = torch.cat([past, u[:, None]], 1)
+    if wrong == "newest first":
+        seen = torch.cat([u[:, None], past], 1)
+    kept = seen[:, :3] if wrong == "the oldest kept" else seen[:, 1:]
+    weight = block.conv.weight[:, 0].T
+    heard = (seen * (weight.flip(0) if wrong == "kernel backwards" else weight)).sum(1)
+    u = heard + (0 if wrong == "no bias" else block.conv.bias)
+    u = u if wrong == "no SiLU" else F.silu(u)
+    if wrong == "behind the convolution":
+        kept = torch.cat([past[:, 1:], u[:, None]], 1)
+    s = block.d_state
+    dt, B, C = block.x_proj(u).split([block.dt_proj.in_features, s, s], -1)
+    if wrong == "read for write":
+        B, C = C, B
+    delta = block.dt_proj(dt)
+    delta = delta.exp() if wrong == "exp for softplus" else F.softplus(delta)
+    rate = block.A_log if wrong == "log" else block.A_log.exp()
+    fade = torch.exp(-delta[..., None] * rate)
+    new = (u if wrong == "no delta" else delta * u)[..., None] * B[:, None]
+    after = fade * (h + new) if wrong == "fades at once" else fade * h + new
+    read = h if wrong == "read before it is written" else after
+    y = (read * C[:, None]).sum(-1)
+    y = y if wrong == "no D" else y + block.D_skip * u
+    y = y if wrong == "no gate" else y * F.silu(z)
+    return block.out_proj(y), kept, h if wrong == "the old state" else after
+
+
+LIVE_MISTAKES = (
+    "gate first",
+    "newest first",
+    "the oldest kept",  # the window does not move on
+    "kernel backwards",
+    "no bias",
+    "no SiLU",
+    "behind the convolution",  # it would be convolved twice
+    "read for write",
+    "exp for softplus",
+    "log",  # the rate is its exponential
+    "no delta",
+    "fades at once",  # the new frame, too
+    "read before it is written",
+    "no D",
+    "no gate",
+    "the old state",
+)
+
 
 NEAR_MISSES = {
     "08.1": [
@@ -62,5 +118,10 @@ NEAR_MISSES = {
             .reshape(tokens.shape)
         ),  # from behind
         lambda tokens, n, memory: tokens,
+    ],
+    "08.5": [
+        *(partial(live, wrong=wrong) for wrong in LIVE_MISTAKES),
+        lambda x, past, h, block: live(x, past, h, block, "")[0],
+        lambda x, past, h, block: (block(x[:, None])[:, 0], past, h),  # as if nothing had been
     ],
 }

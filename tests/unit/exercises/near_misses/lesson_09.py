@@ -1,8 +1,10 @@
 """Plausible wrong answers to the exercises of lesson 09: Changing places."""
 
+from functools import partial
 from itertools import pairwise
 
 import torch
+import torch.nn.functional as F
 
 from dancediff.exercises import EXERCISES
 
@@ -31,6 +33,46 @@ def pushed_right(x, S, gap):
 
 def with_zeros(steps):
     return torch.cat([torch.zeros_like(steps[:, :1]), steps], dim=1)
+
+
+def adaptor(x_raw, layers, legs, wrong):
+    """Exercise 09.4 with one mistake."""
+    root = x_raw[..., [4, 5] if wrong == "height for depth" else [4, 6]]
+    steps = (1 if wrong == "per frame" else 30) * root.diff(dim=1)
+    v = F.pad(steps, (0, 0, 0, 1) if wrong == "a frame early" else (0, 0, 1, 0))
+    v = v if wrong == "not cut" else v.clamp(-3, 3)
+    x = x_raw
+    for k, layer in enumerate(layers):
+        gate = v @ layer["Wg"] + layer["bg"]
+        gate = gate if wrong == "no sigma" else gate.sigmoid()
+        linear, shift = x @ layer["W"] + layer["b"], v @ layer["Wb"]
+        x = (linear + shift) * gate if wrong == "shift gated" else linear * gate + shift
+        x = x - shift if wrong == "no shift" else x
+        if k < 2 or wrong == "also the last":
+            x = {"relu": F.relu, "linear": lambda x: x}.get(wrong, F.leaky_relu)(x)
+    if wrong == "all of it":
+        return x
+    x_hat = x_raw.clone()
+    rest = [k for k in range(x.shape[-1]) if k not in legs] if wrong == "the rest" else legs
+    x_hat[..., rest] = x[..., rest] + (x_raw[..., rest] if wrong == "added" else 0)
+    return x_hat
+
+
+ADAPTOR_MISTAKES = (
+    "height for depth",
+    "per frame",  # as in eq. 9
+    "a frame early",
+    "not cut",
+    "no sigma",
+    "shift gated",
+    "no shift",
+    "also the last",  # a leaky ReLU behind the third layer
+    "relu",
+    "linear",  # nothing between the layers
+    "all of it",
+    "the rest",  # the legs of the raw guess
+    "added",  # ours, not eq. 11
+)
 
 
 NEAR_MISSES = {
@@ -65,5 +107,10 @@ NEAR_MISSES = {
         lambda root: with_zeros(30 * root[..., [2, 0]].diff(dim=1)),  # z before x
         lambda root: with_zeros(-30 * root[..., [0, 2]].diff(dim=1)),
         lambda root: torch.cat([x[:, :1] for x in [30 * root[..., [0, 2]].diff(dim=1)]] * 1, 1),
+    ],
+    "09.4": [
+        *(partial(adaptor, wrong=wrong) for wrong in ADAPTOR_MISTAKES),
+        lambda x_raw, layers, legs: adaptor(x_raw, layers, legs, "")[..., legs],
+        lambda x_raw, layers, legs: x_raw,
     ],
 }
