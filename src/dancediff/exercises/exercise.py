@@ -164,11 +164,15 @@ def _same(a, b) -> bool:
 
     >>> _same([torch.ones(2)], [torch.ones(2)]), _same([torch.ones(2)], [torch.zeros(2)])
     (True, False)
+    >>> _same(torch.tensor(float("nan")), torch.tensor(float("nan")))     # a number that is missing
+    True
     """
     if type(a) is not type(b):
         return False
     if isinstance(a, torch.Tensor | np.ndarray):
-        return a.shape == b.shape and bool((a == b).all())
+        if a.shape != b.shape:
+            return False
+        return bool(((a == b) | ((a != a) & (b != b))).all())  # noqa: PLR0124 - nan, as before
     if isinstance(a, dict):
         return a.keys() == b.keys() and all(_same(a[key], b[key]) for key in a)
     if isinstance(a, list | tuple):
@@ -202,4 +206,5 @@ def _name(v) -> str:
     if isinstance(v, list) and len(v) > SHOWN and isinstance(v[0], int):
         return f"[{', '.join(map(str, v[:3]))}, …, {v[-1]}]"
     hidden = isinstance(v, torch.Tensor) or (isinstance(v, list) and isinstance(v[0], torch.Tensor))
+    hidden = hidden or (isinstance(v, np.ndarray) and v.ndim > 1)
     return _kind(v) if hidden else f"{v!r}"
