@@ -45,3 +45,23 @@ def next_beats(past, now, until):
     T = np.median(np.diff(past[-8:]))
     beats = past[-1] + T * np.arange(1, 100)
     return beats[(beats > now) & (beats <= until)]
+
+
+# %% 15.5
+# Dance that is ready covers a slow moment, but it cannot be changed any more: so computing rests
+# while more than the lead is ready. While the player stands still nothing is played, and everything
+# behind comes later: `played` must go on from when a piece was shown, not from when it was due.
+import numpy as np
+
+
+def play(costs, frames, steps, lead):
+    rows, ready, played = [], 0.0, 0.0
+    for k, (cost, n) in enumerate(zip(costs, frames, strict=True)):
+        begun = max(ready, played - lead)
+        ready = begun + steps * cost
+        shown = max(ready, played)
+        rows.append((begun, ready, shown, steps))
+        if k > 0 and ready > played:
+            steps = max(steps // 2, 4)
+        played = shown + n / 30
+    return np.array(rows)

@@ -33,3 +33,24 @@ from math import comb
 
 def luck(wins, songs):
     return sum(comb(songs, k) for k in range(wins, songs + 1)) / 2**songs
+
+
+# %% 16.4
+# A hard song is hard for both networks. Their difference on one song leaves that out, so pairs give
+# a narrower interval than two rows that are drawn each for itself. A song without the score of one
+# of them says nothing about the difference, and must not be drawn.
+import numpy as np
+
+
+def compare(mine, other, draws):
+    rows = []
+    for column in range(mine.shape[1]):
+        a, b = mine[:, column], other[:, column]
+        both = np.isfinite(a) & np.isfinite(b)
+        a, b = a[both], b[both]
+        k = len(a)
+        songs = np.floor(k * draws[:, :k]).astype(int)  # (r, k)
+        means = (a - b)[songs].mean(axis=1)
+        low, high = np.quantile(means, (0.025, 0.975))
+        rows.append((a.mean(), (a - b).mean(), low, high))
+    return np.array(rows)

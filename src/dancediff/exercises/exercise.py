@@ -164,11 +164,15 @@ def _same(a, b) -> bool:
 
     >>> _same([torch.ones(2)], [torch.ones(2)]), _same([torch.ones(2)], [torch.zeros(2)])
     (True, False)
+    >>> _same(torch.tensor(float("nan")), torch.tensor(float("nan")))     # a number that is missing
+    True
     """
     if type(a) is not type(b):
         return False
     if isinstance(a, torch.Tensor | np.ndarray):
-        return a.shape == b.shape and bool((a == b).all())
+        if a.shape != b.shape:
+            return False
+        return bool(((a == b) | ((a != a) & (b != b))).all())  # noqa: PLR0124 - nan, as before
     if isinstance(a, dict):
         return a.keys() == b.keys() and all(_same(a[key], b[key]) for key in a)
     if isinstance(a, list | tuple):
@@ -201,15 +205,17 @@ def _name(v) -> str:
         return v.__name__.strip("_")
     if isinstance(v, list) and len(v) > SHOWN and isinstance(v[0], int):
         return f"[{', '.join(map(str, v[:3]))}, …, {v[-1]}]"
-    return _kind(v) if _has_tensors(v) else f"{v!r}"
+    return _kind(v) if _is_large(v) else f"{v!r}"
 
 
-def _has_tensors(v) -> bool:
-    """Whether a tensor is, or is in, what a case holds.
+def _is_large(v) -> bool:
+    """Whether what a case holds is, or has in it, a tensor or an array of several axes.
 
-    >>> _has_tensors([{"W": torch.ones(2)}]), _has_tensors({0: {"energy": 0.5}})
+    >>> _is_large([{"W": torch.ones(2)}]), _is_large({0: {"energy": 0.5}})
     (True, False)
     """
     if isinstance(v, dict):
         v = list(v.values())
-    return isinstance(v, torch.Tensor) or (isinstance(v, list) and any(map(_has_tensors, v)))
+    if isinstance(v, list):
+        return any(map(_is_large, v))
+    return isinstance(v, torch.Tensor) or (isinstance(v, np.ndarray) and v.ndim > 1)

@@ -94,8 +94,34 @@ def _foretells(got, past, now: float, until: float) -> str:
     return ""
 
 
+FEWEST = 4  # steps of a piece that was made in a hurry
+
+
+def _play(costs: list, frames: list, steps: int, lead: float) -> np.ndarray:
+    rows, ready, played = [], 0.0, 0.0
+    for k, cost in enumerate(costs):
+        begun = max(ready, played - lead)
+        ready = begun + steps * cost
+        rows.append((begun, ready, max(ready, played), steps))
+        if k and ready > played:
+            steps = max(steps // 2, FEWEST)
+        played = rows[-1][2] + frames[k] / 30
+    return np.array(rows)
+
+
+def _computers() -> list[tuple]:
+    """One that is busy for a while, one too slow, one with little lead, one that mostly rests."""
+    return [
+        ([0.2, 0.2, 0.25, 0.9, 0.2, 0.3, 0.2], [75, 75, 60, 90, 75, 30, 75], 8, 3.0),
+        ([0.3, 0.31, 0.3, 0.42, 0.9, 0.3], [45, 75, 45, 60, 45, 75], 22, 4.0),
+        ([0.1, 0.05, 0.3, 0.04, 0.11], [75, 60, 75, 90, 75], 13, 0.8),
+        ([0.06, 0.05, 0.04, 0.02, 0.05, 0.05, 0.05, 0.07], [75] * 4 + [60] * 4, 10, 2.6),
+    ]
+
+
 SPECS = {
     "15.1": {"spec": _steer, "cases": _wishes},
     "15.3": {"spec": _most_overlap, "cases": _windows},
     "15.4": {"spec": _next_beats, "cases": _heard, "accepts": _foretells},
+    "15.5": {"spec": _play, "cases": _computers},
 }

@@ -2,6 +2,7 @@
 
 from math import comb
 
+import numpy as np
 import torch
 
 from dancediff.extensions.ssd import segsum
@@ -40,8 +41,32 @@ def _luck(wins, songs):
     return sum(comb(songs, k) for k in range(wins, songs + 1)) / 2**songs
 
 
+def _compare(mine, other, draws):
+    rows = []
+    for a, b in zip(mine.T, other.T, strict=True):
+        both = np.isfinite(a) & np.isfinite(b)
+        gap, k = (a - b)[both], both.sum()
+        means = gap[(k * draws[:, :k]).astype(int)].mean(axis=1)
+        rows.append((a[both].mean(), gap.mean(), *np.quantile(means, (0.025, 0.975))))
+    return np.array(rows)
+
+
+def _rivals() -> list[tuple]:
+    """Scores of two networks that find the same songs hard; some are missing."""
+    draw = np.random.default_rng(0)
+    cases = []
+    missing = (([1], []), ([0, 3], [5]), ([2], [2, 4]))  # of the first score; of the last one
+    for (b, m, r), (first, last) in zip(((6, 4, 60), (9, 3, 50), (7, 2, 40)), missing, strict=True):
+        hard = draw.uniform(0, 2, (b, 1))
+        mine, other = (hard + draw.uniform(0, 1, (b, m)) for _ in range(2))
+        mine[first, 0], other[last, -1] = np.nan, np.nan
+        cases.append((mine, other, draw.random((r, b))))
+    return cases
+
+
 SPECS = {
     "16.1": {"spec": _fuse, "cases": _groups},
     "16.2": {"spec": _ssd, "cases": _streams},
     "16.3": {"spec": _luck, "cases": lambda: [(4, 4), (6, 8), (8, 10), (5, 10), (0, 3), (55, 100)]},
+    "16.4": {"spec": _compare, "cases": _rivals},
 }

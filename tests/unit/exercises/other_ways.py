@@ -652,6 +652,36 @@ def beats_in_a_loop(past, now, until):
     return found
 
 
+def play_by_differences(costs, frames, steps, lead):
+    """Fills a table; what is played is where the last row began, and how long it lasts."""
+    table = zeros(len(costs), 4, dtype=torch.float64)
+    table[0] = tensor([0.0, steps * costs[0], steps * costs[0], steps])
+    for k in range(1, len(costs)):
+        played = table[k - 1, 2] + frames[k - 1] / 30
+        table[k, 3] = steps
+        table[k, 0] = torch.maximum(table[k - 1, 1], played - lead)
+        table[k, 1] = table[k, 0] + steps * costs[k]
+        table[k, 2] = torch.maximum(table[k, 1], played)
+        if table[k, 2] > played:
+            steps = max(4, int(steps / 2))
+    return table
+
+
+def play_by_waiting(costs, frames, steps, lead):
+    """Counts all waiting so far: the dance is shown that much later than it would be."""
+    rows, now, waited, danced = [], 0.0, 0.0, 0.0
+    for cost, n in zip(costs, frames, strict=True):
+        left = waited + danced - now
+        begun = now + max(left - lead, 0)
+        now = begun + cost * steps
+        late = now - waited - danced
+        waited += max(late, 0)
+        rows.append([begun, now, waited + danced, steps])
+        steps = max(steps // 2, 4) if late > 0 and danced > 0 else steps
+        danced += n / 30
+    return rows
+
+
 # 16 · Your own TCDiff++
 
 
@@ -683,6 +713,33 @@ def luck_by_pascal(wins, songs):
 
 def luck_by_scipy(wins, songs):
     return stats.binom.sf(wins - 1, songs, 0.5)
+
+
+def compare_draw_by_draw(mine, other, draws):
+    table = []
+    for column in range(mine.shape[1]):
+        pairs = [(a, b) for a, b in zip(mine[:, column], other[:, column], strict=True)]
+        pairs = [(a, b) for a, b in pairs if not math.isnan(a) and not math.isnan(b)]
+        k, gaps = len(pairs), []
+        for draw in draws:
+            a, b = zip(*(pairs[math.floor(k * u)] for u in draw[:k]), strict=True)
+            gaps.append(sum(a) / k - sum(b) / k)
+        a, b = (sum(values) / k for values in zip(*pairs, strict=True))
+        table.append([a, a - b, np.percentile(gaps, 2.5), np.percentile(gaps, 97.5)])
+    return table
+
+
+def compare_by_counts(mine, other, draws):
+    """A draw's mean is a weighted one: how often each song came."""
+    rows = []
+    for column, gaps in zip(tensor(mine).T, tensor(mine - other).T, strict=True):
+        a, gap = column[gaps.isfinite()], gaps[gaps.isfinite()]
+        k = len(gap)
+        counts = F.one_hot((k * tensor(draws)[:, :k]).long(), k).sum(1)
+        means = counts.double() @ gap / k
+        ends = means.quantile(tensor([0.025, 0.975], dtype=torch.float64))
+        rows.append(cat([stack([a.mean(), gap.mean()]), ends]))
+    return stack(rows)
 
 
 OTHER_WAYS = {
@@ -827,6 +884,7 @@ OTHER_WAYS = {
         beats_in_a_loop,
         lambda past, now, until: tensor(beats_in_a_loop(past, now, until)),
     ],
+    "15.5": [play_by_differences, play_by_waiting],
     "16.1": [
         fuse_frame_by_frame,
         lambda h, mix: mix(h.movedim(2, 1).flatten(2)).unflatten(2, h.shape[1::2]).movedim(2, 1),
@@ -836,4 +894,5 @@ OTHER_WAYS = {
         ssd_by_scan,
     ],
     "16.3": [luck_by_scipy, luck_by_pascal],
+    "16.4": [compare_draw_by_draw, compare_by_counts],
 }

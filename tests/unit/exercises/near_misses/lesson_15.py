@@ -37,6 +37,46 @@ def foretold(past, now, until, *, recent=8, middle=np.median, since=None, from_z
     return beats[(beats > now) & (beats <= until)]
 
 
+def played(
+    costs,
+    frames,
+    steps,
+    lead,
+    *,
+    rests=True,
+    stalls=True,
+    waits_for_first=True,
+    first_counts=False,
+    at_once=False,
+    fewest=4,
+    again=False,
+    ahead_of=0,
+):
+    """A player in one of several wrong ways."""
+    rows, ready, end, most = [], 0.0, 0.0, steps
+    for k, (cost, n) in enumerate(zip(costs, frames, strict=True)):
+        begun = max(ready, end + ahead_of * n / 30 - lead) if rests and k else ready
+        late = begun + steps * cost > end and (k or first_counts)
+        if late and at_once:
+            steps = max(steps // 2, fewest)
+        ready = begun + steps * cost
+        shown = max(ready, end) if stalls and (k or waits_for_first) else end
+        rows.append((begun, ready, shown, steps))
+        if again and not late:
+            steps = most
+        if late and not at_once:
+            steps = max(steps // 2, fewest)
+        end = shown + n / 30
+    return np.array(rows)
+
+
+def waits_in_the_last_column(costs, frames, steps, lead):
+    """The seconds of waiting where the steps should be."""
+    rows = played(costs, frames, steps, lead)
+    due = np.append(0, rows[:-1, 2] + np.array(frames[:-1]) / 30)
+    return np.column_stack([rows[:, :3], rows[:, 2] - due])
+
+
 NEAR_MISSES = {
     "15.1": [
         lambda begin, wishes: steers(begin, wishes, late=1),  # a piece too late
@@ -99,5 +139,23 @@ NEAR_MISSES = {
         lambda past, now, until: foretold(past, now, until)[:1],  # the next one only
         lambda past, now, until: foretold(past, now, until) + 0.25,
         lambda past, now, until: np.arange(now, until, 0.5),  # 120 a minute, whatever was heard
+    ],
+    "15.5": [
+        lambda *case: played(*case, rests=False),  # as fast as it can
+        lambda *case: played(*case, stalls=False),  # the player never waits
+        lambda *case: played(*case, waits_for_first=False),  # played from the call on
+        lambda *case: played(*case, first_counts=True),  # the first wait counts as late
+        lambda *case: played(*case, at_once=True),  # the late piece itself has fewer steps
+        lambda *case: played(*case, fewest=1),
+        lambda *case: played(*case, fewest=99),  # the least is the most
+        lambda *case: played(*case, again=True),  # all steps again after a piece in time
+        lambda *case: played(*case, ahead_of=1),  # the piece to come counts as ready
+        lambda costs, frames, steps, lead: played(costs, frames, steps, lead / 30),  # as frames
+        lambda costs, frames, steps, lead: played(costs, frames, steps, 0),
+        lambda costs, frames, steps, lead: played(costs, [30 * n for n in frames], steps, lead),
+        lambda costs, frames, steps, lead: played([c / steps for c in costs], frames, steps, lead),
+        lambda *case: played(*case).T,
+        lambda *case: played(*case)[:, [1, 0, 2, 3]],
+        waits_in_the_last_column,
     ],
 }

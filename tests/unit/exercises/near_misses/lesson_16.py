@@ -2,6 +2,7 @@
 
 from math import comb
 
+import numpy as np
 import torch
 
 from dancediff.exercises import EXERCISES
@@ -46,6 +47,53 @@ def only_the_past(u, a, B, C):
     return torch.tril((C @ B.mT) * segsum(a).exp(), -1) @ u
 
 
+def compared(
+    mine, other, draws, *, ends=(0.025, 0.975), middle=np.mean, drop=True, own=False, apart=False
+):
+    """A row of the table that was made in one of several wrong ways."""
+    rows = []
+    for mine_all, other_all in zip(mine.T, other.T, strict=True):
+        both = np.isfinite(mine_all) & np.isfinite(other_all)
+        a, b, k = mine_all[both], other_all[both], both.sum()
+        picks = (k * draws[:, :k]).astype(int)
+        if not drop:  # of all songs, and those that are missing are left out afterwards
+            picks = (len(mine) * draws).astype(int)
+            means = np.nanmean((mine_all - other_all)[picks], axis=1)
+        else:
+            others = picks[::-1] if apart else picks
+            means = a[picks].mean(axis=1) - b[others].mean(axis=1)
+        mean = np.nanmean(mine_all) if own else middle(a)
+        rows.append((mean, middle(a - b), *np.quantile(means, ends)))
+    return np.array(rows)
+
+
+def by_formula(mine, other, draws):
+    """Two standard errors on both sides: no draws."""
+    rows = compared(mine, other, draws)
+    for row, gaps in zip(rows, (mine - other).T, strict=True):
+        gap = gaps[np.isfinite(gaps)]
+        half = 1.96 * gap.std(ddof=1) / len(gap) ** 0.5
+        row[2:] = row[1] - half, row[1] + half
+    return rows
+
+
+def of_my_mean(mine, other, draws):
+    """The interval of what mine has, not of the difference."""
+    rows = compared(mine, other, draws)
+    rows[:, 2:] = compared(mine, np.where(np.isfinite(other), 0, np.nan), draws)[:, 2:]
+    return rows
+
+
+def along_the_draws(mine, other, draws):
+    """Means over the draws instead of over the songs of one."""
+    rows = compared(mine, other, draws)
+    for row, gaps in zip(rows, (mine - other).T, strict=True):
+        gap = gaps[np.isfinite(gaps)]
+        picks = (len(gap) * draws[:, : len(gap)]).astype(int)
+        row[2:] = np.quantile(gap[picks].mean(axis=0), (0.025, 0.975))
+    return rows
+
+
 NEAR_MISSES = {
     "16.1": [
         dancer_by_dancer,
@@ -74,5 +122,20 @@ NEAR_MISSES = {
         lambda wins, songs: 1 - wins / songs,
         lambda wins, songs: 1 - EXERCISES["16.3"].spec(wins, songs),
         lambda wins, songs: 0.5**wins,
+    ],
+    "16.4": [
+        by_formula,
+        of_my_mean,
+        along_the_draws,
+        lambda *case: compared(*case, apart=True),  # each network has songs of its own
+        lambda *case: compared(*case, own=True),  # the mean of songs that the other lacks, too
+        lambda *case: compared(*case, drop=False),
+        lambda *case: compared(*case, ends=(0.05, 0.95)),
+        lambda *case: compared(*case, ends=(0, 1)),
+        lambda *case: compared(*case, middle=np.median),
+        lambda mine, other, draws: compared(other, mine, draws),
+        lambda mine, other, draws: compared(np.nan_to_num(mine), np.nan_to_num(other), draws),
+        lambda mine, other, draws: compared(mine, other, draws[:, ::-1]),  # the last k numbers
+        lambda *case: compared(*case).T,
     ],
 }
