@@ -57,3 +57,26 @@ def without_beat(beats, seconds):
             found.append((last, beat))
         last = beat
     return found
+
+
+# %% 02.7
+# The best choice up to a beat does not depend on what comes after it, so each frame needs only its
+# best total and the beat before it. Where no earlier beat adds anything the frame is a first beat.
+# The last beat is the largest total; going back from there gives all the others.
+import numpy as np
+
+
+def track(onset, period, tightness):
+    best, before = np.array(onset, dtype=float), np.full(len(onset), -1)
+    gaps = np.arange(np.ceil(period / 2), np.floor(2 * period) + 1).astype(int)
+    cost = tightness * np.log(gaps / period) ** 2
+    for i in range(gaps[0], len(onset)):
+        totals = best[i - gaps[gaps <= i]] - cost[gaps <= i]
+        k = totals.argmax()
+        if totals[k] > 0:
+            best[i] += totals[k]
+            before[i] = i - gaps[k]
+    beats = [best.argmax()]
+    while before[beats[-1]] >= 0:
+        beats.append(before[beats[-1]])
+    return np.array(beats[::-1])

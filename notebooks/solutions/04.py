@@ -41,3 +41,25 @@ import torch
 
 def my_abar(num_steps):
     return torch.linspace(0.99, 0.0005, num_steps)
+
+
+# %% 04.6
+# One axis for the dances: whatever differs from dance to dance (noise level, weight, music or none)
+# has b numbers and is stretched over the others. Only the weights of the network are moved, against
+# the gradient of the loss. Its length is cut at 1, so a batch that is hard to guess moves them no
+# farther than others.
+import torch
+
+
+def training_step(net, W, batch, abar, weight, rate):
+    x_0, t = batch["x_0"], batch["t"]
+    a = abar[t].reshape(-1, 1, 1, 1)
+    x_t = (a.sqrt() * x_0 + (1 - a).sqrt() * batch["eps"]).float()
+    M = batch["M"] * batch["keep"][:, None, None]
+    W = W.clone().requires_grad_()
+    guess = net(W, x_t, t, M)
+    error = (guess - x_0).square().mean(dim=(1, 2, 3))
+    loss = (weight[t] * error).mean()
+    (slope,) = torch.autograd.grad(loss, W)
+    slope = slope / slope.norm().clamp(min=1)
+    return loss.item(), (W - rate * slope).detach()

@@ -11,7 +11,7 @@ from dancediff.exercises.exercise import OPEN, RIGHT, WRONG, Exercise, Verdict, 
 
 _TEXTS = tomllib.loads((Path(__file__).parent / "exercises.toml").read_text(encoding="utf-8"))
 _SPECS: dict[str, dict] = {}
-for _lesson in range(1, 17):  # lesson 00 has predictions only
+for _lesson in range(17):
     _SPECS |= import_module(f"dancediff.exercises.lesson_{_lesson:02d}").SPECS
 EXERCISES = {key: Exercise(**text, **_SPECS.get(key, {})) for key, text in _TEXTS.items()}
 

@@ -104,9 +104,72 @@ def _same_stretches(got, beats, seconds) -> str:
     return f"stretch {k} is {got[k]}, expected {want[k]} for {where}" if len(wrong) else ""
 
 
+def _track(onset, period, tightness):
+    best, before = np.array(onset, dtype=float), np.full(len(onset), -1)
+    gaps = np.arange(1, len(onset))
+    gaps = gaps[(gaps >= period / 2) & (gaps <= 2 * period)]
+    cost = tightness * np.log(gaps / period) ** 2
+    for i in range(len(onset)):
+        totals = best[i - gaps[gaps <= i]] - cost[gaps <= i]
+        if totals.max(initial=0) > 0:
+            best[i] += totals.max()
+            before[i] = i - gaps[totals.argmax()]
+    beats = [int(best.argmax())]
+    while before[beats[-1]] >= 0:
+        beats.append(int(before[beats[-1]]))
+    return np.array(beats[::-1])
+
+
+def _drummed(f, period, seed, *, mean=0.0) -> np.ndarray:
+    """Onset strength of drums that hurry and drag, of which some are missed; and of other sounds.
+
+    ``mean`` is taken away; then silence, of which there is some before and behind, is below 0.
+    """
+    draw = np.random.default_rng(seed)
+    onset = 0.6 * draw.random(f) ** 4
+    beats = np.cumsum(period * draw.uniform(0.85, 1.15, int(f / period)))
+    onset[beats[(beats < 0.85 * f) & (draw.random(len(beats)) < 0.8)].astype(int)] += 1.5
+    onset[: int(0.15 * f)] = onset[int(0.85 * f) :] = 0
+    return onset - mean
+
+
+def _tracked() -> list[tuple]:
+    sparse = np.full(90, -2.0)  # beats as far apart as they may be, or a frame more
+    sparse[[5, 25, 45, 50, 71, 76]] = 3.0
+    return [
+        (_drummed(240, 20, 0), 20, 2.0),
+        (_drummed(200, 13.4, 1, mean=0.2), 13.4, 4.0),
+        (_drummed(150, 6.5, 2, mean=0.3), 6.5, 3.0),
+        (np.random.default_rng(3).random(100), 4.5, 6.0),  # every frame is worth something
+        (sparse, 10, 1.0),
+        (np.array([0.2, 0.9, 0.1]), 12.5, 1.0),  # too short for two
+    ]
+
+
+def _is_best(got, onset, period, tightness) -> str:
+    beats = np.asarray(got)
+    where = f"for {len(onset)} frames and a period of {period}"
+    if beats.ndim != 1 or not len(beats) or not np.isin(beats, np.arange(len(onset))).all():
+        return f"expected one frame or several, from 0 to {len(onset) - 1}, {where}"
+    gaps = np.diff(beats)
+    wrong = gaps[(gaps < period / 2) | (gaps > 2 * period)]
+    if len(wrong):
+        return f"a gap is {wrong[0]} frames, expected {period / 2} to {2 * period}, {where}"
+    best = _track(onset, period, tightness)
+    yours, most = (
+        onset[b.astype(int)].sum() - tightness * (np.log(np.diff(b) / period) ** 2).sum()
+        for b in (beats, best)
+    )
+    if yours >= most - 1e-4:
+        return ""
+    counted = f"your total is {yours:.3f} (beats: {len(beats)})"
+    return f"{counted}, expected {most:.3f} (beats: {len(best)}), {where}"
+
+
 SPECS = {
     "02.1": {"spec": _new_tone, "accepts": _hears_a_tone},
     "02.2": {"spec": _tempo, "cases": _tempo_cases},
     "02.4": {"spec": _cut_last, "cases": _cut_cases, "accepts": _same_windows},
     "02.6": {"spec": _without_beat, "cases": _tapped, "accepts": _same_stretches},
+    "02.7": {"spec": _track, "cases": _tracked, "accepts": _is_best},
 }

@@ -74,9 +74,59 @@ def _is_a_plan(got, num_steps) -> str:
     return "" if middle >= 0.7 else f"{middle:.0%} of the steps are in the middle, expected 70%"
 
 
+def _training_step(net, W, batch, abar, weight, rate):
+    x_0, M, t, eps, keep = (batch[name] for name in ("x_0", "M", "t", "eps", "keep"))
+    W = W.clone().requires_grad_()
+    guess = net(W, q_sample(x_0, t, abar, eps), t, M * keep[:, None, None])
+    loss = (weight[t] * (guess - x_0).square().mean((1, 2, 3))).mean()
+    (slope,) = torch.autograd.grad(loss, W)
+    return loss.item(), (W - rate * slope / slope.norm().clamp(min=1)).detach()
+
+
+def _linear(W, x_t, t, M):
+    """A guess that is a weighted sum of noisy dance, music, noise level and 1."""
+    level = (t / 1000).reshape(-1, 1, 1, 1).expand(*x_t.shape[:3], 1)
+    music = M[:, None].expand(-1, x_t.shape[1], -1, -1)
+    inputs = torch.cat([x_t, music, level, torch.ones_like(level)], dim=-1)
+    return torch.tanh(inputs.to(W.dtype) @ W)
+
+
+def _batches() -> list[tuple]:
+    draw = torch.Generator().manual_seed(0)
+    cases = []
+    for (b, n, f, d, m), size in (((3, 2, 5, 4, 6), 0.7), ((4, 3, 2, 5, 1), 6.0)):
+        batch = {
+            "x_0": size * torch.randn(b, n, f, d, generator=draw),
+            "M": torch.randn(b, f, m, generator=draw) + 1,
+            "t": torch.tensor([500, 40, 900, 250][:b]),
+            "eps": torch.randn(b, n, f, d, generator=draw),
+            "keep": torch.tensor([True, False, True, True][:b]),
+        }
+        W = 0.4 * torch.randn(d + m + 2, d, generator=draw)
+        weight = torch.linspace(0.2, 3.0, 1000)
+        cases.append((_linear, W, batch, cosine_abar(1000), weight, 0.5))
+    return cases
+
+
+def _is_a_step(got, net, W, batch, abar, weight, rate) -> str:
+    loss, moved = got
+    right, there = _training_step(net, W, batch, abar, weight, rate)
+    loss = float(torch.as_tensor(loss).detach())
+    if not abs(loss - right) <= 1e-3 * right:
+        return f"the loss is {loss:.4g}, expected {right:.4g}"
+    moved = torch.as_tensor(moved).detach()
+    if moved.shape != W.shape:
+        return f"the loss is right; shape {tuple(moved.shape)} of W, expected {tuple(W.shape)}"
+    if not (moved - there).norm() <= 1e-3 * (there - W).norm():
+        yours, far = (moved - W).norm(), (there - W).norm()
+        return f"the loss is right; W moves by {yours:.4g}, expected {far:.4g}, down the gradient"
+    return ""
+
+
 SPECS = {
     "04.1": {"spec": _x0_from, "cases": _x0_cases},
     "04.2": {"spec": _further, "cases": _further_cases},
     "04.4": {"spec": _fool_the_loss, "cases": _noise_cases, "accepts": _fools_the_loss},
     "04.5": {"spec": _even_abar, "cases": lambda: [(1000,), (50,)], "accepts": _is_a_plan},
+    "04.6": {"spec": _training_step, "cases": _batches, "accepts": _is_a_step},
 }

@@ -11,9 +11,10 @@ import numpy as np
 import torch
 import torch.nn.functional as F
 from scipy import stats
-from torch import cat, stack, tensor, zeros
+from torch import cat, nn, stack, tensor, zeros
 
 from dancediff.diffusion.samplers import ddim_step
+from dancediff.diffusion.schedule import q_sample
 from dancediff.extensions.ssd import ssd_scan
 from dancediff.metrics.rhythm import closeness
 from dancediff.motion.motion import Motion
@@ -21,6 +22,31 @@ from dancediff.motion.rotation import rotation_about
 from dancediff.motion.skeleton import world_rotations
 from dancediff.nn.conditioning import ConcatSquashLinear
 from dancediff.papers.tcdiffpp.footwork_adaptor import ground_velocity
+
+# 00 · Tour: music in, dance out
+
+
+def song_by_clock(bpm, bars, rate):
+    """For each sample the time since the last kick and since the last click."""
+    beat = 60 / bpm
+    seconds = np.arange(int(4 * bars * beat * rate)) / rate + 1e-9
+    since = seconds % beat
+    kick = 0.7 * np.cos(300 * since) * np.exp(-40 * since)
+    click = np.where(since >= beat / 2, 0.2 * np.exp(-200 * (since - beat / 2)), 0)
+    return torch.tensor(np.where(seconds < 4 * (bars - 1) * beat, kick + click, 0))
+
+
+def song_of_noise(bpm, bars, rate):
+    """Short bursts of noise, one half of a beat after the other."""
+    draw = np.random.default_rng(0)
+    song = []
+    for k in range(8 * bars):
+        length = round((k + 1) * 30 / bpm * rate) - round(k * 30 / bpm * rate)
+        burst = draw.uniform(-1, 1, length) * np.exp(-np.arange(length) / (0.02 * rate))
+        burst *= (0.9, 0.35)[k % 2] / np.abs(burst).max()
+        song += (burst * (k < 8 * (bars - 1))).tolist()
+    return song
+
 
 # 01 · A dance is a tensor
 
@@ -78,6 +104,35 @@ def stretches_by_arrays(beats, seconds):
     return np.stack([t[:-1][where], t[1:][where]], axis=1)
 
 
+def track_forwards(onset, period, tightness):
+    """Each frame hands its total on to those that may follow; choices are kept whole."""
+    best = [(float(o), [i]) for i, o in enumerate(onset)]
+    for j in range(len(onset)):
+        total, beats = best[j]
+        for i in range(j + 1, len(onset)):
+            if period / 2 <= i - j <= 2 * period:
+                new = total - tightness * math.log((i - j) / period) ** 2 + onset[i]
+                best[i] = max(best[i], (new, [*beats, i]), key=lambda one: one[0])
+    return max(best, key=lambda one: one[0])[1]
+
+
+def track_from_the_end(onset, period, tightness):
+    """The best that can still come after a beat; then go on from the best first one."""
+    o, f = tensor(onset), len(onset)
+    gaps = torch.arange(f)[None] - torch.arange(f)[:, None]  # from beat to beat
+    cost = tightness * (gaps.clamp(min=1) / period).log().square()
+    cost = torch.where((gaps >= period / 2) & (gaps <= 2 * period), cost, torch.inf)
+    total, after = o.clone(), [-1] * f
+    for j in reversed(range(f)):
+        more, i = (total - cost[j]).max(0)
+        if more > 0:
+            total[j], after[j] = o[j] + more, int(i)
+    beats = [int(total.argmax())]
+    while after[beats[-1]] >= 0:
+        beats.append(after[beats[-1]])
+    return tensor(beats)
+
+
 # 03 · A data set you can trust
 
 
@@ -127,6 +182,33 @@ def rescale_flat(train, new):
     low, high = flat.min(0).values, flat.max(0).values
     middle, half = (low + high) / 2, (high - low) / 2
     return (new - middle) / half
+
+
+# 04 · Destroying a dance
+
+
+def training_step_by_torch(net, W, batch, abar, weight, rate):
+    x_0, t = batch["x_0"], batch["t"]
+    moved = nn.Parameter(W.clone())
+    M = torch.where(batch["keep"][:, None, None], batch["M"], 0.0)
+    guess = net(moved, q_sample(x_0, t, abar, batch["eps"]), t, M)
+    errors = F.mse_loss(guess, x_0, reduction="none").flatten(1).mean(1)
+    loss = errors @ weight[t] / len(t)
+    loss.backward()
+    nn.utils.clip_grad_norm_([moved], 1.0)
+    torch.optim.SGD([moved], lr=rate).step()
+    return loss, moved
+
+
+def training_step_dance_by_dance(net, W, batch, abar, weight, rate):
+    W, loss = W.clone().requires_grad_(), 0.0
+    for x_0, M, t, eps, keep in zip(*batch.values(), strict=True):
+        x_t = math.sqrt(abar[t]) * x_0 + math.sqrt(1 - abar[t]) * eps
+        guess = net(W, x_t[None], t[None], (M if keep else zeros(M.shape))[None])[0]
+        loss = loss + weight[t] * ((guess - x_0) ** 2).mean() / len(batch["t"])
+    slope = torch.autograd.grad(loss, W)[0]
+    length = slope.square().sum().sqrt()
+    return loss.item(), W.detach() - rate * (slope / length if length > 1 else slope)
 
 
 # 05 · A denoiser that listens
@@ -743,6 +825,7 @@ def compare_by_counts(mine, other, draws):
 
 
 OTHER_WAYS = {
+    "00.3": [song_by_clock, song_of_noise],
     "01.2": [hand_by_world_rotations, hand_slightly_bent],
     "01.3": [six_in_a_loop, six_by_crosses],
     "01.4": [
@@ -766,6 +849,7 @@ OTHER_WAYS = {
             [a, b] for a, b in zip([0, *beats], [*beats, seconds], strict=True) if b > a + 2.2
         ],
     ],
+    "02.7": [track_forwards, track_from_the_end],
     "03.1": [
         lambda height: (9.81 / (2 * height[1:-1] - height[2:] - height[:-2]).median()).sqrt(),
         lambda height: math.sqrt(
@@ -807,6 +891,7 @@ OTHER_WAYS = {
         lambda num_steps: 1 - torch.linspace(0.01, 0.9999, num_steps),
         lambda num_steps: (0.99 - np.arange(num_steps) * 0.9895 / (num_steps - 1)).tolist(),
     ],
+    "04.6": [training_step_by_torch, training_step_dance_by_dance],
     "05.2": [distance_in_a_loop, distance_by_variance],
     "05.3": [far_circle, upstairs],
     "05.4": [layer_by_torch, layer_token_by_token],

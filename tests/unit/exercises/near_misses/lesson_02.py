@@ -32,6 +32,45 @@ def believes(**changed):
     return right | {keys[names[name]]: value for name, value in changed.items()}
 
 
+def tracker(*, shortest=0.5, longest=2.0, cost=None, start=0.0, pick=None, last=None):
+    """A beat tracker in which one part is another."""
+    cost = cost or (lambda gaps, p: np.log(gaps / p) ** 2)
+    last = last or (lambda best, p: best.argmax())
+
+    def answer(onset, period, tightness):
+        best, before = np.array(onset, dtype=float), np.full(len(onset), -1)
+        gaps = np.arange(np.ceil(shortest * period), np.floor(longest * period) + 1).astype(int)
+        costs = tightness * cost(gaps, period)
+        for i in range(gaps[0], len(onset)):
+            near = gaps[gaps <= i]
+            totals = best[i - near] - costs[: len(near)]
+            k = (totals if pick is None else pick(best, i - near)).argmax()
+            if totals[k] > start:
+                best[i], before[i] = best[i] + totals[k], i - near[k]
+        beats = [last(best, period)]
+        while before[beats[-1]] >= 0:
+            beats.append(before[beats[-1]])
+        return np.array(beats[::-1])
+
+    return answer
+
+
+def steps_of_one_period(onset, period, tightness):
+    """Even beats, at the phase that is strongest."""
+    rows = [np.arange(k, len(onset), round(period)) for k in range(min(len(onset), round(period)))]
+    return max(rows, key=lambda row: onset[row].sum())
+
+
+def strongest_next(onset, period, tightness):
+    """From the strongest beginning always to the best next frame, which looks no farther."""
+    beats = [int(np.argmax(onset[: int(period)]))]
+    gaps = np.arange(np.ceil(period / 2), 2 * period).astype(int)
+    while beats[-1] + gaps[-1] < len(onset):
+        worth = onset[beats[-1] + gaps] - tightness * np.log(gaps / period) ** 2
+        beats.append(int(beats[-1] + gaps[worth.argmax()]))
+    return beats
+
+
 NEAR_MISSES = {
     "02.1": [
         lambda: np.full((128, 2), -40.0),  # nothing begins
@@ -91,5 +130,31 @@ NEAR_MISSES = {
         lambda beats, seconds: gaps_of([0, *beats, seconds])[:1],  # the first only
         lambda beats, seconds: gaps_of([0, *beats[::-1], seconds]),  # unsorted
         lambda beats, seconds: [(b, a) for a, b in gaps_of([0, *beats, seconds])],  # stop, start
+    ],
+    "02.7": [
+        tracker(shortest=0.75),
+        tracker(longest=1.0),  # hurries only
+        tracker(longest=1.95),  # less than twice the period
+        tracker(longest=2.2),
+        tracker(cost=lambda gaps, p: np.abs(np.log(gaps / p))),  # no square
+        tracker(cost=lambda gaps, p: np.log10(gaps / p) ** 2),  # another logarithm
+        tracker(cost=lambda gaps, p: np.log2(gaps / p) ** 2),
+        tracker(cost=lambda gaps, p: (gaps / p - 1) ** 2),  # no logarithm
+        tracker(cost=lambda gaps, p: np.log(gaps / int(p)) ** 2),  # the period without its fraction
+        tracker(cost=lambda gaps, p: -(np.log(gaps / p) ** 2)),  # a reward
+        tracker(cost=lambda gaps, p: 0 * gaps),  # anything goes
+        tracker(start=-np.inf),  # never a first beat in the middle
+        tracker(start=np.inf),  # one beat
+        tracker(pick=lambda best, j: best[j]),  # the gap costs, but does not count in the choice
+        tracker(pick=lambda best, j: j),  # always the shortest gap
+        tracker(last=lambda best, p: len(best) - 1),  # ends with the song
+        tracker(last=lambda best, p: len(best) - 1 - best[::-1][: int(p)].argmax()),
+        steps_of_one_period,
+        strongest_next,
+        lambda onset, period, tightness: np.flatnonzero(onset > onset.mean()),  # peaks
+        lambda onset, period, tightness: tracker()(onset, period, tightness)[::-1],
+        lambda onset, period, tightness: tracker()(onset, period, tightness)[1:],
+        lambda onset, period, tightness: tracker()(onset, period, tightness) / 30,  # seconds
+        lambda onset, period, tightness: tracker()(onset, period, 0.1 * tightness),
     ],
 }
