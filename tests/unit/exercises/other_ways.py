@@ -13,12 +13,13 @@ import torch.nn.functional as F
 from scipy import stats
 from torch import cat, stack, tensor, zeros
 
-from dancediff.diffusion.samplers import ddim_step
+from dancediff.diffusion.samplers import SamplerOptions, ddim_step
 from dancediff.extensions.ssd import ssd_scan
 from dancediff.metrics.rhythm import closeness
 from dancediff.motion.motion import Motion
 from dancediff.motion.rotation import rotation_about
 from dancediff.motion.skeleton import world_rotations
+from dancediff.papers.tcdiffpp.long_group_sampling import LongGroupSampler
 
 # 01 · A dance is a tensor
 
@@ -372,6 +373,54 @@ def assign_by_scipy(start, places):
     return linear_sum_assignment(torch.cdist(start, places).numpy())[1]
 
 
+def long_dance_by_library(guess, root_x, noise, times, abar, overlap):
+    class Sampler(LongGroupSampler):
+        def first_input(self, segment, before):
+            return noise[segment.number]
+
+    k, *shape = noise.shape
+    starts = (shape[1] - overlap) * torch.arange(k)
+
+    def bind(conditions):
+        start = int(conditions.music[0, 0, 0])
+        return lambda x, t: guess(x[0], t, start)[None]
+
+    return Sampler(
+        shape=tuple(shape),
+        bind=bind,
+        music=starts[:, None, None],
+        root_x=root_x,
+        options=SamplerOptions(abar, "ddim", len(times) - 1, eta=0.0, clamp=None),
+        overlap=overlap,
+        pinning="same_noise",
+        seam="copy",
+    ).dance()
+
+
+def long_dance_in_place(guess, root_x, noise, times, abar, overlap):
+    """The dance lies there from the first; each step mixes known and free frames at once."""
+    k, n, f, d = noise.shape
+    stride = f - overlap
+    dance = noise.new_zeros(n, f + (k - 1) * stride, d)
+    for i in range(k):
+        here = dance[:, i * stride : i * stride + f]
+        order = sorted(range(n), key=lambda dancer: root_x(here[:, 0])[dancer].item())
+        known, held = here[order].clone(), overlap if i else 0
+        x = noise[i].clone()
+        for t, t_next in itertools.pairwise(times):
+            a = float(abar[t])
+            mixed = math.sqrt(a) * known + math.sqrt(1 - a) * noise[i]
+            x[:, :held] = mixed[:, :held]
+            x_0 = guess(x, t, i * stride)
+            b = 1.0 if t_next < 0 else float(abar[t_next])
+            x = math.sqrt(b) * x_0 + math.sqrt((1 - b) / (1 - a)) * (x - math.sqrt(a) * x_0)
+        if i == 0:
+            dance[:, :f] = x[root_x(x[:, 0]).argsort()]
+        for row, dancer in enumerate(order if i else ()):
+            dance[dancer, i * stride + overlap : i * stride + f] = x[row, overlap:]
+    return dance
+
+
 # 11 · Think in phrases
 
 
@@ -687,6 +736,7 @@ OTHER_WAYS = {
     "10.1": [join_from_behind, join_two_and_two],
     "10.2": [all_turn_right_back, all_march_aside],
     "10.3": [assign_by_loop, assign_by_scipy],
+    "10.4": [long_dance_by_library, long_dance_in_place],
     "11.1": [valleys_in_a_loop, valleys_by_signs],
     "11.2": [ripple_up_and_down, lambda frames: torch.as_tensor(ripple_up_and_down(frames)) + 1],
     "11.3": [hard_frames_by_rows, hard_frames_by_clamping],
