@@ -19,6 +19,7 @@ from dancediff.metrics.rhythm import closeness
 from dancediff.motion.motion import Motion
 from dancediff.motion.rotation import rotation_about
 from dancediff.motion.skeleton import world_rotations
+from dancediff.papers.lodge.primitives import Layout, primitive_frames
 from dancediff.papers.tcdiffpp.long_group_sampling import LongGroupSampler
 
 # 01 · A dance is a tensor
@@ -461,6 +462,27 @@ def forget_by_steps(root):
     return cat([steps.cumsum(1)[..., :1], root[..., 1:2], steps.cumsum(1)[..., 2:]], -1)
 
 
+def plan_by_library(rests, energy, N, n):
+    return primitive_frames(rests, Layout(N, n), np.asarray(energy))
+
+
+def plan_by_masks(rests, energy, N, n):
+    frame, allowed = torch.arange(N), torch.zeros(N, dtype=torch.bool)
+    allowed[list(rests)] = True
+    allowed &= (frame % n >= 12) & (frame % n <= n - 12)
+    rows = [torch.arange(8)]
+    for local in range(N // n):
+        before = -99
+        for half in range(2 * local, 2 * local + 2):
+            fit = allowed & (frame // (n // 2) == half) & (frame >= before + 8)
+            full = energy.masked_fill(~fit, -1.0)
+            before = int(full.argmax()) if fit.any() else half * n // 2 + n // 4
+            rows.append(torch.arange(before - 4, before + 4))
+        rows.append(torch.arange(n * (local + 1) - 4, n * (local + 1) + 4))
+    rows[-1] = rows[-1] - 4
+    return stack(rows)
+
+
 # 12 · Fill in the rest
 
 
@@ -741,6 +763,7 @@ OTHER_WAYS = {
     "11.2": [ripple_up_and_down, lambda frames: torch.as_tensor(ripple_up_and_down(frames)) + 1],
     "11.3": [hard_frames_by_rows, hard_frames_by_clamping],
     "11.4": [forget_axis_by_axis, forget_by_steps],
+    "11.6": [plan_by_library, plan_by_masks],
     "12.1": [mirror_by_signs, mirror_by_einsum],
     "12.2": [
         held_step_by_step,
