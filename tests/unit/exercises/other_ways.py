@@ -562,6 +562,40 @@ def move_up(dance):
     return Motion(dance.pose, dance.root + tensor([0.0, 60.0, 0.0]))
 
 
+def frechet_by_eigenvalues(x, r):
+    """The trace of a root is the sum of the eigenvalues' roots, symmetric or not."""
+    s = r.std(0, correction=0)
+    s = torch.where(s < 1e-8, torch.ones_like(s), s)
+    a, b = ((v - r.mean(0)) / s for v in (x, r))
+    centred = [(v - v.mean(0)) / math.sqrt(len(v) - 1) for v in (a, b)]
+    S, S_r = (v.T @ v for v in centred)
+    shared = torch.linalg.eigvals(S @ S_r).real.clamp_min(0).sqrt().sum()
+    return float((a.mean(0) - b.mean(0)).pow(2).sum() + S.trace() + S_r.trace() - 2 * shared)
+
+
+def frechet_by_scipy(x, r):
+    from scipy.linalg import sqrtm
+
+    mean, s = r.numpy().mean(0), r.numpy().std(0)
+    s[s < 1e-8] = 1
+    a, b = (x.numpy() - mean) / s, (r.numpy() - mean) / s
+    S, S_r = np.cov(a.T), np.cov(b.T)
+    half = sqrtm(S).real
+    product = half @ S_r @ half
+    values = np.linalg.eigvalsh((product + product.T) / 2).clip(0)
+    return ((a.mean(0) - b.mean(0)) ** 2).sum() + np.trace(S + S_r) - 2 * np.sqrt(values).sum()
+
+
+def frechet_by_factors(x, r):
+    """Singular values of the centred samples' product, without any root of a matrix."""
+    s = r.std(0, correction=0).clamp_min(1e-8)
+    s[s == 1e-8] = 1
+    a, b = (x - r.mean(0)) / s, (r - r.mean(0)) / s
+    A, B = ((v - v.mean(0)) / (len(v) - 1) ** 0.5 for v in (a, b))
+    shared = torch.linalg.svdvals(A @ B.T).sum()
+    return (a.mean(0) - b.mean(0)).square().sum() + A.square().sum() + B.square().sum() - 2 * shared
+
+
 # 14 · What came before
 
 
@@ -780,6 +814,7 @@ OTHER_WAYS = {
         ),
     ],
     "13.5": [move_aside, move_up],
+    "13.6": [frechet_by_eigenvalues, frechet_by_scipy, frechet_by_factors],
     "14.1": [roll_in_one_row, roll_by_rolling],
     "14.2": [
         lambda z, e: torch.cdist(z, e.expand(len(z), -1, -1)).argmin(2),
