@@ -68,14 +68,14 @@ def _formations() -> list[tuple]:
 
 def _danced(guess, z, known, start, times, abar):
     """A segment from its noise, rows from left to right; its first frames are known."""
-    x = z
-    for t, t_next in pairwise(times):
-        a, k = abar[t], known.shape[1]
+    x, k = z, known.shape[1]
+    for step, step_next in pairwise(times):
+        a = abar[step]
         x = torch.cat([a.sqrt() * known + (1 - a).sqrt() * z[:, :k], x[:, k:]], dim=1)
-        x_0 = guess(x, t, start)
-        if t_next == -1:
+        x_0 = guess(x, step, start)
+        if step_next == -1:
             break
-        b = abar[t_next]
+        b = abar[step_next]
         x = b.sqrt() * x_0 + ((1 - b) / (1 - a)).sqrt() * (x - a.sqrt() * x_0)
     return x_0
 
