@@ -33,3 +33,31 @@ def assign(start, places):
     everybody = range(len(start))
     shortest = min(permutations(everybody), key=lambda goes: way[everybody, goes].sum().item())
     return tensor(shortest)
+
+
+# %% 10.4
+# A segment is an ordinary walk whose first frames are overwritten before every guess. The rows of
+# a segment are ranks at its own first frame, as in training; order.argsort() says in which row a
+# dancer is, so nobody is renumbered. The first segment knows no frames: it numbers the dancers.
+from itertools import pairwise
+
+from torch import arange, cat
+
+
+def long_dance(guess, root_x, noise, times, abar, overlap):
+    dance = noise[0, :, :0]
+    for i, z in enumerate(noise):
+        start = i * (z.shape[1] - overlap)
+        known = dance[:, start:]
+        order = root_x(known[:, 0]).argsort() if i else arange(len(z))
+        known, x, k = known[order], z, known.shape[1]
+        for t, t_next in pairwise(times):
+            a = abar[t]
+            x = cat([a.sqrt() * known + (1 - a).sqrt() * z[:, :k], x[:, k:]], dim=1)
+            x_0 = guess(x, t, start)
+            if t_next >= 0:
+                eps = (x - a.sqrt() * x_0) / (1 - a).sqrt()
+                x = abar[t_next].sqrt() * x_0 + (1 - abar[t_next]).sqrt() * eps
+        row = order.argsort() if i else root_x(x_0[:, 0]).argsort()
+        dance = cat([dance, x_0[row, k:]], dim=1)
+    return dance

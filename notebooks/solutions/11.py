@@ -52,3 +52,20 @@ changes = {
     "frames of the hard ones": False,
     "poses in the hard ones": True,
 }
+
+
+# %% 11.6
+# Borders come first: they do not depend on the dance. Then each half of a local takes the rest with
+# most movement around it, if one is free, so soft primitives are spread over time and never lie over
+# each other. A gap without any rest is filled all the same: the network has 13 places.
+def plan(rests, energy, N, n):
+    middles = [4]
+    for border in range(0, N, n):
+        first, last = border + 12, border + n - 12
+        for half in (border, border + n // 2):
+            here = [b for b in rests if half <= b < half + n // 2]
+            fit = [b for b in here if first <= b <= last]
+            middles.append(max(fit, key=lambda b: energy[b]) if fit else half + n // 4)
+            first = middles[-1] + 8
+        middles.append(min(border + n, N - 4))
+    return [[middle + i for i in range(-4, 4)] for middle in middles]

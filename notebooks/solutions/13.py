@@ -50,3 +50,25 @@ def elsewhere(dance):
     root = dance.root.clone()
     root[..., 0] += 30
     return dataclasses.replace(dance, root=root)
+
+
+# %% 13.6
+# The product of two covariances is not symmetric, but the product with one root on each side is,
+# and has the same eigenvalues; the trace of a root is the sum of their roots. A flat cloud only has
+# eigenvalues of 0 more, which rounding may put a little below: without a clamp they become nan.
+from torch import linalg, where
+
+
+def frechet(x, r):
+    mean, deviation = r.mean(0), r.std(0, correction=0)
+    deviation = where(deviation < 1e-8, 1.0, deviation)
+    x, r = (x - mean) / deviation, (r - mean) / deviation
+
+    def root(S):
+        values, vectors = linalg.eigh(S)
+        return vectors * values.clamp_min(0).sqrt() @ vectors.T
+
+    S, S_r = x.T.cov(), r.T.cov()
+    shared = root(root(S) @ S_r @ root(S))
+    apart = (x.mean(0) - r.mean(0)).square().sum()
+    return apart + (S + S_r - 2 * shared).trace()

@@ -1,10 +1,12 @@
 """Exercises of lesson 10: A long group dance."""
 
-from itertools import permutations
+from itertools import pairwise, permutations
 
 import torch
 
 from dancediff.axes import FPS
+from dancediff.diffusion.samplers import ddim_times
+from dancediff.diffusion.schedule import cosine_abar
 from dancediff.exercises.shared import unlike
 
 
@@ -64,8 +66,59 @@ def _formations() -> list[tuple]:
     ]
 
 
+def _danced(guess, z, known, start, times, abar):
+    """A segment from its noise, rows from left to right; its first frames are known."""
+    x, k = z, known.shape[1]
+    for step, step_next in pairwise(times):
+        a = abar[step]
+        x = torch.cat([a.sqrt() * known + (1 - a).sqrt() * z[:, :k], x[:, k:]], dim=1)
+        x_0 = guess(x, step, start)
+        if step_next == -1:
+            break
+        b = abar[step_next]
+        x = b.sqrt() * x_0 + ((1 - b) / (1 - a)).sqrt() * (x - a.sqrt() * x_0)
+    return x_0
+
+
+def _any_length(guess, root_x, noise, times, abar, overlap):
+    stride = noise.shape[2] - overlap
+    first = _danced(guess, noise[0], noise[0, :, :0], 0, times, abar)
+    dance = first[root_x(first[:, 0]).argsort()]
+    for number, z in enumerate(noise[1:], 1):
+        start = number * stride
+        known = dance[:, start:]
+        order = root_x(known[:, 0]).argsort()
+        x = _danced(guess, z, known[order], start, times, abar)
+        dance = torch.cat([dance, x[order.argsort(), overlap:]], dim=1)
+    return dance
+
+
+def _walks_through_each_other(x, t, start):
+    """A "network" that hears where it is, tells its rows apart and lets their paths cross."""
+    n, f, _ = x.shape
+    frame, row = start + torch.arange(f), torch.arange(n)
+    way = torch.sin(1.9 * row[:, None] + 0.45 * frame)[..., None]
+    return 0.6 * way + 0.25 * torch.tanh(x) + 0.15 * x.roll(1, 1) + 0.1 * t / 1000
+
+
+def _last_number(frame):
+    return frame[:, -1]
+
+
+def _long_cases() -> list[tuple]:
+    draw = torch.Generator().manual_seed(0)
+    sizes = ((3, 4, 9, 2, 3), (4, 3, 6, 3, 4), (2, 5, 8, 1, 5), (1, 2, 7, 3, 2))  # k n f d overlap
+    cases = []
+    for steps, (*shape, overlap) in zip((3, 5, 4, 2), sizes, strict=True):
+        noise = torch.randn(*shape, generator=draw, dtype=torch.float64)
+        parts = (_walks_through_each_other, _last_number, noise, ddim_times(steps))
+        cases.append((*parts, cosine_abar(), overlap))
+    return cases
+
+
 SPECS = {
     "10.1": {"spec": _join, "cases": _segments},
     "10.2": {"spec": _backwards, "cases": _before_seams, "accepts": _hides_a_seam},
     "10.3": {"spec": _shortest, "cases": _formations},
+    "10.4": {"spec": _any_length, "cases": _long_cases},
 }

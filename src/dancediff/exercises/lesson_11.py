@@ -68,6 +68,26 @@ def _roots() -> list[tuple]:
     return [(torch.randn(p, 8, 3, generator=draw).cumsum(1),) for p in (13, 2)]
 
 
+def _plan(rests, energy, N, n):
+    return primitive_frames(rests, Layout(N, n), energy.numpy())
+
+
+def _half_minutes() -> list[tuple]:
+    """Rests (frames) and energies in which each distance of the text decides something."""
+    draw = torch.Generator().manual_seed(0)
+    cases = []
+    for N, n in ((512, 128), (768, 256), (256, 64)):
+        energy = torch.rand(N, generator=draw, dtype=torch.float64)
+        rests = {b for b in range(N) if torch.rand(1, generator=draw) < 0.1 and b // (n // 2) != 2}
+        middle = N - n // 2  # of the last local
+        loud = {11: 3.0, 12: 2.0, n - 12: 2.0, n - 11: 3.0}  # near the borders of the first
+        loud |= {middle - 3: 4.0, middle + 4: 3.0, middle + 5: 2.0}  # near each other
+        for b, value in loud.items():
+            energy[b] = value
+        cases.append((sorted(rests | loud.keys()), energy, N, n))
+    return cases
+
+
 SPECS = {
     "11.1": {"spec": _valleys, "cases": _curves},
     "11.2": {"spec": _wave, "cases": lambda: [(90,), (150,)], "accepts": _hides_its_rests},
@@ -77,4 +97,5 @@ SPECS = {
         "accepts": _at_borders,
     },
     "11.4": {"spec": _forget, "cases": _roots},
+    "11.6": {"spec": _plan, "cases": _half_minutes},
 }

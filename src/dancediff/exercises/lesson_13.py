@@ -124,9 +124,31 @@ def _fools_published_energy(got, dance) -> str:
     return ""
 
 
+def _frechet(x, r):
+    from dancediff.metrics.fidelity import fid
+
+    return fid(x, r)
+
+
+def _crowds() -> list[tuple]:
+    """Clouds that lie askew to each other; some are flat, one is a part of its reference."""
+    draw = torch.Generator().manual_seed(0)
+    cases = []
+    for N, M, d in ((40, 60, 4), (12, 9, 6), (5, 30, 8)):
+        x, r = (torch.randn(k, d, generator=draw, dtype=torch.float64) for k in (N, M))
+        turn = torch.randn(2, d, d, generator=draw, dtype=torch.float64)
+        scale = torch.logspace(-2, 2, d, dtype=torch.float64)  # of the features, in their units
+        cases.append(((x @ turn[0] + 2) * scale, (r @ turn[1] + 1) * scale))
+    x, r = cases[0]
+    still = torch.full((60, 1), 0.2, dtype=torch.float64)  # a number that never changes
+    cases.append((torch.cat([x, still[:40] + 0.5 * x[:, 1:2]], 1), torch.cat([r, still], 1)))
+    return [*cases, (r[:30], r)]
+
+
 SPECS = {
     "13.1": {"spec": _slides, "cases": _feet},
     "13.2": {"spec": _stand_still, "cases": _dances, "accepts": _fools_pfc},
     "13.3": {"spec": _rhythm, "cases": _rhythms, "accepts": _is_no_fool},
     "13.5": {"spec": _move, "cases": _dances, "accepts": _fools_published_energy},
+    "13.6": {"spec": _frechet, "cases": _crowds},
 }

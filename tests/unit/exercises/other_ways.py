@@ -13,7 +13,7 @@ import torch.nn.functional as F
 from scipy import stats
 from torch import cat, nn, stack, tensor, zeros
 
-from dancediff.diffusion.samplers import ddim_step
+from dancediff.diffusion.samplers import SamplerOptions, ddim_step
 from dancediff.diffusion.schedule import q_sample
 from dancediff.extensions.ssd import ssd_scan
 from dancediff.metrics.rhythm import closeness
@@ -21,7 +21,9 @@ from dancediff.motion.motion import Motion
 from dancediff.motion.rotation import rotation_about
 from dancediff.motion.skeleton import world_rotations
 from dancediff.nn.conditioning import ConcatSquashLinear
+from dancediff.papers.lodge.primitives import Layout, primitive_frames
 from dancediff.papers.tcdiffpp.footwork_adaptor import ground_velocity
+from dancediff.papers.tcdiffpp.long_group_sampling import LongGroupSampler
 
 # 00 · Tour: music in, dance out
 
@@ -549,6 +551,54 @@ def assign_by_scipy(start, places):
     return linear_sum_assignment(torch.cdist(start, places).numpy())[1]
 
 
+def long_dance_by_library(guess, root_x, noise, times, abar, overlap):
+    class Sampler(LongGroupSampler):
+        def first_input(self, segment, before):
+            return noise[segment.number]
+
+    k, *shape = noise.shape
+    starts = (shape[1] - overlap) * torch.arange(k)
+
+    def bind(conditions):
+        start = int(conditions.music[0, 0, 0])
+        return lambda x, t: guess(x[0], t, start)[None]
+
+    return Sampler(
+        shape=tuple(shape),
+        bind=bind,
+        music=starts[:, None, None],
+        root_x=root_x,
+        options=SamplerOptions(abar, "ddim", len(times) - 1, eta=0.0, clamp=None),
+        overlap=overlap,
+        pinning="same_noise",
+        seam="copy",
+    ).dance()
+
+
+def long_dance_in_place(guess, root_x, noise, times, abar, overlap):
+    """The dance lies there from the first; each step mixes known and free frames at once."""
+    k, n, f, d = noise.shape
+    stride = f - overlap
+    dance = noise.new_zeros(n, f + (k - 1) * stride, d)
+    for i in range(k):
+        here = dance[:, i * stride : i * stride + f]
+        order = sorted(range(n), key=lambda dancer: root_x(here[:, 0])[dancer].item())
+        known, held = here[order].clone(), overlap if i else 0
+        x = noise[i].clone()
+        for t, t_next in itertools.pairwise(times):
+            a = float(abar[t])
+            mixed = math.sqrt(a) * known + math.sqrt(1 - a) * noise[i]
+            x[:, :held] = mixed[:, :held]
+            x_0 = guess(x, t, i * stride)
+            b = 1.0 if t_next < 0 else float(abar[t_next])
+            x = math.sqrt(b) * x_0 + math.sqrt((1 - b) / (1 - a)) * (x - math.sqrt(a) * x_0)
+        if i == 0:
+            dance[:, :f] = x[root_x(x[:, 0]).argsort()]
+        for row, dancer in enumerate(order if i else ()):
+            dance[dancer, i * stride + overlap : i * stride + f] = x[row, overlap:]
+    return dance
+
+
 # 11 · Think in phrases
 
 
@@ -587,6 +637,27 @@ def forget_axis_by_axis(root):
 def forget_by_steps(root):
     steps = root.diff(dim=1, prepend=root[:, :1])
     return cat([steps.cumsum(1)[..., :1], root[..., 1:2], steps.cumsum(1)[..., 2:]], -1)
+
+
+def plan_by_library(rests, energy, N, n):
+    return primitive_frames(rests, Layout(N, n), np.asarray(energy))
+
+
+def plan_by_masks(rests, energy, N, n):
+    frame, allowed = torch.arange(N), torch.zeros(N, dtype=torch.bool)
+    allowed[list(rests)] = True
+    allowed &= (frame % n >= 12) & (frame % n <= n - 12)
+    rows = [torch.arange(8)]
+    for local in range(N // n):
+        before = -99
+        for half in range(2 * local, 2 * local + 2):
+            fit = allowed & (frame // (n // 2) == half) & (frame >= before + 8)
+            full = energy.masked_fill(~fit, -1.0)
+            before = int(full.argmax()) if fit.any() else half * n // 2 + n // 4
+            rows.append(torch.arange(before - 4, before + 4))
+        rows.append(torch.arange(n * (local + 1) - 4, n * (local + 1) + 4))
+    rows[-1] = rows[-1] - 4
+    return stack(rows)
 
 
 # 12 · Fill in the rest
@@ -666,6 +737,40 @@ def move_aside(dance):
 
 def move_up(dance):
     return Motion(dance.pose, dance.root + tensor([0.0, 60.0, 0.0]))
+
+
+def frechet_by_eigenvalues(x, r):
+    """The trace of a root is the sum of the eigenvalues' roots, symmetric or not."""
+    s = r.std(0, correction=0)
+    s = torch.where(s < 1e-8, torch.ones_like(s), s)
+    a, b = ((v - r.mean(0)) / s for v in (x, r))
+    centred = [(v - v.mean(0)) / math.sqrt(len(v) - 1) for v in (a, b)]
+    S, S_r = (v.T @ v for v in centred)
+    shared = torch.linalg.eigvals(S @ S_r).real.clamp_min(0).sqrt().sum()
+    return float((a.mean(0) - b.mean(0)).pow(2).sum() + S.trace() + S_r.trace() - 2 * shared)
+
+
+def frechet_by_scipy(x, r):
+    from scipy.linalg import sqrtm
+
+    mean, s = r.numpy().mean(0), r.numpy().std(0)
+    s[s < 1e-8] = 1
+    a, b = (x.numpy() - mean) / s, (r.numpy() - mean) / s
+    S, S_r = np.cov(a.T), np.cov(b.T)
+    half = sqrtm(S).real
+    product = half @ S_r @ half
+    values = np.linalg.eigvalsh((product + product.T) / 2).clip(0)
+    return ((a.mean(0) - b.mean(0)) ** 2).sum() + np.trace(S + S_r) - 2 * np.sqrt(values).sum()
+
+
+def frechet_by_factors(x, r):
+    """Singular values of the centred samples' product, without any root of a matrix."""
+    s = r.std(0, correction=0).clamp_min(1e-8)
+    s[s == 1e-8] = 1
+    a, b = (x - r.mean(0)) / s, (r - r.mean(0)) / s
+    A, B = ((v - v.mean(0)) / (len(v) - 1) ** 0.5 for v in (a, b))
+    shared = torch.linalg.svdvals(A @ B.T).sum()
+    return (a.mean(0) - b.mean(0)).square().sum() + A.square().sum() + B.square().sum() - 2 * shared
 
 
 # 14 · What came before
@@ -927,10 +1032,12 @@ OTHER_WAYS = {
     "10.1": [join_from_behind, join_two_and_two],
     "10.2": [all_turn_right_back, all_march_aside],
     "10.3": [assign_by_loop, assign_by_scipy],
+    "10.4": [long_dance_by_library, long_dance_in_place],
     "11.1": [valleys_in_a_loop, valleys_by_signs],
     "11.2": [ripple_up_and_down, lambda frames: torch.as_tensor(ripple_up_and_down(frames)) + 1],
     "11.3": [hard_frames_by_rows, hard_frames_by_clamping],
     "11.4": [forget_axis_by_axis, forget_by_steps],
+    "11.6": [plan_by_library, plan_by_masks],
     "12.1": [mirror_by_signs, mirror_by_einsum],
     "12.2": [
         held_step_by_step,
@@ -947,6 +1054,7 @@ OTHER_WAYS = {
         ),
     ],
     "13.5": [move_aside, move_up],
+    "13.6": [frechet_by_eigenvalues, frechet_by_scipy, frechet_by_factors],
     "14.1": [roll_in_one_row, roll_by_rolling],
     "14.2": [
         lambda z, e: torch.cdist(z, e.expand(len(z), -1, -1)).argmin(2),

@@ -25,6 +25,36 @@ def forget_in_place(root):
     return root
 
 
+def plan(*, near=12, apart=8, best=max, empty=4, anywhere=False, first=-4, order=None, end=None):
+    """The planner with one number or rule changed; with none it is right."""
+
+    def answer(rests, energy, N, n):
+        middles = [4]
+        for border in range(0, N, n):
+            free, last = border + near, border + n - (near if end is None else end)
+            for half in (border, border + n // 2):
+                here = range(N) if anywhere else rests
+                fit = [b for b in here if max(free, half) <= b < half + n // 2 and b <= last]
+                b = best(fit, key=lambda b: energy[b]) if fit else half + n // empty
+                middles.append(b)
+                free = max(b + apart, free)
+            middles.append(min(border + n, N - 4))
+        middles = order(middles) if order else middles
+        return torch.tensor(middles)[:, None] + torch.arange(first, first + 8)
+
+    return answer
+
+
+def two_fullest(rests, energy, N, n):
+    """Of a whole local, wherever they are in it."""
+    middles = [4]
+    for border in range(0, N, n):
+        fit = [b for b in rests if border + 12 <= b <= border + n - 12]
+        middles += sorted(sorted(fit, key=lambda b: -energy[b])[:2])
+        middles.append(min(border + n, N - 4))
+    return torch.tensor(middles)[:, None] + torch.arange(-4, 4)
+
+
 NEAR_MISSES = {
     "11.1": [
         lambda v: ((v[:-2] < v[1:-1]) & (v[1:-1] >= v[2:])).nonzero()[:, 0] + 1,  # hills
@@ -90,5 +120,22 @@ NEAR_MISSES = {
             "poses in the hard ones": False,  # "hard" as in "always the same"
         },
         {"how many soft ones": False},
+    ],
+    "11.6": [
+        plan(best=lambda fit, key: fit[0]),  # the first rest, however little moves around it
+        plan(best=min),  # the calmest
+        plan(near=8),  # over the hard ones at the clip's ends
+        plan(near=0),
+        plan(apart=0),  # soft ones may overlap each other
+        plan(end=0),  # looks at one of the borders only
+        plan(near=13),  # more than 12, not 12 at least
+        plan(apart=9),
+        plan(empty=2),  # the middle of the local
+        plan(anywhere=True),  # the most energy, at rest or not
+        plan(first=-3),  # three frames before the middle and four behind it
+        plan(order=lambda middles: middles[::3] + [b for k, b in enumerate(middles) if k % 3]),
+        lambda rests, energy, N, n: plan()(rests, energy, N, n)[:, 4],  # middles only
+        lambda rests, energy, N, n: plan()(rests, energy, N, n)[1:-1],  # the ends are no borders
+        two_fullest,
     ],
 }

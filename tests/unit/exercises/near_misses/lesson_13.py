@@ -22,6 +22,32 @@ def on_the_beat(music, motion):
     return (np.abs(music[:, None] - motion).min(1) < 0.1).mean()
 
 
+def root(S):
+    values, vectors = torch.linalg.eigh(S)
+    return vectors * values.clamp_min(0).sqrt() @ vectors.T
+
+
+def crowds(*, standard=None, cov=None, shared=None, apart=None, weight=2):
+    """FID with one part replaced; with none it is right."""
+
+    def by_reference(x, r):
+        deviation = r.std(0, correction=0)
+        deviation[deviation < 1e-8] = 1
+        return (x - r.mean(0)) / deviation, (r - r.mean(0)) / deviation
+
+    standard = standard or by_reference
+    cov = cov or (lambda x: x.T.cov())
+    shared = shared or (lambda S, S_r: root(root(S) @ S_r @ root(S)).trace())
+    apart = apart or (lambda x, r: (x.mean(0) - r.mean(0)).square().sum())
+
+    def answer(x, r):
+        x, r = standard(x, r)
+        S, S_r = cov(x), cov(r)
+        return apart(x, r) + S.trace() + S_r.trace() - weight * shared(S, S_r)
+
+    return answer
+
+
 NEAR_MISSES = {
     "13.1": [
         lambda foot: (steps(foot).mean(-1).abs() > 0.3).any(1),  # the released code
@@ -70,5 +96,27 @@ NEAR_MISSES = {
         lambda dance: dance.joints() + 30,
         lambda dance: replace(dance, root=dance.root * float("nan")),
         lambda dance: replace(dance, pose=dance.pose.flip(0), root=30 + 2 * dance.root),
+    ],
+    "13.6": [
+        crowds(standard=lambda x, r: (x, r)),  # metres count for more than what hardly moves
+        crowds(standard=lambda x, r: ((x - x.mean(0)) / x.std(0), (r - r.mean(0)) / r.std(0))),
+        crowds(standard=lambda x, r: (x / r.std(), r / r.std())),  # one scale for all numbers
+        crowds(  # a number that is constant in the reference is all that is left
+            standard=lambda x, r: tuple(
+                (v - r.mean(0)) / (r.std(0, correction=0) + 1e-10) for v in (x, r)
+            )
+        ),
+        crowds(cov=lambda x: x.T @ x / len(x)),  # not around the mean
+        crowds(cov=lambda x: torch.diag(x.var(0))),  # numbers do not vary together
+        crowds(cov=lambda x: x.T.corrcoef().nan_to_num()),
+        crowds(cov=lambda x: x.T.cov(correction=0)),  # divided by N, not N - 1
+        crowds(shared=lambda S, S_r: (S @ S_r).clamp_min(0).sqrt().trace()),  # entry by entry
+        crowds(shared=lambda S, S_r: (root(S) @ root(S_r)).trace()),  # as if they commuted
+        crowds(shared=lambda S, S_r: root(S @ S_r).trace()),  # eigh reads one triangle only
+        crowds(shared=lambda S, S_r: (root(S) @ S_r @ root(S)).trace()),  # no root
+        crowds(apart=lambda x, r: (x.mean(0) - r.mean(0)).norm()),  # not squared
+        crowds(apart=lambda x, r: (x.mean(0) - r.mean(0)).square().mean()),
+        crowds(apart=lambda x, r: 0),  # clouds of one shape, wherever they are
+        crowds(weight=1),
     ],
 }
