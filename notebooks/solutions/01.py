@@ -44,3 +44,26 @@ def six_to_matrix(d6):
 # second row points. Dances are full of rows at right angles, so a trained network stays far away.
 def two_near():
     return [1.0, 0, 0, 1, 0.004, 0], [1.0, 0, 0, 1, -0.004, 0]
+
+
+# %% 01.5
+# A rotation is not a number to be mixed: halfway between two matrices, or between two vectors on
+# both sides of the jump, lies something else. The turn from one to the next is small, so a share of
+# it is safe. Where a new frame falls on an old one the share is 0; whole numbers say so exactly.
+import torch
+
+from dancediff.motion import rotation
+
+
+def resample(x, old, new):
+    last = x.shape[1] - 1
+    at = torch.arange(last * new // old + 1) * old
+    k, w = at // new, (at % new / new)[:, None]
+    now, then = x[:, k], x[:, (k + 1).clamp(max=last)]
+    root = torch.lerp(now[..., 4:7], then[..., 4:7], w)
+    d6 = [y[..., 7:].unflatten(-1, (24, 6)) for y in (now, then)]
+    R, R_then = map(rotation.rot6d_to_matrix, d6)
+    turn = rotation.matrix_to_axis_angle(R.mT @ R_then)
+    R = R @ rotation.axis_angle_to_matrix(w[..., None] * turn)
+    rotations = rotation.matrix_to_rot6d(R).flatten(-2)
+    return torch.cat([now[..., :4], root, rotations], dim=-1)

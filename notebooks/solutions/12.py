@@ -54,3 +54,25 @@ def join(paths):
 def critic(real, made):
     missing = (1 - real).relu().mean() + (1 + made).relu().mean()
     return missing / 2
+
+
+# %% 12.6
+# Both play with the same guess, but each step follows one network only: the critic takes the guess
+# as given, and the local model takes the critic as it now is. Along L_G it climbs the verdict; the
+# squared error keeps it near the true dance, which a critic alone would not ask for.
+import torch
+
+
+def one_round(local, D, W, V, batch, weight, rate):
+    x_0, M, g = batch["x_0"], batch["M"], batch["g"]
+    rows = torch.arange(len(g))
+    W, V = W.clone().requires_grad_(), V.clone().requires_grad_()
+    made = local(W, batch["x_t"], M)
+    real = D(V, x_0, M)[rows, g]
+    fake = D(V, made.detach(), M)[rows, g]
+    L_D = ((1 - real).relu().mean() + (1 + fake).relu().mean()) / 2
+    V = (V - rate * torch.autograd.grad(L_D, V)[0]).detach()
+    L_G = -D(V, made, M)[rows, g].mean()
+    loss = (made - x_0).square().mean() + weight * L_G
+    W = (W - rate * torch.autograd.grad(loss, W)[0]).detach()
+    return W, V

@@ -44,3 +44,23 @@ asked = {
     "GCD: dancer 0 always stands left": False,
     "DPE: dancer 0 always stands left": True,
 }
+
+
+# %% 14.5
+# All dancers choose from what was heard up to the unit before, so a column of new words is joined
+# only when everybody has chosen. The running sum cuts 0 to 1 into a piece for each word, as wide as
+# it is likely; the draw falls into one of them. Unlikely words are cut off, or one would come soon.
+import torch
+
+
+def write(logits, start, draws, top, tau):
+    words = start
+    for unit in range(draws.shape[1]):
+        new = []
+        for i in range(len(start)):
+            p = torch.softmax(logits(words[: i + 1]) / tau, dim=-1)
+            p, best = p.topk(top)
+            sums = torch.cumsum(p / p.sum(), dim=-1)
+            new.append(best[(sums <= draws[i, unit]).sum()])
+        words = torch.cat([words, torch.stack(new)[:, None]], dim=1)
+    return words[:, start.shape[1] :]

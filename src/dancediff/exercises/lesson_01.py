@@ -73,8 +73,32 @@ def _jumps(got) -> str:
     return "" if angle >= 90 else f"your rotations are {angle:.0f} degrees apart, expected 90"
 
 
+def _resample(x, old, new):
+    from dancediff.data.resample import resample_motion
+    from dancediff.motion.motion import Motion
+
+    return resample_motion(Motion.from_features(x, fps=old), new).features()
+
+
+def _at_rates() -> list[tuple]:
+    """Bodies that turn by up to 100 degrees a frame; the last frame is met or not."""
+    draw = torch.Generator().manual_seed(5)
+    cases = []
+    for n, f, old, new in ((2, 9, 60, 24), (1, 7, 24, 30), (3, 12, 100, 30), (2, 11, 120, 30)):
+        turns = axis_angle_to_matrix(torch.randn(n, f, 24, 3, generator=draw).clamp(-1, 1))
+        pose = [turns[:, 0]]
+        for turn in turns[:, 1:].unbind(1):
+            pose.append(pose[-1] @ turn)
+        d6 = matrix_to_rot6d(torch.stack(pose, dim=1)).flatten(-2)
+        contact = torch.randint(2, (n, f, 4), generator=draw).float()
+        root = torch.randn(n, f, 3, generator=draw)
+        cases.append((torch.cat([contact, root, d6], dim=-1), old, new))
+    return cases
+
+
 SPECS = {
     "01.2": {"spec": _raise_hand, "cases": _poses, "accepts": _raised},
     "01.3": {"spec": rot6d_to_matrix, "cases": _rotation_cases},
     "01.4": {"spec": _two_near, "accepts": _jumps},
+    "01.5": {"spec": _resample, "cases": _at_rates},
 }

@@ -7,7 +7,7 @@ from dancediff.diffusion.schedule import cosine_abar
 from dancediff.exercises.shared import NUMBERS, unlike
 from dancediff.motion.rotation import rot6d_to_matrix
 from dancediff.papers.lodge.cue_guidance import guided_steps
-from dancediff.papers.lodge.losses import l_critic
+from dancediff.papers.lodge.losses import l_critic, l_genre, l_recon
 
 
 def _mirror(R, swap):
@@ -67,9 +67,58 @@ def _verdicts() -> list[tuple]:
     return [(2 * torch.randn(6, generator=draw), 2 * torch.randn(6, generator=draw)), sure]
 
 
+def _one_round(local, D, W, V, batch, weight, rate):
+    x_0, M, g = batch["x_0"], batch["M"], batch["g"][:, None]
+    W, V = (weights.clone().requires_grad_() for weights in (W, V))
+    made = local(W, batch["x_t"], M)
+    real, fake = (D(V, x, M).gather(1, g) for x in (x_0, made.detach()))
+    V = (V - rate * torch.autograd.grad(l_critic(real, fake), V)[0]).detach()
+    loss = l_recon(made, x_0) + weight * l_genre(D(V, made, M).gather(1, g))
+    return (W - rate * torch.autograd.grad(loss, W)[0]).detach(), V
+
+
+def _local(W, x_t, M):
+    """A guess that is a weighted sum of noisy dance and music, bent."""
+    return torch.tanh(torch.cat([x_t, M], dim=-1) @ W)
+
+
+def _critic(V, x, M):
+    """A verdict for each genre; as many are sure as are not."""
+    return (2 * torch.sin(torch.cat([x, M], dim=-1) @ V)).mean(1)
+
+
+def _rounds() -> list[tuple]:
+    draw = torch.Generator().manual_seed(0)
+    cases = []
+    for (b, f, d, m, G), weight in (((4, 3, 5, 2, 3), 0.5), ((6, 2, 3, 4, 4), 2.0)):
+        batch = {
+            "x_0": torch.randn(b, f, d, generator=draw),
+            "x_t": torch.randn(b, f, d, generator=draw),
+            "M": torch.randn(b, f, m, generator=draw),
+            "g": torch.randint(G, (b,), generator=draw),
+        }
+        W, V = (0.8 * torch.randn(d + m, k, generator=draw) for k in (d, G))
+        cases.append((_local, _critic, W, V, batch, weight, 0.4))
+    return cases
+
+
+def _is_a_round(got, local, D, W, V, batch, weight, rate) -> str:
+    right = _one_round(local, D, W, V, batch, weight, rate)
+    pairs = zip(("V of the critic", "W of the local model"), got[::-1], right[::-1], strict=True)
+    for (name, yours, there), old in zip(pairs, (V, W), strict=True):
+        moved = torch.as_tensor(yours).detach()
+        if moved.shape != there.shape:
+            return f"shape {tuple(moved.shape)} of {name}, expected {tuple(there.shape)}"
+        if not (moved - there).norm() <= 1e-3 * (there - old).norm():
+            far, right_far = (moved - old).norm(), (there - old).norm()
+            return f"{name} moves by {far:.4g}, expected {right_far:.4g}, down its own gradient"
+    return ""
+
+
 SPECS = {
     "12.1": {"spec": _mirror, "cases": _poses},
     "12.2": {"spec": guided_steps, "cases": _ways},
     "12.4": {"spec": _path, "cases": _walks, "accepts": _joins},
     "12.5": {"spec": l_critic, "cases": _verdicts},
+    "12.6": {"spec": _one_round, "cases": _rounds, "accepts": _is_a_round},
 }

@@ -59,8 +59,41 @@ def _uses() -> list[tuple]:
     ]
 
 
+def _write(logits, start, draws, top: int, tau: float):
+    words = start
+    for unit in draws.unbind(1):
+        heard = [words[: i + 1] for i in range(len(start))]
+        p, best = (torch.stack([logits(rows) for rows in heard]) / tau).softmax(-1).topk(top)
+        sums = (p / p.sum(-1, keepdim=True)).cumsum(-1)
+        place = (sums <= unit[:, None]).sum(-1, keepdim=True).clamp(max=top - 1)
+        words = torch.cat([words, best.gather(-1, place)], dim=1)
+    return words[:, start.shape[1] :]
+
+
+def _gossip(k: int):
+    """Scores of k words for which all counts: which words are heard, from whom and when."""
+
+    def logits(heard):
+        row, at = (torch.arange(1.0, size + 1) for size in heard.shape)
+        told = torch.sin(heard + 0.7 * row[:, None] + 0.3 * at).sum()
+        return 2 * torch.sin(told * torch.arange(1.0, k + 1))
+
+    return logits
+
+
+def _sentences() -> list[tuple]:
+    draw = torch.Generator().manual_seed(3)
+    cases = []
+    sizes = [(3, 4, 6, 9, 4), (4, 1, 5, 7, 3), (1, 2, 8, 12, 12), (2, 3, 4, 6, 1)]
+    for (n, s, u, k, top), tau in zip(sizes, (1.0, 2.0, 0.5, 1.0), strict=True):
+        start = torch.randint(k, (n, s), generator=draw)
+        cases.append((_gossip(k), start, torch.rand(n, u, generator=draw), top, tau))
+    return cases
+
+
 SPECS = {
     "14.1": {"spec": _roll, "cases": _rolls},
     "14.2": {"spec": _nearest, "cases": _books},
     "14.3": {"spec": perplexity, "cases": _uses},
+    "14.5": {"spec": _write, "cases": _sentences},
 }

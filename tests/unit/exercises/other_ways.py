@@ -11,6 +11,7 @@ import numpy as np
 import torch
 import torch.nn.functional as F
 from scipy import stats
+from scipy.spatial.transform import Rotation
 from torch import cat, nn, stack, tensor, zeros
 
 from dancediff.diffusion.samplers import SamplerOptions, ddim_step
@@ -18,7 +19,7 @@ from dancediff.diffusion.schedule import q_sample
 from dancediff.extensions.ssd import ssd_scan
 from dancediff.metrics.rhythm import closeness
 from dancediff.motion.motion import Motion
-from dancediff.motion.rotation import rotation_about
+from dancediff.motion.rotation import rot6d_to_matrix, rotation_about
 from dancediff.motion.skeleton import world_rotations
 from dancediff.nn.conditioning import ConcatSquashLinear
 from dancediff.papers.lodge.primitives import Layout, primitive_frames
@@ -82,6 +83,39 @@ def six_by_crosses(d6):
     b1 = F.normalize(d6[..., :3], dim=-1)
     b3 = F.normalize(torch.cross(b1, d6[..., 3:], dim=-1), dim=-1)
     return stack([b1, torch.cross(b3, b1, dim=-1), b3], -2)
+
+
+def resample_frame_by_frame(x, old, new):
+    """All joints of a frame at once, by scipy; the turn as the parent sees it."""
+    frames, i = [], 0
+    while i * old <= (x.shape[1] - 1) * new:
+        k, w = divmod(i * old, new)
+        frames.append(x[:, k].clone())
+        if w:
+            w /= new
+            frames[-1][:, 4:7] = (1 - w) * x[:, k, 4:7] + w * x[:, k + 1, 4:7]
+            R, S = (rot6d_to_matrix(x[:, j, 7:].reshape(-1, 6)) for j in (k, k + 1))
+            turn = Rotation.from_matrix((S @ R.mT).numpy()).as_rotvec()
+            R = Rotation.from_rotvec(w * turn).as_matrix() @ R.numpy()
+            frames[-1][:, 7:] = tensor(R[:, :2].reshape(len(x), -1))
+        i += 1
+    return stack(frames, dim=1)
+
+
+def resample_by_quaternions(x, old, new):
+    count = (x.shape[1] - 1) * new // old + 1
+    when = np.arange(count) * old / new
+    k = np.minimum(np.floor(when).astype(int), x.shape[1] - 2)
+    w = tensor(when - k)[None, :, None]
+    contact = x[:, np.floor(when).astype(int), :4]
+    a, b = (rot6d_to_matrix(x[:, j, 7:].reshape(-1, 6)).double().numpy() for j in (k, k + 1))
+    q, r = (Rotation.from_matrix(R).as_quat() for R in (a, b))
+    cos = (q * r).sum(-1, keepdims=True)
+    r, half = r * np.where(cos < 0, -1, 1), np.arccos(np.abs(cos).clip(max=1 - 1e-12))
+    share = w.expand(len(x), -1, 24).reshape(-1, 1).numpy()
+    q = np.sin((1 - share) * half) * q + np.sin(share * half) * r  # as_matrix divides by its length
+    d6 = Rotation.from_quat(q).as_matrix()[:, :2].reshape(len(x), count, 144)
+    return cat([contact, x[:, k, 4:7].lerp(x[:, k + 1, 4:7], w.float()), tensor(d6)], dim=-1)
 
 
 # 02 · What the model hears
@@ -702,6 +736,37 @@ def critic_by_torch(real, made):
     return (real_side + made_side) / 2
 
 
+def round_by_optimizers(local, D, W, V, batch, weight, rate):
+    W, V = nn.Parameter(W.clone()), nn.Parameter(V.clone())
+    x_0, x_t, M, g = batch["x_0"], batch["x_t"], batch["M"], batch["g"]
+    mine = F.one_hot(g, D(V, x_0, M).shape[1])
+    fake, real = (mine * D(V, x, M) for x in (local(W, x_t, M).detach(), x_0))
+    sides = F.relu(mine - real) + F.relu(mine + fake)
+    (sides.sum() / len(g) / 2).backward()
+    torch.optim.SGD([V], lr=rate).step()
+    made = local(W, x_t, M)
+    (F.mse_loss(made, x_0) - weight * (mine * D(V, made, M)).sum() / len(g)).backward()
+    torch.optim.SGD([W], lr=rate).step()
+    return W, V
+
+
+def round_dance_by_dance(local, D, W, V, batch, weight, rate):
+    W, V, b = W.clone().requires_grad_(), V.clone().requires_grad_(), len(batch["g"])
+
+    def verdict(V, x, i):
+        return D(V, x[None], batch["M"][i : i + 1])[0, batch["g"][i]]
+
+    def guess(i):
+        return local(W, batch["x_t"][i : i + 1], batch["M"][i : i + 1])[0]
+
+    content = sum(verdict(V, batch["x_0"][i], i).clamp(max=1) for i in range(b))
+    content = content - sum(verdict(V, guess(i), i).clamp(min=-1) for i in range(b))
+    V = V.detach() + rate * torch.autograd.grad(content / (2 * b), V)[0]
+    error = sum((guess(i) - batch["x_0"][i]).pow(2).mean() for i in range(b))
+    loss = (error - weight * sum(verdict(V, guess(i), i) for i in range(b))) / b
+    return [W.detach() - rate * torch.autograd.grad(loss, W)[0], V]
+
+
 # 13 · Can you measure a dance?
 
 
@@ -796,6 +861,52 @@ def perplexity_by_unique(codes, num_codes):
     _, counts = np.unique(codes.numpy(), return_counts=True)
     p = counts / counts.sum()
     return float(np.prod(p**-p))
+
+
+def write_by_searching(logits, start, draws, top, tau):
+    words = start.clone()
+    for unit in draws.T:
+        choice = []
+        for i, draw in enumerate(unit):
+            score = logits(words[: i + 1]) / tau
+            best = score.argsort(descending=True)[:top]
+            sums = score[best].softmax(0).cumsum(0)  # of those that stay, so already divided
+            place = torch.searchsorted(sums, draw.item(), right=True).clamp(max=top - 1)
+            choice.append(best[place].item())
+        words = cat([words, tensor(choice)[:, None]], dim=1)
+    return words[:, -draws.shape[1] :]
+
+
+def write_dancer_by_dancer(logits, start, draws, top, tau):
+    """To the end, before the next dancer begins: nobody hears those behind."""
+    s, rows = start.shape[1], []
+    for k in range(len(start)):
+        own = start[k]
+        for draw in draws[k]:
+            heard = stack([*(words[: len(own)] for words in rows), own])
+            p, best = (logits(heard) / tau).exp().topk(top)
+            new = best[p.cumsum(0) > draw * p.sum()][:1]
+            own = cat([own, new])
+        rows.append(own)
+    return stack(rows)[:, s:]
+
+
+def write_word_by_word(logits, start, draws, top, tau):
+    """In numpy; a dancer's words are written behind its own."""
+    n, s = start.shape
+    words = np.concatenate([start.numpy(), np.zeros(draws.shape, dtype=int)], axis=1)
+    for at in range(s, words.shape[1]):
+        for i in range(n):
+            heard = tensor(words[: i + 1, :at])
+            weight = np.exp(logits(heard).double().numpy() / tau)
+            order = np.argsort(-weight)[:top]
+            left = draws[i, at - s].item() * weight[order].sum()
+            for code in order:
+                words[i, at] = code
+                left -= weight[code]
+                if left < 0:
+                    break
+    return words[:, s:]
 
 
 # 15 · Live
@@ -937,6 +1048,7 @@ OTHER_WAYS = {
         lambda: (tensor([0.0, 1, 0, 0.004, 1, 0]), tensor([0.0, 1, 0, -0.004, 1, 0])),
         lambda: np.array([[3.0, 0, 0, -3, 0, 0.005], [3.0, 0, 0, -3, 0, -0.005]]),
     ],
+    "01.5": [resample_frame_by_frame, resample_by_quaternions],
     "02.1": [tones_cross, lambda: torch.tensor([[-30.0, -80.0], [-60.0, -10.0]] * 64)],
     "02.2": [
         tempo_from_sorted_gaps,
@@ -1045,6 +1157,7 @@ OTHER_WAYS = {
     ],
     "12.4": [join_by_fading, lambda paths: torch.as_tensor(join_by_fading(paths))],
     "12.5": [critic_by_clamping, critic_by_torch],
+    "12.6": [round_by_optimizers, round_dance_by_dance],
     "13.1": [skates_in_centimetres, skates_by_squares],
     "13.2": [statue_in_the_middle, slow_motion],
     "13.3": [
@@ -1068,6 +1181,7 @@ OTHER_WAYS = {
             .exp()
         ),
     ],
+    "14.5": [write_by_searching, write_dancer_by_dancer, write_word_by_word],
     "15.1": [steer_by_next, steer_by_counting],
     "15.3": [
         most_overlap_by_trying,

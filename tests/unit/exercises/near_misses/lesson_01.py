@@ -2,7 +2,14 @@
 
 import torch
 
-from dancediff.motion.rotation import rot6d_to_matrix, rotation_about
+from dancediff.motion.rotation import (
+    axis_angle_to_matrix,
+    matrix_to_axis_angle,
+    matrix_to_rot6d,
+    rot6d_to_matrix,
+    rotation_about,
+    slerp,
+)
 from dancediff.motion.skeleton import world_rotations
 
 
@@ -47,6 +54,46 @@ def six_changes_nothing(d6):
     return torch.eye(3).expand(*d6.shape[:-1], 3, 3)
 
 
+def moments(f, old, new):
+    """Where new frames lie, in old frames."""
+    return torch.arange((f - 1) * new // old + 1) * old / new
+
+
+def at_rate(*, when=moments, mix=slerp, contact=lambda a, b, w: a, root=torch.lerp, share=None):
+    """A dance at another rate, with one part replaced; with none it is right."""
+
+    def answer(x, old, new):
+        at = when(x.shape[1], old, new)
+        k = at.floor().long()
+        w = (at - k if share is None else share(at - k))[:, None]
+        a, b = x[:, k], x[:, (k + 1).clamp(max=x.shape[1] - 1)]
+        R = [rot6d_to_matrix(y[..., 7:].unflatten(-1, (24, 6))) for y in (a, b)]
+        d6 = matrix_to_rot6d(mix(*R, w)).flatten(-2)
+        parts = contact(a[..., :4], b[..., :4], w), root(a[..., 4:7], b[..., 4:7], w), d6
+        return torch.cat(parts, dim=-1)
+
+    return answer
+
+
+def by_vectors(R, S, w):
+    return axis_angle_to_matrix(torch.lerp(*map(matrix_to_axis_angle, (R, S)), w[..., None]))
+
+
+def pulled_straight(R, S, w):
+    return rot6d_to_matrix(torch.lerp(*map(matrix_to_rot6d, (R, S)), w[..., None]))
+
+
+def in_the_world(R, S, w):
+    return axis_angle_to_matrix(w[..., None] * matrix_to_axis_angle(R.mT @ S)) @ R
+
+
+def as_numbers(x, old, new):
+    """Every number on a line, rotations as well."""
+    at = moments(x.shape[1], old, new)
+    k = at.floor().long()
+    return torch.lerp(x[:, k], x[:, (k + 1).clamp(max=x.shape[1] - 1)], (at - k)[:, None])
+
+
 NEAR_MISSES = {
     "01.1": [
         {"18 left elbow": 3, "22 left hand": 1, "9 chest": 13, "0 root": 24},  # the joint itself
@@ -83,5 +130,27 @@ NEAR_MISSES = {
         lambda: ([1.0, 0, 0, 1, 0.1, 0], [1.0, 0, 0, 1, -0.1, 0]),  # too far apart
         lambda: ([1.0, 0, 0, 0, 1, 0], [-1.0, 0, 0, 0, 1, 0]),
         lambda: [1.0, 0, 0, 1, 0.004, 0],  # one only
+    ],
+    "01.5": [
+        as_numbers,  # bones shrink between frames
+        at_rate(mix=pulled_straight),  # not evenly fast
+        at_rate(mix=by_vectors),  # jumps at half a turn
+        at_rate(mix=in_the_world),  # the turn stands on the wrong side
+        at_rate(mix=lambda R, S, w: slerp(S, R, w)),  # from behind
+        at_rate(mix=lambda R, S, w: R),  # rotations of the frame before
+        at_rate(mix=lambda R, S, w: R @ slerp(R, S, w)),  # the turn once more
+        at_rate(mix=lambda R, S, w: slerp(R.mT, S.mT, w)),  # columns
+        at_rate(contact=torch.lerp),  # half a contact
+        at_rate(contact=lambda a, b, w: torch.where(w < 0.5, a, b)),  # of the nearest frame
+        at_rate(root=lambda a, b, w: a),
+        at_rate(share=torch.round),  # the nearest frame
+        at_rate(share=lambda w: 1 - w),
+        at_rate(when=lambda f, old, new: moments(f, new, old)),  # the other way round
+        at_rate(when=lambda f, old, new: moments(f, old, new)[:-1]),  # without the last
+        at_rate(when=lambda f, old, new: torch.arange(f * new // old) * old / new),
+        at_rate(when=lambda f, old, new: torch.arange(0, f, max(1, old // new)).float()),
+        at_rate(  # stretched, so that both ends are met
+            when=lambda f, old, new: torch.linspace(0, f - 1, len(moments(f, old, new)))
+        ),
     ],
 }

@@ -27,6 +27,51 @@ def shifted(paths):
     return (paths + torch.cat([torch.zeros(1), ends])[:, None]).flatten()
 
 
+def own_genre(verdicts, g):
+    return verdicts[torch.arange(len(g)), g]
+
+
+def hinge(real, fake):
+    return ((1 - real).relu() + (1 + fake).relu()).mean() / 2
+
+
+def play(
+    *,
+    verdict=own_genre,
+    critic=hinge,
+    genre=lambda fake: -fake.mean(),
+    error=torch.mean,
+    judge="new",
+):
+    """A round with one part replaced; with none it is right."""
+
+    def answer(local, D, W, V, batch, weight, rate):
+        x_0, M, g = batch["x_0"], batch["M"], batch["g"]
+        W, V = W.clone().requires_grad_(), V.clone().requires_grad_()
+
+        def guessed():
+            return local(W, batch["x_t"], M)
+
+        def generator(V):
+            push = genre(verdict(D(V, guessed(), M), g))
+            loss = error((guessed() - x_0).square()) + weight * push
+            return (W - rate * torch.autograd.grad(loss, W)[0]).detach()
+
+        moved = generator(V)
+        made = local(moved, batch["x_t"], M) if judge == "first" else guessed()
+        made = batch["x_t"] if judge == "noise" else made
+        loss = critic(verdict(D(V, x_0, M), g), verdict(D(V, made, M), g))
+        V = (V - rate * torch.autograd.grad(loss, V)[0]).detach()
+        return generator(V) if judge in ("new", "noise") else moved, V
+
+    return answer
+
+
+def spoils_what_it_is_given(local, D, W, V, batch, weight, rate):
+    moved = play()(local, D, W, V, batch, weight, rate)
+    return W.copy_(moved[0]), V.copy_(moved[1])
+
+
 NEAR_MISSES = {
     "12.1": [
         lambda R, swap: R[:, swap],  # partners, seen from the same side
@@ -94,5 +139,26 @@ NEAR_MISSES = {
         lambda real, made: 0.5 * ((1 - real).relu() + (1 + made).relu()).sum(),
         lambda real, made: 0.5 * ((1 - real) + (1 + made)).mean(),  # below 0, too
         lambda real, made: 0.5 * (1 - real).relu().mean(),  # real ones only
+    ],
+    "12.6": [
+        play(judge="old"),  # both learn at once
+        play(judge="first"),  # the local model first
+        play(judge="noise"),  # the critic sees the input, not the guess
+        play(verdict=lambda verdicts, g: verdicts),  # of all genres
+        play(verdict=lambda verdicts, g: verdicts[:, 0]),  # of the first
+        play(verdict=lambda verdicts, g: verdicts.max(1).values),  # of the best
+        play(critic=lambda real, fake: 2 * hinge(real, fake)),
+        play(critic=lambda real, fake: hinge(fake, real)),  # calls made dances real
+        play(critic=lambda real, fake: (fake - real).mean() / 2),  # never content
+        play(critic=lambda real, fake: (1 - real).relu().mean() / 2),  # real ones only
+        play(genre=lambda fake: fake.mean()),  # wants to be found out
+        play(genre=lambda fake: (1 - fake).relu().mean()),  # content with 1
+        play(genre=lambda fake: -fake.sum()),
+        play(error=torch.sum),
+        play(error=lambda squares: 0),  # forgets the true dance
+        play(critic=lambda real, fake: -hinge(real, fake)),  # up the gradient
+        lambda *given: play()(*given)[::-1],  # V first
+        lambda *given: (play()(*given)[0], given[3]),  # the critic does not learn
+        spoils_what_it_is_given,
     ],
 }

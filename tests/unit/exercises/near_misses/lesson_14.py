@@ -29,6 +29,47 @@ def entropy(p):
     return torch.special.entr(p).sum()
 
 
+def by_sum(p, best, draw):
+    return best[(p.cumsum(0) <= draw).sum().clamp(max=len(p) - 1)]
+
+
+def likely(p, top):
+    p, best = p.topk(top)
+    return p / p.sum(), best
+
+
+def by_number(p, top):
+    best = p.topk(top).indices.sort().values
+    return p[best] / p[best].sum(), best
+
+
+def told(
+    *,
+    heard=lambda words, new, i: words[: i + 1],
+    scale=lambda score, tau: score / tau,
+    keep=likely,
+    choose=by_sum,
+):
+    """Words of dancers in turn, with one part replaced; with none it is right."""
+
+    def answer(logits, start, draws, top, tau):
+        words = start
+        for unit in draws.unbind(1):
+            new = []
+            for i, draw in enumerate(unit):
+                p = scale(logits(heard(words, new, i)), tau).softmax(-1)
+                new.append(choose(*keep(p, top), draw))
+            words = cat([words, torch.stack(new)[:, None]], dim=1)
+        return words[:, start.shape[1] :]
+
+    return answer
+
+
+def hears_the_new(words, new, i):
+    """Also what others have chosen for this unit; the dancer's own word is 0 so far."""
+    return cat([words[: i + 1], torch.tensor([*new, 0])[:, None]], dim=1)
+
+
 NEAR_MISSES = {
     "14.1": [
         lambda step, seed, frames: rolled(step, seed, frames, seen=lambda h, _: h),  # the seed only
@@ -78,5 +119,26 @@ NEAR_MISSES = {
             "GCD: dancer 0 always stands left": False,
             "DPE: dancer 0 always stands left": True,
         },
+    ],
+    "14.5": [
+        told(heard=lambda words, new, i: words[i : i + 1]),  # alone
+        told(heard=lambda words, new, i: words.roll(-1 - i, 0)),  # all, also those behind
+        told(heard=lambda words, new, i: words[: i + 1].flip(0)),  # itself first
+        told(heard=lambda words, new, i: words[: i + 1, -1:]),  # the last unit only
+        told(heard=hears_the_new),
+        told(choose=lambda p, best, draw: best[0]),  # the likeliest
+        told(choose=lambda p, best, draw: best[int(draw * len(best))]),  # all alike
+        told(choose=lambda p, best, draw: best[(p - draw).abs().argmin()]),
+        told(choose=lambda p, best, draw: by_sum(p, best, 1 - draw)),  # the unlikeliest first
+        told(choose=lambda p, best, draw: (p.cumsum(0) <= draw).sum().clamp(max=len(p) - 1)),
+        told(choose=lambda p, best, draw: best[((p.cumsum(0) <= draw).sum() - 1).clamp(min=0)]),
+        told(scale=lambda score, tau: score * tau),
+        told(scale=lambda score, tau: score),  # no temperature
+        told(scale=lambda score, tau: score.softmax(-1) / tau),  # softmax twice
+        told(keep=by_number),  # adds up in the order of the codes
+        told(keep=lambda p, top: p.topk(top)),  # not divided
+        told(keep=lambda p, top: likely(p, len(p))),  # all words
+        lambda logits, start, *given: cat([start, told()(logits, start, *given)], dim=1),
+        lambda logits, start, draws, *given: told()(logits, start, draws.flip(1), *given),
     ],
 }
