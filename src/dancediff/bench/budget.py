@@ -20,6 +20,7 @@ import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -188,7 +189,7 @@ class Run:
         hub.save_model(model, branch / "model", card="A branch of a training with a budget.\n")
 
 
-def steps_left(done: int) -> dict[str, float]:
+def steps_left(done: int) -> dict[str, Any]:
     """How a training ends after so many steps at the constant rate.
 
     >>> steps_left(8)

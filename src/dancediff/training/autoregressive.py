@@ -146,9 +146,8 @@ def train_autoregressive(
         windows = _windows(takes, corpus, model, tables)
         validation = _windows(held_out, corpus, model, tables) if held_out else None
         show = preview if stage == model_class.stages[-1] else None
-        options = {"data_name": name_of(takes, tables["data"]), **run}
-        folder = Path(out) / stage
-        model = _trained(model, stage, one, folder, windows, validation, show, trainer, options)
+        options = {"data_name": name_of(takes, tables["data"]), "trainer": trainer, **run}
+        model = _trained(model, stage, one, Path(out) / stage, windows, validation, show, options)
     return model.requires_grad_(True).eval()
 
 
@@ -191,7 +190,6 @@ def _trained(
     windows: WindowSampler,
     validation: WindowSampler | None,
     preview: Callable | None,
-    trainer: type[Trainer],
     options: dict[str, Any],
 ) -> AutoregressiveNetwork:
     """The averaged network of a stage, whose other parts stay as they are."""
@@ -201,7 +199,7 @@ def _trained(
     model.requires_grad_(False)
     for part in model.learning(stage):
         part.requires_grad_(True)
-    return trainer(
+    return options.pop("trainer")(
         model,
         windows,
         settings,

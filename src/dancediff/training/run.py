@@ -196,8 +196,7 @@ def train_from_config(
         if start is not None:
             raise ValueError("start is for TCDiff++ and EDGE only; leave it out")
         options |= {"takes": takes, "data": data, "preview": preview}
-        options |= {"trainer": trainer or Trainer}
-        return train_autoregressive(raw, out, source=source, **options)
+        return train_autoregressive(raw, out, source=source, trainer=trainer or Trainer, **options)
     if start is not None and not isinstance(start, DanceNetwork):
         raise ValueError(f"start, a {type(start).__name__}, is no model of TCDiff++ or EDGE")
     tables = check_tables(raw, source)
