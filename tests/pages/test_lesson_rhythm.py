@@ -6,6 +6,8 @@ import re
 
 import pytest
 
+from dancediff.exercises import EXERCISES
+from dancediff.exercises.solutions import solution_text
 from dancediff.generation.presets import PAPER
 from dancediff.viz.panels import NOT_IN_PAPERS
 from places import BOOKS, ROOT
@@ -13,6 +15,7 @@ from places import BOOKS, ROOT
 LESSONS = sorted(BOOKS.glob("[0-9]*.ipynb"))
 FIRST_PICTURE = 20  # lines of code up to it
 CODE, WORDS, SENTENCE = 15, 120, 35  # lines of a cell, words of a text, words of a sentence
+BUILDING = range(10, 23)  # lines of a solution that builds something
 
 
 def cells(path):
@@ -124,3 +127,13 @@ def is_slider(node) -> bool:
 )
 def test_a_long_sentence_is_found(text, longest):
     assert max(sentences(text), default=0) == longest
+
+
+@pytest.mark.parametrize("path", LESSONS, ids=lambda path: path.stem)
+def test_every_lesson_has_something_to_build(path):
+    lines = {
+        key: code_lines(re.sub(r"^\s*#.*\n", "", solution_text(key), flags=re.MULTILINE))
+        for key in EXERCISES
+        if key.startswith(path.stem[:2])
+    }
+    assert max(lines.values()) in BUILDING, lines
