@@ -1,4 +1,7 @@
-"""Exercises of lesson 02: What the model hears."""
+"""Exercises of lesson 02: What the model hears.
+
+Read first: notebook 02 · `dancediff.exercises.exercise`.
+"""
 
 from itertools import pairwise
 

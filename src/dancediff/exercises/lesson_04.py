@@ -1,4 +1,7 @@
-"""Exercises of lesson 04: Destroying a dance."""
+"""Exercises of lesson 04: Destroying a dance.
+
+Read first: notebook 04 · `dancediff.exercises.exercise`.
+"""
 
 import torch
 

@@ -1,4 +1,7 @@
-"""Exercises of lesson 10: A long group dance."""
+"""Exercises of lesson 10: A long group dance.
+
+Read first: notebook 10 · `dancediff.exercises.exercise`.
+"""
 
 from itertools import pairwise, permutations
 

@@ -1,4 +1,7 @@
-"""Exercises of lesson 12: Fill in the rest."""
+"""Exercises of lesson 12: Fill in the rest.
+
+Read first: notebook 12 · `dancediff.exercises.exercise`.
+"""
 
 import torch
 

@@ -1,4 +1,7 @@
-"""Exercises of lesson 15: Live."""
+"""Exercises of lesson 15: Live.
+
+Read first: notebook 15 · `dancediff.exercises.exercise`.
+"""
 
 from collections.abc import Callable
 
