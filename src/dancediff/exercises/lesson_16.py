@@ -55,7 +55,8 @@ def _rivals() -> list[tuple]:
     """Scores of two networks that find the same songs hard; some are missing."""
     draw = np.random.default_rng(0)
     cases = []
-    missing = (([1], []), ([0, 3], [5]), ([2], [2, 4]))  # of the first score; of the last one
+    # songs that lack the first score, and those that lack the last one
+    missing: list[tuple[list, list]] = [([1], []), ([0, 3], [5]), ([2], [2, 4])]
     for (b, m, r), (first, last) in zip(((6, 4, 60), (9, 3, 50), (7, 2, 40)), missing, strict=True):
         hard = draw.uniform(0, 2, (b, 1))
         mine, other = (hard + draw.uniform(0, 1, (b, m)) for _ in range(2))
