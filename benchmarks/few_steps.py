@@ -38,13 +38,14 @@ class FewSteps:
     data: tyro.conf.Positional[str]
     samplers: tuple[str, ...] = SAMPLERS
     batches: int = 8
+    split: str = "val"  # or "train": windows that were learned from
     json_file: Path | None = None
 
     def run(self) -> None:
         """Dance, print and write."""
         model = hub.load(self.model).model
         windows = WindowSampler(
-            prepared_takes(self.data, model.config, "val"),
+            prepared_takes(self.data, model.config, self.split),
             GroupCut(model.config.num_frames),
             genres=genres_of(model),
             energy=listens_to_energy(model),
@@ -78,7 +79,7 @@ class FewSteps:
             "about": "Samplers of a bare network on the same windows and noise: name, steps, and "
             "noise at the last guess as a share of the signal (not told: DPM-Solver++ ends at "
             "0.006).",
-            "data": f"{count} held-out windows of the recipe's data, compared with as many others",
+            "data": f"{count} windows of the recipe's data ({self.split}), compared with others",
             "seed": f"0 to {self.batches - 1}",
             "intervals": "95 % bootstrap over windows",
             "command": f"python benchmarks/few_steps.py {self.model} {self.data}",

@@ -7,7 +7,7 @@ import torch
 
 from dancediff import hub
 from dancediff.bench.budget import last_line
-from dancediff.bench.model_bench import BARE, METRICS, TRUTH, ModelBench
+from dancediff.bench.model_bench import METRICS, TRUTH, ModelBench
 from dancediff.bench.results import rows_of
 from dancediff.bench.stages import StagedRun, stage_shares
 from dancediff.cli import main
@@ -71,7 +71,8 @@ def test_one_command_trains_dances_scores_and_draws(out):
         assert (folder / "model" / "config.json").exists()
         made = Motion.load(next(folder.glob("dances-*/*.npz"))).meta
         assert (made["steps"], made["sampler"], made["kind"]) == (2, "ddim", "generated")
-        assert not any(made.get(name) for name in BARE if BARE[name] is False)
+        assert (made["foot_contact"], made["frequency_clip"]) == (False, False)
+        assert not any(made.get(name) for name in ("collision_avoidance", "order_constraint"))
     table = (out / "results.md").read_text(encoding="utf-8")
     assert all(f"| {name}, {BUDGET:g} min, 150 frames |" in table for name in SYSTEMS)
     assert f"| {TRUTH}, 150 frames |" in table and "GMR ↓" in table
