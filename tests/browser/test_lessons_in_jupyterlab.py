@@ -144,6 +144,19 @@ def test_a_dance_is_seen_on_the_stage(lesson):
     wait_for_change(lesson, canvas, played)
 
 
+def test_one_stage_plays_at_a_time(lesson):
+    if lesson.name != "00_tour":
+        pytest.skip("this lesson has no two stages")
+    for cell in ("dd.play(dance", "dd.play(model.generate(mine"):
+        lesson.evaluate("window.before = window.dancediff")
+        scroll_to(lesson, cell)
+        play = lesson.locator(f".jp-Cell:has-text('{cell}') button:has-text('▶ Play')")
+        play.first.click(timeout=60_000 * SLOW)
+        until(lesson, f"{STATE}.playing", 15 * SLOW)
+    until(lesson, "window.before !== window.dancediff && !window.before.state().playing")
+    lesson.evaluate("window.dancediff.pause()")
+
+
 def test_every_control_goes_to_both_ends(lesson):
     panel = panel_of(lesson)
     panel.locator("button:has-text('Dance')").first.click()

@@ -89,6 +89,8 @@ async (manager, facts) => {
   }
 
   function start() {
+    if (window.dancediff !== stage) window.dancediff.pause(); // one song at a time on a page
+    window.dancediff = stage;
     if (ended() || now() >= duration - 1 / facts.fps) seek(0);
     Object.assign(own, { at: now(), since: performance.now() });
     playing = true;
@@ -146,7 +148,14 @@ async (manager, facts) => {
     else seek(now());
   });
   views.on("change:index", () => (look(), show(Math.min(now(), duration))));
-  window.dancediff = { audio: () => audio, state: () => ({ time: now(), frame: action.obj.time, playing }) };
+  // of the stages on a page, the one that was played last, or came last
+  const stage = {
+    audio: () => audio,
+    pause: () => playing && stop(),
+    state: () => ({ time: now(), frame: action.obj.time, playing }),
+  };
+  window.dancediff ??= stage;
+  if (!window.dancediff.state().playing) window.dancediff = stage;
   action.obj.play();
   seek(slider.get("value") / facts.fps);
   show(slider.get("value") / facts.fps);
