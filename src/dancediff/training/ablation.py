@@ -26,13 +26,14 @@ import torch
 
 from dancediff import __version__
 from dancediff.extensions.genre_condition import genres_of
-from dancediff.generation.pipeline import pipeline_of, usable_device
+from dancediff.generation.pipeline import Pipeline, pipeline_of, usable_device
 from dancediff.motion.motion import Motion
 from dancediff.training.ablation_config import TRUTH, Variant, key_of, read_ablation
 from dancediff.training.ablation_data import (
     corpus,
     held_out_dances,
     held_out_genres,
+    held_out_orders,
     held_out_songs,
     reference_dances,
 )
@@ -69,7 +70,7 @@ def run_ablation(
         usable_device(device)
     first = variants[0]
     takes = corpus(first, out)
-    reference = reference_dances(first, takes)
+    reference = reference_dances(first)
     songs, truth = held_out_songs(first), held_out_dances(first)
     measure = partial(evaluate or metric_scores, reference=reference, songs=songs)
     if metrics := first.held_out.metrics:
@@ -169,12 +170,20 @@ def _dance(model, variant: Variant, out: Path) -> None:
     options = {name: value for name, value in vars(sample).items() if value is not None}
     files = _dance_files(variant, out)
     files[0].parent.mkdir(parents=True, exist_ok=True)
-    songs, genres = held_out_songs(variant), held_out_genres(variant)
-    for i, (path, song, genre) in enumerate(zip(files, songs, genres, strict=True)):
+    told = zip(files, held_out_songs(variant), _asked(variant, pipeline), strict=True)
+    for i, (path, song, asked) in enumerate(told):
         if not path.exists():
-            if genre in genres_of(model):
-                options["genre"] = genre
-            pipeline.generate(song, **options | {"seed": sample.seed + i}).save(path)
+            pipeline.generate(song, **asked | options | {"seed": sample.seed + i}).save(path)
+
+
+def _asked(variant: Variant, pipeline: Pipeline) -> list[dict[str, Any]]:
+    """The genre of each song, and the order in which the choreographer's dance to it ends."""
+    known = genres_of(pipeline.model)
+    asked = [{"genre": genre} if genre in known else {} for genre in held_out_genres(variant)]
+    if "swap" not in pipeline.request.names() or variant.held_out.dancers == 1:
+        return asked
+    orders = held_out_orders(variant)
+    return [one | {"swap": order} for one, order in zip(asked, orders, strict=True)]
 
 
 def _toml(tables: dict) -> str:

@@ -4,13 +4,13 @@ TCDiff++ and EDGE learn groups, Lodge learns solos, of the same choreographed so
 (`dancediff.data.choreographed`), unless the config names a prepared folder.
 """
 
+from functools import partial
 from pathlib import Path
 
-from dancediff.axes import FPS
 from dancediff.data.choreographed import choreographed_takes, genre_and_tempo
 from dancediff.data.take import DanceTake
 from dancediff.motion.motion import Motion
-from dancediff.motion.representation import LODGE
+from dancediff.motion.order import swap_mode
 from dancediff.music.song import Music
 from dancediff.music.synth import synth_song
 from dancediff.papers.lodge.local_diffusion import LocalConfig
@@ -49,25 +49,26 @@ def held_out_genres(variant: Variant) -> list[str]:
 
 def held_out_dances(variant: Variant) -> list[Motion]:
     """The choreographer's dances to those songs."""
+    return _choreographed(variant, variant.held_out.seeds)
+
+
+def reference_dances(variant: Variant) -> list[Motion]:
+    """His dances to as many other new songs, which dances are compared with by FID and the like.
+
+    As long and as large as those of the variants: a part of a longer dance would not do. In the
+    first five seconds of half a minute hardly anybody changes places, in a dance of five seconds
+    many do.
+    """
+    return _choreographed(variant, variant.held_out.reference_seeds)
+
+
+def held_out_orders(variant: Variant) -> list[tuple[int, ...]]:
+    """The order in which each of his dances ends, as group models are asked for it."""
+    ends = [dance.root[:, :: dance.num_frames - 1, 0] for dance in held_out_dances(variant)]
+    return [tuple(swap_mode(x[:, 0], x[:, 1]).tolist()) for x in ends]
+
+
+def _choreographed(variant: Variant, seeds: range) -> list[Motion]:
     size = 1 if is_lodge(variant.tables) else variant.held_out.dancers
-    seconds = variant.held_out.seconds
-    return [
-        take.motion
-        for seed in variant.held_out.seeds
-        for take in choreographed_takes(seed, seconds=seconds, sizes=(size,))
-    ]
-
-
-def reference_dances(variant: Variant, takes: list[DanceTake]) -> list[Motion]:
-    """Dances of the training set, as long as those of the variants."""
-    held_out, lodge = variant.held_out, is_lodge(variant.tables)
-    frames = round(FPS * held_out.seconds)
-    size = 1 if lodge else held_out.dancers
-    fitting = [
-        take.x[:, :frames]
-        for take in takes
-        if take.num_dancers == size and (not lodge or take.num_frames >= frames)
-    ][: held_out.reference]
-    if lodge:
-        return [Motion.from_features(x[..., : LODGE.dim], name="lodge") for x in fitting]
-    return [Motion.from_features(x) for x in fitting]
+    make = partial(choreographed_takes, seconds=variant.held_out.seconds, sizes=(size,))
+    return [take.motion for seed in seeds for take in make(seed)]
