@@ -74,7 +74,7 @@ class Scaling:
     frames: tuple[int, ...] = (150, 720)
     count: int = 200  # windows of every length
     tuned: int = 60  # windows that autoguidance is searched with, of 150 frames
-    autoguidance: tuple[float, ...] = (1.0, 1.5, 2.0, 2.5)
+    autoguidance: tuple[float, ...] = (1.0, 1.1, 1.2, 1.3, 1.4, 1.5)
     sampling: Sampling = field(default_factory=lambda: BARE)
     workers: int = 2
     out: Path = Path("runs/scaling")
