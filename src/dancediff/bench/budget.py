@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from tqdm.auto import tqdm
 
 from dancediff import hub
 from dancediff.training.checkpoint import NAME
@@ -53,6 +54,8 @@ class BudgetTrainer(Trainer):
     spent until then. It is written before the checkpoint.
     """
 
+    bar: tqdm | None = None
+
     def __init__(self, *args, **options):
         super().__init__(*args, **options)
         if self.out is None:
@@ -65,7 +68,18 @@ class BudgetTrainer(Trainer):
         began = time.process_time()
         row = super().step(step)
         self.spent += time.process_time() - began
+        if self.bar is not None and self.config.steps == FOREVER:
+            minutes = f"{self.spent / 60:.1f} min of computing"
+            self.bar.set_description(f"training, {minutes}", refresh=False)
         return row
+
+    def _steps(self) -> tqdm:
+        """As any trainer; while only the budget is known, the bar has no end."""
+        self.bar = super()._steps()
+        return self.bar
+
+    def _total(self) -> float:
+        return np.inf if self.config.steps == FOREVER else self.config.steps
 
     def _save(self, step: int, logger, signals) -> None:
         due = step % self.config.save_every == 0 or step == self.config.steps

@@ -158,8 +158,12 @@ class Trainer(Generic[Network]):
     def _steps(self) -> tqdm:
         """The numbers of the steps that are left, with a bar; closed before an error is shown."""
         left = range(self.first, self.first if self._is_enough(self.first) else self.config.steps)
-        options = {"initial": self.first, "total": self.config.steps, "mininterval": 0.5}
+        options = {"initial": self.first, "total": self._total(), "mininterval": 0.5}
         return tqdm(left, desc="training", disable=not self.world.first, **options)
+
+    def _total(self) -> float:
+        """How many steps the bar counts to; infinitely many where that is not known yet."""
+        return self.config.steps
 
     def _is_enough(self, step: int) -> bool:
         """Has training brought nothing for so long that it ends after ``step`` steps?"""

@@ -90,6 +90,13 @@ def test_what_was_spent_is_known_after_a_pause(config, takes, tmp_path):
         spent_until(run.folder, second["step"])
 
 
+def test_the_bar_of_a_budget_counts_minutes_not_ten_million_steps(config, takes, tmp_path, capsys):
+    bench.Run(config, 0, tmp_path / "run", None, takes).stable(0.3)
+    shown = capsys.readouterr().err
+    assert "training, 0.0 min of computing" in shown
+    assert "10000000" not in shown
+
+
 def test_points_are_scored_searched_written_and_drawn(takes, held, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     configs = []
