@@ -91,6 +91,14 @@ class ModelBench:
         if twice := {name for name in names if names.count(name) > 1}:
             raise ValueError(f"configs {sorted(twice)} have one name; give each its own")
 
+    @cached_property
+    def systems(self) -> dict[str, str]:
+        """The class of network of each config."""
+        tables = {config.stem: read_training(config) for config in self.configs}
+        return {
+            name: table.get("model", {}).get("class", "TCDiffPP") for name, table in tables.items()
+        }
+
     def points(self) -> Iterator[dict]:
         """Every point as soon as it is there, seed by seed: all systems have one before any two."""
         for seed in self.seeds:

@@ -65,7 +65,7 @@ class BenchModels:
             points.append(point)
             rows = self.write(points, bench)
         self.draw(points, bench)
-        lines = [table(rows), f"table: {self.out / 'results.md'}"]
+        lines = [table(rows), *self.papers(points, bench), f"table: {self.out / 'results.md'}"]
         tell(self.json, {"rows": rows, "results": self.out / "results.json"}, lines)
 
     def write(self, points: list[dict], bench) -> list[dict]:
@@ -78,6 +78,21 @@ class BenchModels:
         write_text(self.out / "results.json", json.dumps(facts, indent=1) + "\n")
         write_text(self.out / "results.md", table(rows))
         return rows
+
+    def papers(self, points: list[dict], bench) -> list[str]:
+        """The papers' tables beside the largest budget and the first length; written, too."""
+        from dancediff.bench.paper_tables import markdown, paper_tables, papers_beside
+        from dancediff.training.ablation_table import write_text
+
+        minutes, frames = max(self.minutes), self.frames[0]
+        rows, texts = papers_beside(points, bench.systems, minutes, frames), []
+        for name, some in rows.items():
+            table = paper_tables()[name]
+            here = f"here {minutes:g} min of training, {self.count} windows of {frames} frames"
+            texts.append(f"{table.title} ({table.data}; {here})\n\n{markdown(some)}")
+        write_text(self.out / "papers.json", json.dumps(rows, indent=1) + "\n")
+        write_text(self.out / "papers.md", "\n".join(texts))
+        return texts
 
     def draw(self, points: list[dict], bench) -> None:
         """Quality against computing, and a filmstrip a system: of the first window and seed."""

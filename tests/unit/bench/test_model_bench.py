@@ -76,6 +76,11 @@ def test_one_command_trains_dances_scores_and_draws(out):
     table = (out / "results.md").read_text(encoding="utf-8")
     assert all(f"| {name}, {BUDGET:g} min, 150 frames |" in table for name in SYSTEMS)
     assert f"| {TRUTH}, 150 frames |" in table and "GMR ↓" in table
+    group = json.loads((out / "papers.json").read_text(encoding="utf-8"))["tcdiffpp"]
+    assert [row[1] for row in group[:4]] == ["EDGE", "GCD", "TCDiff", "TCDiffPP"]
+    gmr = {row[1]: row[4][0] for row in group[:4]}
+    assert gmr["EDGE"] == found["points"][0]["scores"]["150"]["GMR"][0]
+    assert "TCDiff++, table 1 (AIOZ-GDance" in (out / "papers.md").read_text(encoding="utf-8")
     for name in ("quality.png", "filmstrips.png"):
         assert (out / name).stat().st_size > 10_000
 
