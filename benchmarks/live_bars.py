@@ -20,6 +20,7 @@ from pathlib import Path
 import numpy as np
 import torch
 import tyro
+from tqdm.auto import tqdm
 
 import dancediff as dd
 from dancediff.generation.stream import Stream
@@ -149,8 +150,10 @@ def played(
     """Seconds ahead and memory at every look, and how often the player had to wait."""
     at, waiting, stalls, ahead, memory = 0.0, True, 0, [], []
     last = time.perf_counter()
+    bar = tqdm(total=round(seconds), desc="seconds of the song")
     while at < seconds - 0.1 and session.is_running:
         time.sleep(TICK)
+        bar.update(int(at) - bar.n)
         now = time.perf_counter()
         if not waiting:
             at += speed * (now - last)
@@ -166,6 +169,7 @@ def played(
         if not waiting and left < rest - 0.1:  # what lies behind the end cannot be ready
             ahead.append(left)
         memory.append(resident())
+    bar.close()
     return ahead, memory, stalls
 
 
