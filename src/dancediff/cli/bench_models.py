@@ -18,7 +18,7 @@ class BenchModels:
     """
 
     configs: tyro.conf.Positional[tuple[Path, ...]]
-    """A training config for each system, such as edge_small bailando_small tcdiff_small."""
+    """A training config for each system, such as edge_tiny bailando_tiny tcdiffpp_tiny."""
     out: Path = Path("runs/bench")
     """Folder for trainings, dances, results.json, results.md and pictures."""
     minutes: tuple[float, ...] = (30.0,)
@@ -52,7 +52,7 @@ class BenchModels:
 
         check_folder(self.out)
         if not self.configs:
-            raise ValueError("configs: none is given; name at least one, such as gcd_small")
+            raise ValueError("configs: none is given; name at least one, such as gcd_tiny")
         same = ("minutes", "seeds", "data", "held", "other", "frames", "count", "songs", "steps")
         bench = ModelBench(
             [config_file(config) for config in self.configs],

@@ -169,6 +169,6 @@ def test_the_small_config_can_be_read():
     from dancediff.training.autoregressive import check_autoregressive_tables
     from dancediff.training.tables import read_training
 
-    path = CONFIGS / "codancers_small.toml"
+    path = CONFIGS / "codancers_tiny.toml"
     tables = check_autoregressive_tables(read_training(path), str(path))
     assert all(tables[f"train_{stage}"]["steps"] > 100 for stage in CoDancers.stages)

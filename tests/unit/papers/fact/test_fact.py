@@ -203,7 +203,7 @@ def test_the_small_config_can_be_read():
     from dancediff.training.autoregressive import check_autoregressive_tables
     from dancediff.training.tables import read_training
 
-    path = CONFIGS / "fact_small.toml"
+    path = CONFIGS / "fact_tiny.toml"
     assert check_autoregressive_tables(read_training(path), str(path))["train"]["steps"] > 1000
 
 

@@ -197,6 +197,6 @@ def test_the_small_config_can_be_read():
     from dancediff.training.autoregressive import check_autoregressive_tables
     from dancediff.training.tables import read_training
 
-    path = CONFIGS / "mnet_small.toml"
+    path = CONFIGS / "mnet_tiny.toml"
     tables = check_autoregressive_tables(read_training(path), str(path))
     assert len(tables["model"]["genres"]) == 10
