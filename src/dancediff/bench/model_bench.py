@@ -20,12 +20,14 @@ from pathlib import Path
 from typing import Any
 
 from dancediff import hub
+from dancediff.bench.baselines import BASELINES
 from dancediff.bench.budget import Run, last_line
 from dancediff.bench.held_out import SEGMENT, Window, chosen, windows
 from dancediff.bench.scores import danced, reference_of, scores_of
 from dancediff.bench.stages import StagedRun, stages_of
 from dancediff.data.choreographed import choreograph_jobs
 from dancediff.data.prepare import prepare
+from dancediff.extensions.genre_condition import genres_of
 from dancediff.generation.pipeline import LodgePipeline, Pipeline
 from dancediff.generation.presets import PACKAGED, PAPER
 from dancediff.metrics.measure import Measured
@@ -35,7 +37,6 @@ from dancediff.training.tables import read_training
 
 HELD, REFERENCE = 500_000, 700_000  # the first songs of both sets; training begins at 0
 METRICS = ("FID_k", "FID_g", "Div_k", "Div_g", "GMR", "GMC", "TIF", "MMC", "BAS", "PFC", "FSR")
-TRUTH = "held-out dances"
 BARE: dict[str, Any] = {  # how all are sampled; what papers switch off is off, see bare_dance
     "sampler": "ddim",
     "eta": 0.0,
@@ -47,11 +48,17 @@ BARE: dict[str, Any] = {  # how all are sampled; what papers switch off is off, 
 def bare_dance(model: Pipeline, window: Window, seed: int, *, steps: int) -> Motion:
     """The window's music, danced by as many, with none of our additions to sampling.
 
+    Who can be asked is asked for the window's genre, and for the order in which its dancers end.
     Lodge, which makes one solo for all, makes one for each instead, as the other solo systems do.
     """
     n, off = window.motion.num_dancers, PAPER[model.request.family]
     asked = BARE | {name: False for name in off if off[name] is False} | {"steps": steps}
-    options = {name: value for name, value in asked.items() if name in model.request.names()}
+    names, known = model.request.names(), genres_of(model.model)
+    options = {name: value for name, value in asked.items() if name in names}
+    if "genre" in names and window.genre in known:
+        options["genre"] = window.genre
+    if "swap" in names and n > 1:
+        options["swap"] = tuple(window.orders()[-1].tolist())
     if not isinstance(model, LodgePipeline) or n == 1:
         return model.generate(window, dancers=n, seed=seed, **options)
     solos = []
@@ -134,14 +141,15 @@ class ModelBench:
         return danced(folder, branch / "model", self.windows(frames), dance, workers=self.workers)
 
     @cached_property
-    def truth(self) -> dict:
-        """The point of the windows' own dances: what would be perfect."""
-        scores = {}
+    def baselines(self) -> list[dict]:
+        """The points of dances that nobody learned; the first would be perfect."""
+        points: list[dict] = [{"config": name, "scores": {}} for name in BASELINES]
         for frames in self.frames:
             some = self.windows(frames)
-            rows = scores_of([w.motion for w in some], some, self.reference, workers=self.workers)
-            scores[str(frames)] = {metric: rows[metric] for metric in METRICS}
-        return {"config": TRUTH, "scores": scores}
+            for point, dances in zip(points, BASELINES.values(), strict=True):
+                rows = scores_of(dances(some), some, self.reference, workers=self.workers)
+                point["scores"][str(frames)] = {metric: rows[metric] for metric in METRICS}
+        return points
 
     def windows(self, frames: int) -> list[Window]:
         """Those that every system dances."""

@@ -73,7 +73,7 @@ class BenchModels:
         from dancediff.bench.results import rows_of
         from dancediff.training.ablation_table import table, write_text
 
-        rows = rows_of([*points, bench.truth])
+        rows = rows_of([*points, *bench.baselines])
         facts = {"points": points, "rows": rows}
         write_text(self.out / "results.json", json.dumps(facts, indent=1) + "\n")
         write_text(self.out / "results.md", table(rows))
@@ -96,13 +96,13 @@ class BenchModels:
 
     def draw(self, points: list[dict], bench) -> None:
         """Quality against computing, and a filmstrip a system: of the first window and seed."""
-        from dancediff.bench.model_bench import METRICS, TRUTH
+        from dancediff.bench.model_bench import METRICS
         from dancediff.bench.pictures import draw_quality, draw_strips
         from dancediff.motion.motion import Motion
 
         draw_quality(points, METRICS, self.out / "quality.png")
         frames = self.frames[0]
-        strips = {TRUTH: bench.windows(frames)[0].motion}
+        strips = {"held-out dances": bench.windows(frames)[0].motion}
         for point in points:  # the largest budget comes last
             if point["seed"] == self.seeds[0]:
                 folder = f"{point['config']}-{point['seed']}/{point['minutes']:g}min"
