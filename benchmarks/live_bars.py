@@ -31,11 +31,13 @@ REPEATS = 5  # of a first movement; the middle one is shown
 GROUPS = (1, 3)  # dancers whose first movement is measured
 TICK = 0.05  # seconds between two looks at the dance, as a page has them
 ENOUGH = 1.0  # seconds that a dance that had to wait needs to go on, as in live.js
+AT_ANY_SPEED = ("memory, end to first fifth", "replay is equal", "seams as in generate")
 BARS: dict[str, tuple[str, Callable[[float], bool]]] = {
     "first movement, 1 dancer": ("1.2 s", lambda seconds: seconds <= 1.2),
     "first movement, 3 dancers": ("2 s", lambda seconds: seconds <= 2),
     "p5 of ahead [s]": ("1 s", lambda seconds: seconds >= 1),
     "stalls": ("none", lambda stalls: stalls == 0),
+    "memory, end to first fifth": ("1.05", lambda ratio: ratio <= 1.05),
     "replay is equal": ("yes", bool),
     "seams as in generate": ("yes", bool),
 }
@@ -83,7 +85,7 @@ class LiveBars:
             shown = round(seconds, 2) if isinstance(seconds, float) else seconds
             if isinstance(shown, bool):
                 shown = "yes" if shown else "**no**"
-            held = holds(seconds) if self.speed == 1 else None
+            held = holds(seconds) if self.speed == 1 or name in AT_ANY_SPEED else None
             rows.append([name, shown, bar, {True: "yes", False: "**no**", None: None}[held]])
         more = f" --speed {self.speed:g} --dancers {self.dancers}" if self.speed != 1 else ""
         return {
@@ -118,6 +120,7 @@ class LiveBars:
             "seconds a piece, longest": session.stream.timing.longest,
             "memory after a fifth [MB]": memory[len(memory) // 5],
             "memory at the end [MB]": memory[-1],
+            "memory, end to first fifth": memory[-1] / memory[len(memory) // 5],
             "replay is equal": bool(torch.equal(pose, dance.pose[:n])),
         }
 
