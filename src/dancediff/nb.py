@@ -7,6 +7,7 @@ Read first: notebook 00.
     nb.resume(4)                      # in its "start here" cells
     nb.shapes(x_t=x_t)                # names, shapes, types
     nb.check("04.1", x0_from)         # ○ open   ✗ wrong, and where to look   ✓ right
+    nb.network("tcdiffpp_no_ssm")     # a small network, trained without a part
     nb.solution("04.1")
 
 and for teachers, on the command line: ``python -m dancediff.nb grade FOLDER``.
@@ -17,12 +18,18 @@ A check never raises, so an unfinished exercise never stops a notebook.
 import os
 import time
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
 
 from dancediff.exercises import EXERCISES, OPEN, RIGHT, WRONG, copies, judge
 from dancediff.exercises.solutions import solution_text
+
+if TYPE_CHECKING:
+    from dancediff.generation.pipeline import Pipeline
+
+NETWORKS = Path(__file__).parent / "assets" / "lesson_networks"
 
 _lesson: dict = {"number": None, "start": 0.0}
 _status: dict[str, str] = {}
@@ -67,6 +74,24 @@ def real_data(name: str) -> Path | None:
     project = Path(__file__).resolve().parents[2]
     root = Path(os.environ.get("DANCEDIFF_DATA") or project.parent / "shared" / "data")
     return root / name if (root / name).is_dir() else None
+
+
+def network(name: str) -> "Pipeline":
+    """A small network of the course, complete or trained without a part; ``.model`` is the network.
+
+    ``dancediff ablate configs/ablate_lessons.toml`` makes them, and ``ablate_lessons_lodge.toml``.
+
+    Raises: ValueError that names them all.
+
+    >>> network("tcdiffpp_no_ssm").config.without
+    ('ssm',)
+    """
+    from dancediff import hub
+
+    names = sorted(path.parent.name for path in NETWORKS.glob("*/config.json"))
+    if name not in names:
+        raise ValueError(f"name={name!r} is no network of the course; there are {', '.join(names)}")
+    return hub.load(NETWORKS / name)
 
 
 def shapes(**tensors) -> None:
