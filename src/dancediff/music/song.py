@@ -23,6 +23,21 @@ _PART = 1 << 24  # samples that are squared at a time
 LOUDNESS = 0.1  # RMS to which a song is set before its features are taken
 
 
+class _kept(cached_property):
+    """`cached_property` as it is from Python 3.12 on: one song does not wait for another's.
+
+    That of Python 3.11 has one lock for all objects of a class.
+    """
+
+    def __get__(self, instance, owner=None):
+        if instance is None:
+            return self
+        known = vars(instance)
+        if self.attrname not in known:
+            known[self.attrname] = self.func(instance)
+        return known[self.attrname]
+
+
 @dataclass(frozen=True, eq=False)
 class Music:
     """Sound samples with their rate.
@@ -141,7 +156,7 @@ class Music:
             )
         return Music(self.audio[a:b], self.rate, self.name)
 
-    @cached_property
+    @_kept
     def _heard(self) -> tuple[Tensor, TrackedBeats]:
         y = self.mono()
         # loudness says nothing about the dance; the same song recorded softer gives the same dance

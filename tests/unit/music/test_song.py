@@ -1,3 +1,5 @@
+import threading
+
 import numpy as np
 import pytest
 import soundfile
@@ -72,3 +74,23 @@ def test_no_samples_and_nan_are_refused(tmp_path):
 def test_silence():
     assert Music(np.full(1000, 5e-5, np.float32), 8000).is_silent
     assert not Music(np.full(1000, 5e-3, np.float32), 8000).is_silent
+
+
+def test_one_song_does_not_wait_for_the_features_of_another(monkeypatch):
+    long, short = (Music(np.zeros(44100, dtype=np.float32), 44100, name) for name in "ab")
+    begun, may_end, heard = threading.Event(), threading.Event(), {}
+
+    def slow(song):
+        if song is long:
+            begun.set()
+            assert may_end.wait(30)
+        return song.name, None
+
+    monkeypatch.setattr(Music._heard, "func", slow)
+    thread = threading.Thread(target=lambda: heard.update(a=long.features()))
+    thread.start()
+    assert begun.wait(30)
+    assert short.features() == "b" and "a" not in heard
+    may_end.set()
+    thread.join(30)
+    assert heard == {"a": "a"} and long.features() == "a"
