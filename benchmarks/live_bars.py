@@ -54,6 +54,7 @@ class LiveBars:
     model: str = "tcdiffpp"
     seed: int = 0
     speed: float = 1.0  # of the player: above 1 memory over hours is seen in minutes
+    machine: str = "two cores of a virtual CPU, idle"
     json_file: Path | None = None
 
     def run(self) -> None:
@@ -91,7 +92,7 @@ class LiveBars:
             rows.append([name, shown, bar, {True: "yes", False: "**no**", None: None}[held]])
         more = f" --speed {self.speed:g} --dancers {self.dancers}" if self.speed != 1 else ""
         return {
-            "about": "Live dancing on two cores of a virtual CPU, idle; first movements are the "
+            "about": f"Live dancing on {self.machine}; first movements are the "
             f"middle of {REPEATS}.",
             "data": "synthetic: the packaged song, again and again"
             if self.song is None

@@ -10,6 +10,8 @@ import torch
 from dancediff.bench.held_out import Window
 from dancediff.motion.motion import Motion
 
+TRUTH = "held-out dances"
+
 
 def true_dances(some: Sequence[Window]) -> list[Motion]:
     """The windows' own dances: what would be perfect."""
@@ -42,7 +44,7 @@ def shuffled_frames(some: Sequence[Window], seed: int = 0) -> list[Motion]:
 
 
 BASELINES: dict[str, Callable[[Sequence[Window]], list[Motion]]] = {
-    "held-out dances": true_dances,
+    TRUTH: true_dances,
     "mean pose": mean_poses,
     "shuffled frames": shuffled_frames,
 }

@@ -100,11 +100,12 @@ class ModelBench:
 
     @cached_property
     def systems(self) -> dict[str, str]:
-        """The class of network of each config."""
-        tables = {config.stem: read_training(config) for config in self.configs}
-        return {
-            name: table.get("model", {}).get("class", "TCDiffPP") for name, table in tables.items()
-        }
+        """The config that stands for each class of network in the papers' tables: its first."""
+        first: dict[str, str] = {}
+        for config in self.configs:
+            name = read_training(config).get("model", {}).get("class", "TCDiffPP")
+            first.setdefault(name, config.stem)
+        return {config: name for name, config in first.items()}
 
     def points(self) -> Iterator[dict]:
         """Every point as soon as it is there, seed by seed: all systems have one before any two."""

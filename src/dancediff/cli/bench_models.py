@@ -96,13 +96,14 @@ class BenchModels:
 
     def draw(self, points: list[dict], bench) -> None:
         """Quality against computing, and a filmstrip a system: of the first window and seed."""
+        from dancediff.bench.baselines import TRUTH
         from dancediff.bench.model_bench import METRICS
         from dancediff.bench.pictures import draw_quality, draw_strips
         from dancediff.motion.motion import Motion
 
         draw_quality(points, METRICS, self.out / "quality.png")
         frames = self.frames[0]
-        strips = {"held-out dances": bench.windows(frames)[0].motion}
+        strips = {TRUTH: bench.windows(frames)[0].motion}
         for point in points:  # the largest budget comes last
             if point["seed"] == self.seeds[0]:
                 folder = f"{point['config']}-{point['seed']}/{point['minutes']:g}min"

@@ -98,6 +98,14 @@ def test_what_is_done_is_not_done_again(out, configs, capsys):
     assert {path: path.stat().st_mtime_ns for path in files} == before
 
 
+def test_of_two_configs_of_a_class_the_first_stands_for_it(configs, tmp_path):
+    other = tmp_path / "other_edge.toml"
+    other.write_text(DATA + SYSTEMS["tiny_edge"], encoding="utf-8")
+    bench = ModelBench([*configs, other], tmp_path)
+    assert "other_edge" not in bench.systems and bench.systems["tiny_edge"] == "EDGE"
+    assert bench.systems["tiny_tcdiffpp"] == "TCDiffPP"  # it names no class
+
+
 def test_other_windows_are_scored_anew(out, configs):
     bench = ModelBench(configs[:1], out, minutes=(BUDGET,), seeds=(0,), count=2, songs=6, steps=2)
     (point,) = bench.points()
