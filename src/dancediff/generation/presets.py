@@ -13,6 +13,7 @@ _PAPERS: Values = {  # TCDiff++, Lodge and EDGE take the same sampler
     "sampler": "ddim",
     "steps": 50,
     "eta": 1.0,
+    "sigma_min": 0.0,
     "guidance": 2.0,
     "autoguidance": 1.0,
     "energy": "any",
@@ -21,6 +22,7 @@ _PAPERS: Values = {  # TCDiff++, Lodge and EDGE take the same sampler
 _OURS: Values = {
     "sampler": "dpm",
     "eta": 0.0,
+    "sigma_min": 0.0,
     "guidance": 1.0,
     "energy": 1.0,  # the song's own
     "foot_contact": True,
@@ -56,7 +58,8 @@ PAPER: dict[str, Values] = {
 PACKAGED: dict[str, Values] = {
     "tcdiffpp": _OURS
     | {
-        "steps": 12,
+        "steps": 8,
+        "sigma_min": 0.16,  # docs/results_tcdiffpp.md#few-steps
         "genre": "by tempo",
         "autoguidance": 1.5,  # docs/drift.md
         "frequency_clip": True,

@@ -48,7 +48,7 @@ class SamplingConfig(DanceRequest):
         None, "Fresh noise in a step of DDIM: 0 none, 1 as much as DDPM.", low=0, high=1
     )
     sigma_min: float = option(
-        0.0,
+        None,
         "For dpm: noise, as a share of the signal, at which the last guess is taken; 0: as little "
         "as there is.",
         low=0,
