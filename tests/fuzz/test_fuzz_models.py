@@ -75,7 +75,7 @@ def test_a_config(name, tmp_path, record_property):
             return read_ablation(path)
         tables = read_config(path)
         kind, sizes = MODELS[tables["model"].pop("class", "TCDiffPP")]
-        names = tables["model"].pop("extensions", [])
+        names, _ = tables["model"].pop("extensions", []), tables["model"].pop("genres", [])
         check_extensions(kind, sizes(**tables["model"]), names)
         return settings_of(tables)
 

@@ -1,0 +1,65 @@
+"""benchmarks/bench_tables.py, package_systems.py: a run's numbers and networks are packaged."""
+
+import json
+import sys
+
+import pytest
+import torch
+
+from dancediff import hub
+from dancediff.extensions.build import build
+from dancediff.papers.edge.model import EDGE, EDGEConfig
+from places import BENCHMARKS
+
+sys.path.insert(0, str(BENCHMARKS))
+import bench_tables
+import package_systems
+
+SCORE = {"value": 20.123, "low": 18.0, "high": 22.0}
+
+
+@pytest.fixture
+def runs(tmp_path):
+    """What `dancediff bench-models` leaves: one system, two seeds."""
+    rows = [
+        {"variant": "edge_tiny, 10 min", "scores": {"FID_k": SCORE, "MMC": SCORE | {"low": None}}},
+        {"variant": "mean pose", "scores": {"FID_k": {"value": float("nan"), "low": 1, "high": 2}}},
+    ]
+    points = [{"seed": 0}, {"seed": 1}, {"seed": 1}]
+    (tmp_path / "results.json").write_text(json.dumps({"rows": rows, "points": points}))
+    paper = {"tcdiffpp": [["FID: 1 of 1", "EDGE", 31.4, 1, [20.123, None, None], 1]]}
+    (tmp_path / "papers.json").write_text(json.dumps(paper))
+    return tmp_path
+
+
+def test_tables_have_the_values_and_say_how_many_seeds(runs, tmp_path):
+    (tmp_path / "results").mkdir()
+    bench_tables.BenchTables(runs, minutes=10, results=tmp_path / "results").run()
+    table = json.loads((tmp_path / "results" / "bench.json").read_text())
+    assert table["columns"] == ["system", "FID_k", "MMC"]
+    assert table["rows"] == [["edge_tiny", [20.1, 18.0, 22.0], 20.1], ["mean pose", None, None]]
+    assert table["seed"].startswith("2 ") and "--minutes 10" in table["command"]
+    beside = json.loads((tmp_path / "results" / "papers_tcdiffpp.json").read_text())
+    assert beside["rows"] == [["FID: 1 of 1", "EDGE", 31.4, 1, 20.1, 1]]
+
+
+def test_a_packaged_system_is_the_run_s_network_with_its_scores(tmp_path, monkeypatch):
+    torch.manual_seed(0)
+    model = build(EDGE, EDGEConfig(d_model=16, num_heads=2, num_layers=1, ff_dim=32))
+    for seed, value in ((0, 20.123), (1, 30.5)):
+        branch = tmp_path / "runs" / f"edge_tiny-{seed}" / "10min"
+        hub.save_model(model, branch / "model")
+        scores = {"150": {"FID_k": [value, 18.0, 40.0], "GMR": [2.0, None, None]}}
+        point = {"config": "edge_tiny", "seed": seed, "minutes": 10, "weights": 1e6, "step": 1234}
+        point |= {"how": {"count": 60}, "scores": scores}
+        (branch / "point.json").write_text(json.dumps(point))
+    monkeypatch.setattr(package_systems, "SYSTEMS", {"edge": package_systems.SYSTEMS["edge"]})
+    with pytest.raises(FileNotFoundError):
+        package_systems.PackageSystems(tmp_path / "runs", minutes=5, out=tmp_path / "m").run()
+    package_systems.PackageSystems(tmp_path / "runs", minutes=10, seed=1, out=tmp_path / "m").run()
+    found = hub.load(tmp_path / "m" / "edge").model
+    for key, tensor in model.state_dict().items():
+        assert torch.equal(found.state_dict()[key], tensor.half().float()), key
+    card = " ".join((tmp_path / "m" / "edge" / "card.md").read_text().split())
+    assert "FID_k 30.5 [18, 40]" in card and "GMR" not in card
+    assert "--seeds 1" in card and "1,234 steps" in card
