@@ -1,11 +1,12 @@
-r"""Trainings with a budget of computing, and branches that leave them.
+r"""Trainings with a budget of computing or of windows, and branches that leave them.
 
 Read first: `dancediff.training.trainer`.
 
 One run goes on at a constant learning rate. A branch leaves it when four fifths of a budget are
 spent, and lets the rate fall to zero over the rest: a branch is what a training of just that budget
 would be (Hägele et al. 2024). Budgets are minutes of processor time of all threads, so what else
-the machine does changes nothing. A run that was stopped goes on from its checkpoint.
+the machine does changes nothing, or numbers of dancer windows. A run that was stopped goes on from
+its checkpoint.
 
 Symbols (axes: b windows · n dancers)
     spent    processor time of a training, seconds
@@ -32,6 +33,7 @@ from dancediff.training.trainer import Trainer
 
 FOREVER = 10**7  # steps of the run that branches leave
 STABLE = 0.8  # share of a budget at the constant rate
+UNITS = ("min", "windows")  # of a budget
 
 
 class Counted:
@@ -92,12 +94,13 @@ class BudgetTrainer(Trainer):
 
 
 class StableTrainer(BudgetTrainer):
-    """Stops, with a checkpoint, as soon as ``until`` seconds are spent."""
+    """Stops, with a checkpoint, as soon as ``until`` of its ``unit`` are used."""
 
     until = np.inf
+    unit = "min"
 
     def _save(self, step: int, logger, signals) -> None:
-        enough = self.spent >= self.until
+        enough = used({"spent": self.spent, "windows": self.data.windows}, self.unit) >= self.until
         signals.save = signals.save or enough
         super()._save(step, logger, signals)
         if enough:
@@ -105,7 +108,17 @@ class StableTrainer(BudgetTrainer):
 
 
 class EnoughError(Exception):
-    """A training has spent what it was given."""
+    """A training has used what it was given."""
+
+
+def used(line: dict, unit: str) -> float:
+    """Minutes or dancer windows, of a line of ``spent.jsonl``.
+
+    >>> line = {"step": 10, "spent": 90.0, "windows": 160}
+    >>> used(line, "min"), used(line, "windows")
+    (1.5, 160)
+    """
+    return line["spent"] / 60 if unit == "min" else line["windows"]
 
 
 def spent_until(folder: Path, step: int) -> tuple[float, int]:
@@ -137,21 +150,22 @@ def write_config(path: Path, source: Path, **train) -> Path:
 
 @dataclass(frozen=True)
 class Run:
-    """A training with one seed, and the branches that leave it."""
+    """A training with one seed, and the branches that leave it; budgets are in one of `UNITS`."""
 
     config: Path
     seed: int
     folder: Path
     data: Path | None
     takes: list | None = None
+    unit: str = "min"
 
-    def models(self, minutes: tuple[float, ...]) -> Iterator[tuple[float, Path]]:
+    def models(self, budgets: tuple[float, ...]) -> Iterator[tuple[float, Path]]:
         """Every budget and the folder of its model, trained if it is not there."""
-        for budget in sorted(minutes):
-            branch = self.folder / f"{budget:g}min"
+        for budget in sorted(budgets):
+            branch = self.folder / f"{budget:g}{self.unit}"
             if not (branch / "model" / "config.json").exists():
                 if not (branch / NAME).exists():
-                    self.stable(60 * STABLE * budget)
+                    self.stable(STABLE * budget)
                     self.leave(branch)
                 self.anneal(branch)
             yield budget, branch
@@ -164,21 +178,22 @@ class Run:
                 config, out, trainer=trainer, takes=self.takes, data=self.data, resume=True
             )
 
-    def stable(self, seconds: float) -> None:
-        """Train at the constant rate until so much is spent.
+    def stable(self, amount: float) -> None:
+        """Train at the constant rate until so much is used.
 
-        Raises: ValueError when more is spent already: budgets are trained in rising order.
+        Raises: ValueError when more is used already: budgets are trained in rising order.
         """
         path = self.folder / "stable.toml"
-        if (self.folder / NAME).exists() and last_line(self.folder)["spent"] > 1.1 * seconds:
+        begun = (self.folder / NAME).exists()
+        if begun and used(last_line(self.folder), self.unit) > 1.1 * amount:
             raise ValueError(
-                f"{str(self.folder)!r} has trained for longer than {seconds:g} s; a shorter budget "
-                "needs a folder of its own (--out)"
+                f"{str(self.folder)!r} has trained for longer than {amount:g} {self.unit}; a "
+                "shorter budget needs a folder of its own (--out)"
             )
         write_config(path, self.config, seed=self.seed, steps=FOREVER, decay=0.0)
 
         class Until(StableTrainer):
-            until = seconds
+            until, unit = amount, self.unit
 
         try:
             self.train(path, self.folder, Until)

@@ -8,6 +8,7 @@ In the output folder
     SYSTEM-SEED/                 the run that branches leave
     SYSTEM-SEED/BUDGETmin/       a branch: checkpoint, model/, dances-FRAMES/, point.json; or a
                                  training, if the system is trained in stages: a folder each
+    SYSTEM-SEED/windows/         the same with budgets of dancer windows, BUDGETwindows/
 
 so what is done is not done again, and a training that was stopped goes on from its checkpoint.
 """
@@ -37,6 +38,7 @@ from dancediff.training.tables import read_training
 
 HELD, REFERENCE = 500_000, 700_000  # the first songs of both sets; training begins at 0
 METRICS = ("FID_k", "FID_g", "Div_k", "Div_g", "GMR", "GMC", "TIF", "MMC", "BAS", "PFC", "FSR")
+BUDGETS = {"min": "minutes", "windows": "given_windows"}  # units, and where they are told
 BARE: dict[str, Any] = {  # how all are sampled; what papers switch off is off, see bare_dance
     "sampler": "ddim",
     "eta": 0.0,
@@ -85,6 +87,7 @@ class ModelBench:
     held: Path | None = None
     other: Path | None = None
     minutes: Sequence[float] = (30.0,)
+    given_windows: Sequence[int] = ()  # dancer windows of further trainings
     seeds: Sequence[int] = (0, 1, 2)
     frames: Sequence[int] = (SEGMENT,)
     count: int = 60  # windows of every length
@@ -111,13 +114,15 @@ class ModelBench:
         """Every point as soon as it is there, seed by seed: all systems have one before any two."""
         for seed in self.seeds:
             for config in self.configs:
-                folder = self.out / f"{config.stem}-{seed}"
                 kind = StagedRun if stages_of(read_training(config)) else Run
-                run = kind(config, seed, folder, self.data, self.takes)
-                for budget, branch in run.models(tuple(self.minutes)):
-                    yield self.point(config.stem, seed, budget, branch)
+                for unit, key in BUDGETS.items():
+                    folder = self.out / f"{config.stem}-{seed}" / ("" if unit == "min" else unit)
+                    run = kind(config, seed, folder, self.data, self.takes, unit)
+                    for budget, branch in run.models(tuple(getattr(self, key))):
+                        about = {"config": config.stem, "seed": seed, key: budget}
+                        yield self.point(about, branch)
 
-    def point(self, name: str, seed: int, budget: float, branch: Path) -> dict:
+    def point(self, about: dict, branch: Path) -> dict:
         """Score a model, or read what was found before with the same windows and steps."""
         path = branch / "point.json"
         how = {"count": self.count, "steps": self.steps, "frames": list(self.frames)}
@@ -126,14 +131,20 @@ class ModelBench:
             if known["how"] == how:
                 return known
         weights = sum(p.numel() for p in hub.load(branch / "model").model.parameters())
-        found = last_line(branch) | {"config": name, "seed": seed, "minutes": budget}
-        found |= {"weights": weights, "how": how, "scores": {}}
+        found = last_line(branch) | about | {"weights": weights, "how": how, "scores": {}}
         for frames in self.frames:
             dances = self.dances(branch, frames)
             rows = scores_of(dances, self.windows(frames), self.reference, workers=self.workers)
             found["scores"][str(frames)] = {metric: rows[metric] for metric in METRICS}
         path.write_text(json.dumps(found) + "\n", encoding="utf-8")
         return found
+
+    def branch(self, point: dict) -> Path:
+        """Where a point's training lies."""
+        folder = self.out / f"{point['config']}-{point['seed']}"
+        if "minutes" in point:
+            return folder / f"{point['minutes']:g}min"
+        return folder / "windows" / f"{point['given_windows']:g}windows"
 
     def dances(self, branch: Path, frames: int) -> list[Path]:
         """The files of a model's dances, in the order of the windows."""

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from dancediff.bench.results import budget_of
 from dancediff.motion.motion import Motion
 from dancediff.viz.filmstrip import plot_filmstrip, strip_height
 from dancediff.viz.palette import DANCER_COLORS
@@ -51,11 +52,12 @@ def mean_line(points: list[dict], metric: str, frames: str, x: str) -> tuple[lis
     >>> mean_line(two, "GMR", "150", "spent")
     ([61.0], [4.0])
     """
-    budgets = sorted({p["minutes"] for p in points})
-    groups = [[p for p in points if p["minutes"] == budget] for budget in budgets]
+    budgets = dict.fromkeys(map(budget_of, points))
+    groups = [[p for p in points if budget_of(p) == budget] for budget in budgets]
     where = [float(np.mean([p[x] for p in same])) for same in groups]
     values = [_known_mean([p["scores"][frames][metric][0] for p in same]) for same in groups]
-    return where, values
+    order = np.argsort(where)
+    return [where[k] for k in order], [values[k] for k in order]
 
 
 def _known_mean(values: list[float | None]) -> float:

@@ -29,16 +29,26 @@ def rows_of(points: list[dict]) -> list[dict]:
     rows = []
     seeds: dict[tuple, set] = {}
     for one in points:
-        seeds.setdefault((one["config"], one.get("minutes")), set()).add(one.get("seed"))
+        seeds.setdefault((one["config"], budget_of(one)), set()).add(one.get("seed"))
     for one in points:
-        key = one["config"], one.get("minutes")
+        key = one["config"], budget_of(one)
         for frames, scores in one["scores"].items():
-            budget = f", {one['minutes']:g} min" if "minutes" in one else ""
-            name = f"{one['config']}{budget}, {frames} frames"
+            name = ", ".join(filter(None, (*key, f"{frames} frames")))
             several = len(seeds[key]) > 1
             row = {"variant": f"{name}, seed {one.get('seed')}", "of": name} if several else {}
             rows.append({"variant": name} | row | {"scores": _cost(one) | _cells(scores)})
     return mean_of_seeds(rows)
+
+
+def budget_of(point: dict) -> str:
+    """What its training was given, in words; empty where nobody trained.
+
+    >>> budget_of({"minutes": 2.5}), budget_of({"given_windows": 20000}), budget_of({})
+    ('2.5 min', '20,000 windows', '')
+    """
+    if "given_windows" in point:
+        return f"{point['given_windows']:,} windows"
+    return f"{point['minutes']:g} min" if "minutes" in point else ""
 
 
 def _cost(point: dict) -> dict[str, dict]:

@@ -1,4 +1,4 @@
-r"""Trainings in several stages with one budget of computing.
+r"""Trainings in several stages with one budget.
 
 Read first: `dancediff.bench.budget`.
 
@@ -22,6 +22,7 @@ from dancediff.bench.budget import (
     Run,
     last_line,
     steps_left,
+    used,
     write_config,
 )
 from dancediff.training.ablation_table import write_text
@@ -33,9 +34,10 @@ LEFT = "left.json"  # in the folder of a stage: how its rate falls, once that is
 
 
 class StageTrainer(BudgetTrainer):
-    """A trainer that ends when ``seconds`` of its stage, the name of its folder, are spent."""
+    """A trainer that ends when the ``budgets`` of its stage, the name of its folder, are used."""
 
-    seconds: ClassVar[dict[str, float]]
+    budgets: ClassVar[dict[str, float]]
+    unit = "min"
 
     def __init__(self, *args, **options):
         super().__init__(*args, **options)
@@ -47,8 +49,9 @@ class StageTrainer(BudgetTrainer):
     def _is_enough(self, step: int) -> bool:
         """Are all steps done? How many there are is known when the rate begins to fall."""
         assert self.out is not None
-        stable = STABLE * self.seconds[self.out.name]
-        if self.config.steps == FOREVER and step > 0 and self.spent >= stable:
+        stable = STABLE * self.budgets[self.out.name]
+        so_far = used({"spent": self.spent, "windows": self.data.windows}, self.unit)
+        if self.config.steps == FOREVER and step > 0 and so_far >= stable:
             left = steps_left(step)
             write_text(self.out / LEFT, json.dumps(left) + "\n")
             self.config = replace(self.config, **left)
@@ -58,10 +61,10 @@ class StageTrainer(BudgetTrainer):
 class StagedRun(Run):
     """Trainings of a system in stages with one seed, one for each budget."""
 
-    def models(self, minutes: tuple[float, ...]) -> Iterator[tuple[float, Path]]:
+    def models(self, budgets: tuple[float, ...]) -> Iterator[tuple[float, Path]]:
         """Every budget and the folder of its model, trained if it is not there."""
-        for budget in sorted(minutes):
-            branch = self.folder / f"{budget:g}min"
+        for budget in sorted(budgets):
+            branch = self.folder / f"{budget:g}{self.unit}"
             if not (branch / "model" / "config.json").exists():
                 self.whole(budget, branch)
             yield budget, branch
@@ -71,7 +74,8 @@ class StagedRun(Run):
         shares = stage_shares(read_training(self.config))
 
         class OfThisBudget(StageTrainer):
-            seconds: ClassVar = {stage: 60 * budget * share for stage, share in shares.items()}
+            budgets: ClassVar = {stage: budget * share for stage, share in shares.items()}
+            unit = self.unit
 
         path = write_config(branch / "stages.toml", self.config, seed=self.seed)
         model = self.train(path, branch, OfThisBudget)

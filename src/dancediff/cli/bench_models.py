@@ -14,7 +14,7 @@ from dancediff.generation.presets import PACKAGED
 class BenchModels:
     """Train systems for the same computing and compare their dances of the same windows.
 
-    A run that was stopped goes on. Budgets are minutes of processor time.
+    A run that was stopped goes on. Budgets are minutes of processor time, and windows.
     """
 
     configs: tyro.conf.Positional[tuple[Path, ...]]
@@ -23,6 +23,8 @@ class BenchModels:
     """Folder for trainings, dances, results.json, results.md and pictures."""
     minutes: tuple[float, ...] = (30.0,)
     """Budgets of every training."""
+    windows: tuple[int, ...] = ()
+    """Numbers of dancer windows, each a training of its own beside those by time."""
     seeds: tuple[int, ...] = (0, 1, 2)
     """Trainings of every system; intervals go from the lowest to the highest of them."""
     data: Path | None = None
@@ -58,6 +60,7 @@ class BenchModels:
             [config_file(config) for config in self.configs],
             self.out,
             workers=self.workers,
+            given_windows=self.windows,
             **{name: getattr(self, name) for name in same},
         )
         points, rows = [], []
@@ -84,7 +87,7 @@ class BenchModels:
         from dancediff.bench.paper_tables import markdown, paper_tables, papers_beside
         from dancediff.training.ablation_table import write_text
 
-        minutes, frames = max(self.minutes), self.frames[0]
+        minutes, frames = max(self.minutes, default=0.0), self.frames[0]
         rows, texts = papers_beside(points, bench.systems, minutes, frames), []
         for name, some in rows.items():
             table = paper_tables()[name]
@@ -106,7 +109,6 @@ class BenchModels:
         strips = {TRUTH: bench.windows(frames)[0].motion}
         for point in points:  # the largest budget comes last
             if point["seed"] == self.seeds[0]:
-                folder = f"{point['config']}-{point['seed']}/{point['minutes']:g}min"
-                file = bench.dances(self.out / folder, frames)[0]
+                file = bench.dances(bench.branch(point), frames)[0]
                 strips[point["config"]] = Motion.load(file)
         draw_strips(strips, self.out / "filmstrips.png")

@@ -98,6 +98,30 @@ def test_what_is_done_is_not_done_again(out, configs, capsys):
     assert {path: path.stat().st_mtime_ns for path in files} == before
 
 
+def test_budgets_of_windows_stand_beside_those_of_time(out, configs, tmp_path):
+    fact = tmp_path / "tiny_fact.toml"
+    fact.write_text(STAGED["tiny_fact"], encoding="utf-8")
+    given = {"held": out / "held", "other": out / "reference", "count": 3, "steps": 2}
+    bench = ModelBench(
+        [configs[0], fact],
+        tmp_path / "out",
+        minutes=(),
+        given_windows=(40, 80),
+        seeds=(0,),
+        **given,
+    )
+    points = list(bench.points())
+    assert [point["given_windows"] for point in points] == [40, 80, 40, 80]
+    for point in points:  # a step more or less, of four dancers or a few more
+        assert point["windows"] == pytest.approx(point["given_windows"], abs=10)
+        assert bench.branch(point).parent.name == "windows"
+        assert (bench.branch(point) / "model" / "config.json").exists()
+    again = list(bench.points())
+    assert again == points
+    rows = rows_of(points)
+    assert rows[0]["variant"] == "tiny_edge, 40 windows, 150 frames"
+
+
 def test_of_two_configs_of_a_class_the_first_stands_for_it(configs, tmp_path):
     other = tmp_path / "other_edge.toml"
     other.write_text(DATA + SYSTEMS["tiny_edge"], encoding="utf-8")
