@@ -30,6 +30,7 @@ from dancediff.data.choreographed import choreographed_corpus
 from dancediff.data.windows import GroupCut, WindowSampler
 from dancediff.diffusion.guidance import guided
 from dancediff.generation.pipeline import pipeline_of
+from dancediff.generation.presets import PACKAGED
 from dancediff.nn import ssm
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 from dancediff.training import run
@@ -164,7 +165,7 @@ def paper(args: Args) -> list[dict]:
     model = pipeline_of(TCDiffPP(TCDiffPPConfig.paper()).eval())
     song = loaded(args).slice(0, 5)
     song.features()
-    usual = {"sampler": "dpm", "steps": 12, "guidance": 1.0}
+    usual = {"sampler": "dpm", "steps": PACKAGED["tcdiffpp"]["steps"], "guidance": 1.0}
     ways = {
         "float32": usual,
         "bfloat16": usual | {"dtype": torch.bfloat16},
