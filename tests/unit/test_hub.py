@@ -168,7 +168,7 @@ def test_packaged_song_can_be_danced_to():
 def test_packaged_model_is_small_and_has_a_card():
     folder = hub.ASSETS / "models" / "tcdiffpp"
     assert "tcdiffpp" in hub.packaged_models()
-    assert (folder / "model.safetensors").stat().st_size < 8_000_000
+    assert (folder / "model.safetensors").stat().st_size < 16_000_000
     card = (folder / "card.md").read_text(encoding="utf-8")
     for word in ("synthetic", "steps", "seed", "time"):
         assert word in card.lower()

@@ -145,6 +145,7 @@ def test_packaged_config_is_valid():
     names = config["model"].pop("extensions")
     packaged = json.loads((hub.ASSETS / "models" / "tcdiffpp" / "config.json").read_text())
     assert names == packaged["extensions"]  # the packaged model is made with it
+    assert config["model"].pop("genres") == packaged["genres"]
     assert TCDiffPPConfig(**config["model"]).max_dancers == 5 and config["train"]["steps"] > 0
 
 
