@@ -68,7 +68,8 @@ def dance(model: Pipeline, window: Window, *, seed: int, naive: bool, sampling: 
     if isinstance(model, EDGEPipeline):
         return model.generate(window, **options)
     # not one order at the end, as a request has it, but one for every segment
-    with mock.patch.object(SegmentPlan, "targets", lambda self, request: window.orders()):
+    orders = [order.tolist() for order in window.orders()]
+    with mock.patch.object(SegmentPlan, "targets", lambda self, request: orders):
         return model.generate(window, long_sampling="naive" if naive else "lgds", **options)
 
 

@@ -22,7 +22,7 @@ def further(x_s, s, t, abar, eps):
 # The noise has the same strength at every frequency; a dance has not. The body travels far when it
 # is slow, and what is fast is small. So noise eats a dance from the fine to the coarse, and on the
 # way back a network first decides where everybody goes and last how a hand trembles.
-drowned = {"sway": 650, "kick": 310, "tremble": 70}
+drowned = {"sway": 620, "kick": 280, "tremble": 50}
 
 
 # %% 04.4

@@ -64,10 +64,10 @@ NEAR_MISSES = {
         ),  # no roots
     ],
     "04.3": [
-        {"sway": 70, "kick": 310, "tremble": 650},
-        {"sway": 310, "kick": 650, "tremble": 70},
-        {"sway": 310, "kick": 310, "tremble": 310},  # all at once
-        {"sway": 650, "kick": 310},
+        {"sway": 50, "kick": 280, "tremble": 620},
+        {"sway": 280, "kick": 620, "tremble": 50},
+        {"sway": 280, "kick": 280, "tremble": 280},  # all at once
+        {"sway": 620, "kick": 280},
     ],
     "04.4": [
         lambda eps, abar: (500, eps + 0.1),  # too early
