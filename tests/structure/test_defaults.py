@@ -74,7 +74,7 @@ def test_no_default_of_a_request_is_written_a_second_time():
 @pytest.mark.parametrize(
     ("text", "found"),
     [
-        ("def f(steps=12): pass", ["f.steps"]),
+        ("def f(steps=8): pass", ["f.steps"]),
         ("def f(steps=13, *, eta=None): pass", []),
         ("class A:\n  soft: float = 1.0\n  other: float = 1.0", ["A.soft"]),
         ("def f(a, *, mirror=True): pass", ["f.mirror"]),

@@ -48,13 +48,11 @@ SAID = [
     ("notebooks/16_*.ipynb", r"guidance \(the paper's: (\d+)\)", f"{PAPER}.tcdiffpp.guidance"),
     ("README.md", r"(\d+) in all, with", "dancediff.exercises.EXERCISES"),
     ("docs/teaching.md", r"(\d+) exercises that check", "dancediff.exercises.EXERCISES"),
-    ("docs/results_tcdiffpp.md", r"defaults became (\d+) steps", f"{PACKAGED}.tcdiffpp.steps"),
-    ("docs/results_tcdiffpp.md", r"steps and ([\d.]+) later", f"{PACKAGED}.tcdiffpp.autoguidance"),
-    ("docs/results_tcdiffpp.md", r"steps and ([\d.]+) it is", f"{PACKAGED}.tcdiffpp.autoguidance"),
+    ("docs/results_tcdiffpp.md", r"(\d+) steps,\s+autoguidance", f"{PACKAGED}.tcdiffpp.steps"),
     (
         "docs/results_tcdiffpp.md",
-        r"limit of ([\d.]+) m/s",
-        "dancediff.extensions.speed_limit.TRAVEL_LIMIT",
+        r"autoguidance ([\d.]+), and rules",
+        f"{PACKAGED}.tcdiffpp.autoguidance",
     ),
     (
         "docs/results_tcdiffpp.md",
