@@ -8,7 +8,11 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar, Self
 
 from dancediff.generation.option import in_range, option
-from dancediff.generation.sampling_config import SamplingConfig, has_preconditioning
+from dancediff.generation.sampling_config import (
+    SamplingConfig,
+    has_preconditioning,
+    sigma_min_option,
+)
 
 if TYPE_CHECKING:
     from dancediff.extensions.constraint import Constraint
@@ -75,6 +79,7 @@ class GroupDanceRequest(SegmentedRequest):
 
     family: ClassVar[str] = "tcdiffpp"
 
+    sigma_min: float = sigma_min_option(None)
     collision_avoidance: bool = option(
         None, "Make room between dancers who would run into each other."
     )

@@ -13,7 +13,6 @@ _PAPERS: Values = {  # TCDiff++, Lodge and EDGE take the same sampler
     "sampler": "ddim",
     "steps": 50,
     "eta": 1.0,
-    "sigma_min": 0.0,
     "guidance": 2.0,
     "autoguidance": 1.0,
     "energy": "any",
@@ -22,7 +21,6 @@ _PAPERS: Values = {  # TCDiff++, Lodge and EDGE take the same sampler
 _OURS: Values = {
     "sampler": "dpm",
     "eta": 0.0,
-    "sigma_min": 0.0,
     "guidance": 1.0,
     "energy": 1.0,  # the song's own
     "foot_contact": True,
@@ -31,6 +29,7 @@ _OURS: Values = {
 PAPER: dict[str, Values] = {
     "tcdiffpp": _PAPERS
     | {
+        "sigma_min": 0.0,
         "genre": "any",
         "frequency_clip": False,
         "collision_avoidance": False,

@@ -64,7 +64,7 @@ def default_of(family: str, name: str, preset: str = DanceRequest.preset):
     """What an option is where nobody says otherwise; None: it follows from model and song.
 
     >>> default_of("tcdiffpp", "steps"), default_of("tcdiffpp", "steps", "paper")
-    (12, 50)
+    (8, 50)
     >>> default_of("lodge", "soft")
     1.0
     """

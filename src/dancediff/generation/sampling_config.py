@@ -24,6 +24,17 @@ def genre_option() -> Any:
     )
 
 
+def sigma_min_option(default: float | None) -> Any:
+    """The option that says where DPM-Solver++ ends; None where presets have the default."""
+    return option(
+        default,
+        "For dpm: noise, as a share of the signal, at which the last guess is taken; 0: as little "
+        "as there is.",
+        low=0,
+        high=1,
+    )
+
+
 @dataclass(frozen=True, kw_only=True)
 class SamplingConfig(DanceRequest):
     """The options that all denoisers share.
@@ -47,13 +58,7 @@ class SamplingConfig(DanceRequest):
     eta: float = option(
         None, "Fresh noise in a step of DDIM: 0 none, 1 as much as DDPM.", low=0, high=1
     )
-    sigma_min: float = option(
-        None,
-        "For dpm: noise, as a share of the signal, at which the last guess is taken; 0: as little "
-        "as there is.",
-        low=0,
-        high=1,
-    )
+    sigma_min: float = sigma_min_option(0.0)
     guidance: float = option(
         None,
         "How much the music matters: 0 not at all, 1 as learned, 2 exaggerated (twice the time).",

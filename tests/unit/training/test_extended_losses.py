@@ -67,7 +67,7 @@ def group_total(x_raw, x_hat, x_0, rows, *, both, joint_velocity):
 
 @pytest.mark.parametrize(
     ("name", "dancers", "both", "joint_velocity"),
-    [("tcdiffpp_small", 3, True, 0.2), ("edge_small", 1, False, 0.5)],
+    [("tcdiffpp_small", 3, True, 0.5), ("edge_small", 1, False, 0.5)],
 )
 def test_groups_learn_by_what_the_recipe_says(name, dancers, both, joint_velocity):
     settings = settings_of(check_tables(read_training(CONFIGS / f"{name}.toml"), name))
