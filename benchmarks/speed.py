@@ -29,6 +29,7 @@ from dancediff.data.augment import Augmentation
 from dancediff.data.choreographed import choreographed_corpus
 from dancediff.data.windows import GroupCut, WindowSampler
 from dancediff.diffusion.guidance import guided
+from dancediff.extensions import ssd
 from dancediff.generation.pipeline import pipeline_of
 from dancediff.generation.presets import PACKAGED
 from dancediff.nn import ssm
@@ -101,7 +102,7 @@ def two_passes(denoise, conditions, guidance):
 def naive():
     """Put the naive parts in the places of ours."""
     with (
-        mock.patch.object(ssm, "ssd_scan", indexed_ssd),
+        mock.patch.object(ssd, "ssd_scan", indexed_ssd),
         mock.patch.object(ssm, "selective_scan", indexed_scan),
         mock.patch("dancediff.generation.group_dance.guided", two_passes),
         mock.patch("dancediff.nn.conditioning._same_place", lambda a, b: False),
@@ -252,7 +253,7 @@ def scan(args: Args) -> list[dict]:
         tied = [x.requires_grad_() for x in (u, torch.rand(b, f, heads), -torch.rand(heads), B, C,
                                              torch.ones(heads))]  # fmt: skip
         row = {"what": f"scan, {b} x {f} frames, {d} channels"}
-        ways = {"loop": (ssm.selective_scan, inputs), "ssd": (ssm.ssd_scan, tied)}
+        ways = {"loop": (ssm.selective_scan, inputs), "ssd": (ssd.ssd_scan, tied)}
         if f <= 1024:
             ways["indexed"] = (indexed_scan, inputs)
         if pscan:
