@@ -100,7 +100,8 @@ class FormationBars:
         dances = [Motion.load(path).joints() for path in sorted(self.dances.glob("*.npz"))]
         data = PreparedData(self.held)
         truth = [data.load(one).motion.joints() for one in data if one.kind == "synthetic"]
-        rows = rows_of(dances, [joints for joints in truth if joints.shape[1] >= 900])
+        truth = [joints for joints in truth if joints.shape[1] >= 900]  # 30 s
+        rows = rows_of(dances, truth)
         columns = ["metric", "dances", "held-out", "bar", "holds"]
         for row in rows:
             print("|", " | ".join(map(str, row.cells())), "|")

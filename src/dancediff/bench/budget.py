@@ -57,6 +57,7 @@ class BudgetTrainer(Trainer):
     """
 
     bar: tqdm | None = None
+    unit = "min"
 
     def __init__(self, *args, **options):
         super().__init__(*args, **options)
@@ -64,6 +65,11 @@ class BudgetTrainer(Trainer):
             raise ValueError("out=None: a training with a budget needs a folder for what it spent")
         self.data = Counted(self.data)
         self.spent, self.data.windows = spent_until(self.out, self.first)
+
+    @property
+    def so_far(self) -> float:
+        """What is used of the budget, in its unit."""
+        return used({"spent": self.spent, "windows": self.data.windows}, self.unit)
 
     def step(self, step: int) -> dict[str, float]:
         """As any trainer, timed."""
@@ -97,10 +103,9 @@ class StableTrainer(BudgetTrainer):
     """Stops, with a checkpoint, as soon as ``until`` of its ``unit`` are used."""
 
     until = np.inf
-    unit = "min"
 
     def _save(self, step: int, logger, signals) -> None:
-        enough = used({"spent": self.spent, "windows": self.data.windows}, self.unit) >= self.until
+        enough = self.so_far >= self.until
         signals.save = signals.save or enough
         super()._save(step, logger, signals)
         if enough:

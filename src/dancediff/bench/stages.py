@@ -22,7 +22,6 @@ from dancediff.bench.budget import (
     Run,
     last_line,
     steps_left,
-    used,
     write_config,
 )
 from dancediff.training.ablation_table import write_text
@@ -37,7 +36,6 @@ class StageTrainer(BudgetTrainer):
     """A trainer that ends when the ``budgets`` of its stage, the name of its folder, are used."""
 
     budgets: ClassVar[dict[str, float]]
-    unit = "min"
 
     def __init__(self, *args, **options):
         super().__init__(*args, **options)
@@ -50,8 +48,7 @@ class StageTrainer(BudgetTrainer):
         """Are all steps done? How many there are is known when the rate begins to fall."""
         assert self.out is not None
         stable = STABLE * self.budgets[self.out.name]
-        so_far = used({"spent": self.spent, "windows": self.data.windows}, self.unit)
-        if self.config.steps == FOREVER and step > 0 and so_far >= stable:
+        if self.config.steps == FOREVER and step > 0 and self.so_far >= stable:
             left = steps_left(step)
             write_text(self.out / LEFT, json.dumps(left) + "\n")
             self.config = replace(self.config, **left)
