@@ -1,8 +1,6 @@
 """The packaged models of the earlier systems, from a run of `dancediff bench-models`.
 
-    dancediff bench-models edge_tiny gcd_tiny tcdiff_tiny tcdiffpp_tiny fact_tiny mnet_tiny \
-        bailando_tiny codancers_tiny lodge_tiny --minutes 10 --data data/all --out runs/bench
-    python benchmarks/package_systems.py runs/bench --minutes 10
+    python benchmarks/package_systems.py runs/bench --minutes 5   # after benchmarks/bench_tables.py
 
 Writes src/dancediff/assets/models/NAME for each of them, with a card that has the run's scores.
 """
@@ -30,10 +28,11 @@ CARD = (
     "# {name}",
     "{about} {weights:.1f} M weights, fp16. It is here to be compared with, and not for dances to "
     "show: it had {minutes:g} minutes of one core, `tcdiffpp` hours.",
-    "**Data.** Those of `configs/tcdiffpp_small.toml`: dances by the procedural choreographer, to "
-    "synthetic and recorded songs, and CMU motion capture with songs made to fit.",
+    "**Data.** 1,500 dances of 30 s by the procedural choreographer, to synthetic songs, and CMU "
+    "motion capture with songs made to fit; no recorded song (`benchmarks/bench_tables.py` has the "
+    "commands).",
     "**Training.** `dancediff bench-models {config} --minutes {minutes:g} --seeds {seed} --data "
-    "data/all`, {steps:,} steps.",
+    "data/bench`, {steps:,} steps.",
     "**Results.** {count} held-out windows of 5 s (synthetic songs, choreographed dances), bare, "
     "with 95 % bootstrap intervals: {scores}. All systems side by side: docs/results/tables.md.",
     "**Limits.** Lesson 14 shows what it does badly.",

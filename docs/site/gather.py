@@ -19,6 +19,7 @@ DOCUMENTS = (
     "THIRD_PARTY.md",
     "CHANGELOG.md",
     "docs/*.md",
+    "docs/results/*.md",
     "data_prep/README.md",
     "src/dancediff/assets/models/*/card.md",
 )

@@ -34,7 +34,7 @@ import dance_page
 
 DOCS = Path(__file__).parents[1]
 RESULTS = DOCS / "results"
-PAGES = sorted(DOCS.glob("*.md"))
+PAGES = sorted([*DOCS.glob("*.md"), *RESULTS.glob("*.md")])
 SOURCE = DOCS.parent / "src" / "dancediff"
 BLOCK = re.compile(r"(<!-- table: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 MAP = re.compile(r"(<!-- map: ([\w\s]+) -->\n).*?(<!-- end -->)", re.DOTALL)

@@ -46,7 +46,9 @@ def test_everything_is_in_the_contents(pages):
         for path in (ROOT / "src" / "dancediff").rglob("*.py")
     }
     expected = {f"api/{name}" for name in modules if "._" not in name}
-    expected |= {f"docs/{path.stem}" for path in (ROOT / "docs").glob("*.md")} - {"docs/index"}
+    documents = [*ROOT.glob("docs/*.md"), *ROOT.glob("docs/results/*.md")]
+    expected |= {path.relative_to(ROOT).with_suffix("").as_posix() for path in documents}
+    expected -= {"docs/index"}
     lessons = {f"notebooks/{path.stem}" for path in (ROOT / "notebooks").glob("*.ipynb")}
     gathered = {name.rsplit(".", 1)[0] for name in pages}
     contents = in_contents(pages)

@@ -18,7 +18,7 @@ import dance_page
 import tables
 
 LOG = sorted((ROOT / "docs" / "log").glob("*.md"))
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [ROOT / "README.md", *tables.PAGES]
 LESSONS = sorted((ROOT / "notebooks").glob("[0-9]*.ipynb"))
 MOST_WORDS = 14_000
 

@@ -1,6 +1,7 @@
 """benchmarks/bench_tables.py, package_systems.py: a run's numbers and networks are packaged."""
 
 import json
+import os
 import sys
 
 import pytest
@@ -27,6 +28,18 @@ def runs(tmp_path):
     ]
     points = [{"seed": 0}, {"seed": 1}, {"seed": 1}]
     (tmp_path / "results.json").write_text(json.dumps({"rows": rows, "points": points}))
+    for minutes, score in (("0.01", [900.0, None, None]), ("10", [20.123, 18.0, 22.0])):
+        branch = tmp_path / "edge_tiny-0" / f"{minutes}min"
+        for k, (stage, losses) in enumerate(
+            (("units", [4] * 10 + [1] * 100), ("gpt", [8] * 10 + [4] * 100))
+        ):
+            (branch / stage).mkdir(parents=True)
+            text = "".join(f"{step},{loss}\n" for step, loss in enumerate(losses))
+            (branch / stage / "losses.csv").write_text(f"step,total\n{text}", encoding="utf-8")
+            (branch / stage / "spent.jsonl").touch()
+            os.utime(branch / stage / "spent.jsonl", (k, k))
+        known = {"scores": {"150": dict.fromkeys(bench_tables.LEARNED, score)}}
+        (branch / "point.json").write_text(json.dumps(known))
     paper = {"tcdiffpp": [["FID: 1 of 1", "EDGE", 31.4, 1, [20.123, None, None], 1]]}
     (tmp_path / "papers.json").write_text(json.dumps(paper))
     return tmp_path
@@ -35,10 +48,19 @@ def runs(tmp_path):
 def test_tables_have_the_values_and_say_how_many_seeds(runs, tmp_path):
     (tmp_path / "results").mkdir()
     bench_tables.BenchTables(runs, minutes=10, results=tmp_path / "results").run()
-    table = json.loads((tmp_path / "results" / "bench.json").read_text())
+    table, learned = (
+        json.loads((tmp_path / "results" / f"{name}.json").read_text())
+        for name in ("bench", "bench_learned")
+    )
+    assert learned["columns"][:3] == ["system", "FID_k, untrained", "FID_g, untrained"]
+    assert learned["rows"] == [
+        ["edge_tiny", 900, 900, 900, *[[20.1, 18, 22]] * 3, "units", 4, 1, 0.25],
+        [*[""] * 7, "gpt", 8, 4, 0.5],
+    ]
+    assert learned["seed"] == "0" and "--minutes 0.01 10 " in learned["command"]
     assert table["columns"] == ["system", "FID_k", "MMC"]
-    assert table["rows"] == [["edge_tiny", [20.1, 18.0, 22.0], 20.1], ["mean pose", None, None]]
-    assert table["seed"].startswith("2 ") and "--minutes 10" in table["command"]
+    assert table["rows"] == [["edge_tiny", [20.1, 18, 22], 20.1], ["mean pose", None, None]]
+    assert table["seed"] == "0 1" and "--minutes 10 --seeds 0 1 " in table["command"]
     beside = json.loads((tmp_path / "results" / "papers_tcdiffpp.json").read_text())
     assert beside["rows"] == [["FID: 1 of 1", "EDGE", 31.4, 1, 20.1, 1]]
 
