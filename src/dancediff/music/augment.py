@@ -17,6 +17,7 @@ import numpy as np
 from scipy.signal import butter, oaconvolve, sosfilt
 
 from dancediff.music.instruments import RATE
+from dancediff.music.librosa_import import import_librosa
 from dancediff.music.song import SILENT, Music
 
 SHARES = {  # of versions in which a step is taken; each is drawn on its own
@@ -91,7 +92,7 @@ def faster_and_higher(y: np.ndarray, speed: float, semitones: float) -> np.ndarr
     >>> len(faster_and_higher(np.zeros(22050, dtype=np.float32), 1.0, 0.0))
     22050
     """
-    import librosa
+    librosa = import_librosa()
 
     higher = 2 ** (semitones / 12)
     if higher != 1:

@@ -20,6 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
+from dancediff.music.librosa_import import import_librosa
 from dancediff.music.sound_rate import SAMPLE_RATE
 
 BEAT_FPS = 60  # frames a second; at 30 the lengths of fast beats are too coarse
@@ -60,7 +61,7 @@ def beat_onset(y: np.ndarray, at_once: int = AT_ONCE) -> np.ndarray:
     >>> beat_onset(np.zeros(15360, dtype=np.float32)).shape
     (61,)
     """
-    import librosa
+    librosa = import_librosa()
 
     mel = _mel(y, at_once)
     quietest = librosa.power_to_db(mel.max()) - _TOP_DB  # of the whole song, not of a part
@@ -74,7 +75,7 @@ def beat_onset(y: np.ndarray, at_once: int = AT_ONCE) -> np.ndarray:
 
 def _mel(y: np.ndarray, at_once: int) -> np.ndarray:
     """Power in 128 mel bands, (f, 128)."""
-    import librosa
+    librosa = import_librosa()
 
     reach, frames = WINDOW // 2, 1 + len(y) // _HOP
     mel = np.empty((frames, 128), np.float32)

@@ -25,6 +25,7 @@ from dancediff.music.features import (
     PEAKS,
 )
 from dancediff.music.frame_chroma import cens
+from dancediff.music.librosa_import import import_librosa
 from dancediff.music.next_beat import beat_line, coming_beats
 from dancediff.music.sections import BAR
 from dancediff.music.song import LOUDNESS, SILENT
@@ -176,7 +177,7 @@ def continued(X: np.ndarray, frames: int, bar: float) -> np.ndarray:
 
 def _peaks(onset: np.ndarray) -> np.ndarray:
     """Frames of onsets that stand out, of an envelope whose largest value so far is 1."""
-    import librosa
+    librosa = import_librosa()
 
     return librosa.onset.onset_detect(
         onset_envelope=onset, normalize=False, sr=SAMPLE_RATE, hop_length=HOP

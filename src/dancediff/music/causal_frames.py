@@ -18,6 +18,7 @@ from dancediff.axes import FPS
 from dancediff.music.energy import frame_power
 from dancediff.music.features import MFCC, NUM_FEATURES
 from dancediff.music.frame_chroma import REACH, SPAN, chroma_levels
+from dancediff.music.librosa_import import import_librosa
 from dancediff.music.online_beats import PAST, OnlineBeats
 from dancediff.music.sound_rate import HOP, SAMPLE_RATE
 
@@ -123,7 +124,7 @@ class _Onset:
 @cache
 def _mel(window: int) -> tuple[np.ndarray, np.ndarray]:
     """Mel bands of a power spectrum (b, 1 + window / 2), and the window itself."""
-    import librosa
+    librosa = import_librosa()
 
     basis = librosa.filters.mel(sr=SAMPLE_RATE, n_fft=window).astype(np.float32)
     return basis, librosa.filters.get_window("hann", window).astype(np.float32)

@@ -17,6 +17,7 @@ from torch.nn import functional as F
 
 from dancediff.axes import FPS
 from dancediff.music.features import MFCC, NUM_FEATURES, SAMPLE_RATE
+from dancediff.music.librosa_import import import_librosa
 
 EVEN = 0.65  # energy of a song that is always equally loud
 SLOPE = 25.0  # dB from no energy to all of it
@@ -100,7 +101,7 @@ def frame_power(M: Tensor) -> Tensor:
 @cache
 def _bands() -> tuple[Tensor, Tensor]:
     """Inverse cosine transform of 20 MFCC (k, b), and what each band adds to loudness (b,)."""
-    import librosa
+    librosa = import_librosa()
 
     k = torch.arange(MFCC.stop - MFCC.start, dtype=torch.float64)
     b = torch.arange(_BANDS) + 0.5

@@ -17,6 +17,7 @@ from torch import Tensor, nn
 
 from dancediff.axes import FPS
 from dancediff.music.beat_tracking import TrackedBeats, beat_onset, track_beats
+from dancediff.music.librosa_import import import_librosa
 from dancediff.music.sound_rate import HOP, SAMPLE_RATE
 
 NUM_FEATURES = 35
@@ -56,7 +57,7 @@ def music_features(
     >>> M.shape, bool(np.isfinite(M).all())
     ((31, 35), True)
     """
-    import librosa
+    librosa = import_librosa()
 
     y = np.asarray(samples, dtype=np.float32)
     if y.ndim != 1 or not np.isfinite(y).all():
@@ -91,7 +92,7 @@ def _parts(frames: int, at_once: int):
 
 def _mel_and_tuning(y: np.ndarray, at_once: int) -> tuple[np.ndarray, float]:
     """Power in 128 mel bands (128, f), and by how much of a semitone's third all notes are off."""
-    import librosa
+    librosa = import_librosa()
 
     reach = _WINDOW // 2
     mel, pitches, loud = [], [], []
@@ -112,7 +113,7 @@ def _mel_and_tuning(y: np.ndarray, at_once: int) -> tuple[np.ndarray, float]:
 
 def _constant_q(y: np.ndarray, tuning: float, at_once: int) -> np.ndarray:
     """Strength of 36 notes an octave over seven octaves, (252, f)."""
-    import librosa
+    librosa = import_librosa()
 
     parts, frames = [], 1 + len(y) // HOP
     for start, stop in _parts(frames, at_once):

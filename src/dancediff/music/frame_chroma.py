@@ -17,6 +17,7 @@ from scipy.ndimage import convolve1d
 from scipy.sparse import csr_matrix, vstack
 
 from dancediff.music.features import BINS
+from dancediff.music.librosa_import import import_librosa
 from dancediff.music.sound_rate import SAMPLE_RATE
 
 SPAN = 1 << 15  # samples that the lowest note's filter lies in
@@ -29,7 +30,7 @@ _SMOOTH = 43  # frames of the smoothing window, its two zeros included
 @cache
 def _kernel() -> tuple[csr_matrix, np.ndarray]:
     """Kernels of all notes, and which pitch class each belongs to (12, k)."""
-    import librosa
+    librosa = import_librosa()
 
     low = float(librosa.note_to_hz("C1"))
     hertz = librosa.cqt_frequencies(BINS * _OCTAVES, fmin=low, bins_per_octave=BINS)

@@ -14,6 +14,7 @@ from torch import Tensor
 from dancediff.atomic import atomic_write
 from dancediff.music.beat_tracking import TrackedBeats, beat_onset, track_beats
 from dancediff.music.features import music_features
+from dancediff.music.librosa_import import import_librosa
 from dancediff.music.sound_on_disk import SoundOnDisk
 from dancediff.music.sound_rate import HOP, SAMPLE_RATE
 
@@ -140,7 +141,7 @@ class Music:
         y = self.audio.mean(axis=1)
         if rate == self.rate:
             return y
-        import librosa
+        librosa = import_librosa()
 
         return librosa.resample(y, orig_sr=self.rate, target_sr=rate, res_type="soxr_hq")
 
