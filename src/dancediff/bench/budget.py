@@ -14,6 +14,7 @@ Symbols (axes: b windows · n dancers)
 """
 
 import json
+import math
 import shutil
 import time
 import tomllib
@@ -45,7 +46,7 @@ class Counted:
     def batch(self, number: int):
         """As the data has it."""
         batch = self.data.batch(number)
-        self.windows += batch[0].shape[0] * batch[0].shape[1]
+        self.windows += math.prod(batch[0].shape[:-2])  # (b, n, f, d), or (b, f, d) of solos
         return batch
 
 

@@ -205,6 +205,8 @@ def test_stages_share_a_budget_as_they_share_the_steps(staged):
             assert spent[stage]["step"] == left["steps"]
             assert left["decay"] == pytest.approx(0.2, abs=0.5 / left["steps"] ** 0.5)
             assert spent[stage]["spent"] > 0.8 * share  # of one second
+            usual = 2 if point["config"] == "tiny_lodge" else 4  # windows, or dancers, a step
+            assert abs(spent[stage]["windows"] / spent[stage]["step"] - usual) <= 0.5
         for name in ("spent", "windows", "step"):
             assert point[name] == pytest.approx(sum(one[name] for one in spent.values()))
 
