@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 
 from torch import nn
 
+from dancediff.extensions.last_frame_residual import ExtendedFACT, ExtendedMNET
 from dancediff.extensions.lodge_stages import extended_lodge
 from dancediff.extensions.networks import (
     Extended,
@@ -36,6 +37,8 @@ EXTENDED: dict[type[nn.Module], Callable[..., Any]] = {
     TCDiff: ExtendedTCDiff,
     TCDiffPP: ExtendedTCDiffPP,
     Lodge: extended_lodge,
+    FACT: ExtendedFACT,
+    MNET: ExtendedMNET,
 }
 FAMILIES: dict[type[nn.Module], str] = {
     EDGE: "edge",

@@ -81,6 +81,8 @@ _ALL = (
               "residuals", GROUP),
     Extension("fusion_residual", "network", "The mixed dancers are added to their own tokens.",
               "residuals", GROUP),
+    Extension("last_frame_residual", "network", "Guesses are added to the last frame seen.",
+              "last_frame_residual", ("fact", "mnet"), lesson=14),
     Extension("style_film", "network", "Lodge's style token joins the vector of FiLM.",
               "lodge_stages", SOLO),
     Extension("global_style", "network", "Lodge's first stage gets the genre, too.",

@@ -23,6 +23,7 @@ from dancediff.autoregression.network import AutoregressiveNetwork
 from dancediff.data.augment import Augmentation
 from dancediff.data.take import DanceTake
 from dancediff.data.windows import GroupCut, WindowSampler
+from dancediff.extensions.build import build, check_extensions
 from dancediff.nn.quantizer import VectorQuantizer
 from dancediff.papers.bailando.model import Bailando, BailandoConfig
 from dancediff.papers.codancers.model import CoDancers, CoDancersConfig
@@ -85,7 +86,18 @@ def check_autoregressive_tables(config: dict, source: str) -> dict:
     Raises: ValueError naming the source, the table and the key that does not fit.
     """
     check_sizes(config["model"], f"{source}: 'model'")
-    return check_all(config, known_tables(config), source)
+    names = config["model"].get("extensions", [])
+    sizes = {key: value for key, value in config["model"].items() if key != "extensions"}
+    tables = check_all(config | {"model": sizes}, known_tables(config), source)
+    if not isinstance(names, list | tuple):
+        raise ValueError(f"{source}: 'model': extensions={names!r} should be a list of names")
+    model_class, config_class = MODELS[sizes["class"]]
+    try:
+        check_extensions(model_class, config_class(), names)
+    except ValueError as err:
+        raise ValueError(f"{source}: 'model': {err}") from err
+    tables["model"]["extensions"] = list(names)
+    return tables
 
 
 def known_tables(config: dict) -> dict[str, type]:
@@ -122,6 +134,7 @@ def train_autoregressive(
     settings = {stage: _settings(tables, stage) for stage in model_class.stages}
     for stage in (stage for stage, one in settings.items() if one is not None):
         check_free(Path(out) / stage, run.get("resume"), run.get("overwrite"))
+    extensions = tables["model"].pop("extensions")
     corpus, sizes = GroupData(**tables["data"]), config_class(**tables["model"])
     held_out: list[DanceTake] = []
     if takes is None:
@@ -133,7 +146,7 @@ def train_autoregressive(
     if not takes and hasattr(sizes, "genres"):
         raise ValueError(f"no take has one of the genres {', '.join(sizes.genres)}; name others")
     torch.manual_seed(tables["train"].get("seed", 0))
-    model = model_class(sizes)
+    model: AutoregressiveNetwork = build(model_class, sizes, extensions)
     if world is not None and world.size > 1 and has_codebook(model):
         raise ValueError(
             f"{type(model).__name__} has a codebook, which each process would learn differently; "

@@ -43,7 +43,6 @@ WEIGHTS = {  # MNET's code
     "joints": 1.0,
     "adversarial": 1.0,
     "consistency": 1.0,
-    "diversity": 0.5,
     "critic": 1.0,
 }
 
@@ -66,6 +65,7 @@ class MNETConfig:
     seed_frames: int = 30  # of motion that it sees
     music_frames: int = 60  # frames of music that it sees
     targets: int = 15  # frames that it guesses, all of which are kept
+    diversity: float = 0.5  # weight of the diversity loss
     max_dancers: int = 10  # who find a place on the stage; the network knows one
     motion_dim: int = 151  # features of a dancer's frame
     music_dim: int = 35  # features of a frame of music
@@ -180,7 +180,7 @@ class MNET(AutoregressiveNetwork):
             "diversity": diversity(z_1, z_2, made, again),
             "critic": hinge(real, fake),
         }
-        return with_total(terms, WEIGHTS)
+        return with_total(terms, WEIGHTS | {"diversity": c.diversity})
 
     def examples(self, batch: Batch) -> _Examples:
         """Histories, what comes after them, music and genres of the windows."""
