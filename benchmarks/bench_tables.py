@@ -3,9 +3,9 @@ r"""The numbers of `dancediff bench-models` as tables of the pages.
     dancediff prepare cmu CMU_FOLDER data/bench --workers 2
     dancediff prepare choreograph 1500 data/bench --seconds 30 --workers 2
     dancediff bench-models edge_tiny gcd_tiny tcdiff_tiny tcdiffpp_tiny fact_tiny mnet_tiny \
-        bailando_tiny codancers_tiny lodge_tiny --data data/bench --minutes 0.01 5 --seeds 0
-    dancediff bench-models ... --minutes 5 --seeds 0 1 2
-    python benchmarks/bench_tables.py runs/bench --minutes 5
+        bailando_tiny codancers_tiny lodge_tiny --data data/bench --minutes 0.01 4 --seeds 0
+    dancediff bench-models ... --minutes 4 --seeds 0 1 2
+    python benchmarks/bench_tables.py runs/bench --minutes 4
 
 Writes docs/results/bench.json, bench_learned.json, papers_tcdiffpp.json and papers_lodge.json.
 "Untrained" is a training of 0.01 minutes, a step or a few.
@@ -49,7 +49,10 @@ class BenchTables:
             [row["variant"].split(",")[0], *(cell(row["scores"].get(name)) for name in metrics)]
             for row in rows
         ]
-        about = "Systems of both papers, trained for the same processor time, bare."
+        about = (
+            "Systems of both papers, trained for the same processor time (with the large pages of "
+        )
+        about += "docs/training.md), bare."
         how = f"{self.minutes:g}", " ".join(map(str, seeds))
         self.write("bench", about, how, ["system", *metrics], body)
         names = [row[0] for row in body if (self.runs / f"{row[0]}-0").exists()]
@@ -126,7 +129,7 @@ def cell(score: dict | None):
         return None
     numbers = [score.get(key) for key in KEYS]
     short = [None if v is None else digits(v) for v in numbers]
-    return short[0] if None in short else short
+    return short[0] if None in short or short[1] == short[2] else short
 
 
 def digits(value: float) -> float:
