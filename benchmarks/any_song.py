@@ -3,6 +3,7 @@ r"""Can a model dance to any song? One table of bars: docs/results/any_song.json
     python benchmarks/any_song.py tcdiffpp --data ../shared/data --label before
     python benchmarks/any_song.py choreographer --data ../shared/data
     python benchmarks/any_song.py runs/any/model --songs UNHEARD_SONGS --label after
+    python benchmarks/any_song.py tcdiffpp --energy 1.25 --label "tcdiffpp, energy=1.25"
 
 Three dancers, every seed, and one run of five dancers dance 40 s to `hard_songs`; and to the 40 s
 of ten songs whose loudness changes most. A model that takes a genre is asked for each of them, too.
@@ -20,8 +21,8 @@ import json
 import os
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from functools import cached_property
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
 from hashlib import sha256
 from pathlib import Path
 
@@ -160,6 +161,7 @@ class Job:
     dancers: int
     seed: int
     genre: str | None = None
+    energy: float | None = None  # times the song's own
 
     @property
     def name(self) -> str:
@@ -179,6 +181,7 @@ def danced(model: str, job: Job, path: Path) -> None:
         energy = energy_curve(job.song.music.features())[: round(SECONDS * FPS)]
         dance, _ = choreograph(job.song.beats, energy=energy, **options)
     else:
+        options |= {"energy": job.energy} if job.energy else {}
         dance = _loaded(model).generate(job.song.music, **options)
     dance.save(path)
 
@@ -256,6 +259,7 @@ class AnySong:
     each: int = 5  # dances for every genre
     judge_seeds: int = 4  # trios of the choreographer a genre that the judge is trained on
     label: str | None = None  # of the column; default: the model's name
+    energy: float | None = None  # times the song's own; default: the model's preset
     workers: int = 2
     out: Path = Path("runs/any_song")
     results: Path = Path("docs/results")
@@ -263,19 +267,22 @@ class AnySong:
     def run(self) -> None:
         """Everything; both tables are written when all dances are there."""
         name = Path(self.model).name
-        self.folder = self.out / f"{name}-{digest_of(self.model)}".rstrip("-")
+        parts = (name, digest_of(self.model), f"energy{self.energy}" if self.energy else "")
+        self.folder = self.out / "-".join(filter(None, parts))
         self.folder.mkdir(parents=True, exist_ok=True)
-        hard = [Job(song, 3, seed) for song in self.hard for seed in self.seeds]
-        five = [Job(song, 5, self.seeds[0]) for song in self.hard]
-        ten = [Job(song, 3, seed) for song in self.ten for seed in self.seeds]
-        asked = self.genre_jobs()
+        job = partial(Job, energy=self.energy)
+        hard = [job(song, 3, seed) for song in self.hard for seed in self.seeds]
+        five = [job(song, 5, self.seeds[0]) for song in self.hard]
+        ten = [job(song, 3, seed) for song in self.ten for seed in self.seeds]
+        asked = [replace(one, energy=self.energy) for one in self.genre_jobs()]
         self.dance([*hard, *five, *ten, *asked])
         bars = [*self.hard_bars(hard, five), *self.listening_bars(ten)]
         bars += [*self.genre_bars(asked), self.speed_bar()]
         for bar in bars:
             print(f"| {bar.text} | {bar.cell()} |")
         self.write(bars)
-        self.write_places(hard, five)
+        if self.energy is None:
+            self.write_places(hard, five)
 
     @cached_property
     def hard(self) -> list[HardSong]:

@@ -110,6 +110,21 @@ def test_dances_are_named_apart_and_not_danced_again(tmp_path, monkeypatch):
     assert Motion.load(run.path(jobs[0])).num_dancers == 1
 
 
+def test_energy_is_asked_for_only_if_it_is_named(tmp_path, monkeypatch):
+    asked = []
+
+    class Model:
+        def generate(self, song, **options):
+            asked.append(options.get("energy"))
+            return Motion(torch.eye(3).expand(1, 2, 24, 3, 3), torch.zeros(1, 2, 3))
+
+    monkeypatch.setattr(bench, "_loaded", lambda name: Model())
+    song = songs.HardSong("a", "", "synthetic", songs.waltz().music.slice(0, 2), BEATS)
+    for energy in (None, 1.25):
+        bench.danced("x", bench.Job(song, 1, 0, energy=energy), tmp_path / "a.npz")
+    assert asked == [None, 1.25]
+
+
 @pytest.mark.parametrize(
     ("make", "gaps"), [(songs.waltz, [60 / 138]), (songs.tempo_change, [60 / 96, 60 / 136])]
 )

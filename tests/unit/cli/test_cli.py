@@ -27,6 +27,7 @@ def small_models(monkeypatch):
         return pipeline_of(small[name](), name) if name in small else load(name, **options)
 
     monkeypatch.setattr(hub, "load", load)
+    monkeypatch.setattr(hub, "packaged_models", lambda: sorted(small))
 
 
 @pytest.fixture
