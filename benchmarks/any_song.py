@@ -181,7 +181,7 @@ def danced(model: str, job: Job, path: Path) -> None:
         energy = energy_curve(job.song.music.features())[: round(SECONDS * FPS)]
         dance, _ = choreograph(job.song.beats, energy=energy, **options)
     else:
-        options |= {"energy": job.energy} if job.energy else {}
+        options |= {} if job.energy is None else {"energy": job.energy}
         dance = _loaded(model).generate(job.song.music, **options)
     dance.save(path)
 
@@ -267,7 +267,8 @@ class AnySong:
     def run(self) -> None:
         """Everything; both tables are written when all dances are there."""
         name = Path(self.model).name
-        parts = (name, digest_of(self.model), f"energy{self.energy}" if self.energy else "")
+        energy = "" if self.energy is None else f"energy{self.energy}"
+        parts = (name, digest_of(self.model), energy)
         self.folder = self.out / "-".join(filter(None, parts))
         self.folder.mkdir(parents=True, exist_ok=True)
         job = partial(Job, energy=self.energy)

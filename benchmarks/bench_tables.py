@@ -49,10 +49,8 @@ class BenchTables:
             [row["variant"].split(",")[0], *(cell(row["scores"].get(name)) for name in metrics)]
             for row in rows
         ]
-        about = (
-            "Systems of both papers, trained for the same processor time (with the large pages of "
-        )
-        about += "docs/training.md), bare."
+        about = "Systems of both papers, bare, trained for the same processor time, with the "
+        about += "large pages of docs/training.md."
         how = f"{self.minutes:g}", " ".join(map(str, seeds))
         self.write("bench", about, how, ["system", *metrics], body)
         names = [row[0] for row in body if (self.runs / f"{row[0]}-0").exists()]
@@ -89,7 +87,7 @@ class BenchTables:
         """One file, in the form that docs/site/tables.py reads; ``how``: minutes, seeds."""
         table = {
             "about": about,
-            "data": "synthetic",
+            "data": "synthetic windows; trainings had motion capture, too",
             "seed": how[1],
             "intervals": "from the lowest to the highest of several seeds, else 95 % bootstrap",
             "date": datetime.now(UTC).date().isoformat(),

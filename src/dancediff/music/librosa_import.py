@@ -6,6 +6,7 @@ then on every import ends in a segmentation fault (numba issue 10128). So the fi
 lock, and those that come meanwhile wait and find everything compiled.
 """
 
+import contextlib
 import importlib.util
 import os
 import tempfile
@@ -44,6 +45,8 @@ def _mark() -> Path:
     assert spec is not None and spec.origin is not None
     home = Path(spec.origin).parent / "__pycache__"
     folder = Path(os.environ.get("NUMBA_CACHE_DIR") or home)  # where numba writes, if it can
+    with contextlib.suppress(OSError):  # made first: all processes must agree on the place
+        folder.mkdir(parents=True, exist_ok=True)
     if not (folder.is_dir() and os.access(folder, os.W_OK)):
         folder = Path(tempfile.gettempdir())
     parts = (spec.origin, version("librosa"), version("numba"), get_host_cpu_name())

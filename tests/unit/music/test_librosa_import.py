@@ -42,7 +42,10 @@ def test_once_compiled_nobody_waits(mark):
 def test_the_mark_is_where_numba_writes_if_it_can(tmp_path, monkeypatch):
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     assert librosa_import._mark().parent == tmp_path
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "missing"))
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "new" / "folder"))
+    assert librosa_import._mark().parent == tmp_path / "new" / "folder"
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "file" / "folder"))
     monkeypatch.setattr(librosa_import.tempfile, "gettempdir", lambda: str(tmp_path / "temporary"))
     assert librosa_import._mark().parent == tmp_path / "temporary"
 
