@@ -34,6 +34,8 @@ TOO_WIDE = """
   .filter((box) => getComputedStyle(box).overflowX !== 'visible')
   .map((box) => box.textContent.trim().slice(0, 80) || box.className)
 """
+# MathJax's copy of each equation for screen readers, unseen, is as wide as the system's font for it
+UNSEEN = "body mjx-container mjx-assistive-mml { display: none !important }"
 # without a question whether to save
 CLOSE_ALL = """
 [...window.jupyterapp.shell.widgets('main')].forEach((one) => {
@@ -83,6 +85,7 @@ def lab(new_page, tmp_path_factory):
         until(page, "window.jupyterapp !== undefined", 60 * SLOW)
         page.evaluate("window.jupyterapp.restored.then(() => true)")  # before, nothing opens
         page.evaluate("void window.jupyterapp.shell.collapseLeft()")
+        page.add_style_tag(content=UNSEEN)
         yield page
         page.close()
 

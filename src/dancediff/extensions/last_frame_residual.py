@@ -28,6 +28,7 @@ def on_last_frame(guess: Tensor, history: Tensor) -> Tensor:
 
     Shapes: (b, k, d), (b, s, d) -> (b, k, d).
 
+    >>> import torch
     >>> history = torch.ones(1, 2, 151)
     >>> on_last_frame(torch.zeros(1, 3, 151), history)[0, 0, 3:7].tolist()  # x and z are 4 and 6
     [1.0, 0.0, 1.0, 0.0]
@@ -46,6 +47,7 @@ def begin_at_zero(layer: nn.Linear) -> None:
 class ExtendedFACT(FACT):
     """FACT with a residual from the last frame; shapes as `FACT`.
 
+    >>> import torch
     >>> sizes = {"d_model": 16, "num_heads": 2, "num_layers": 1, "ff_dim": 32}
     >>> model = ExtendedFACT(FACTConfig(**sizes), ["last_frame_residual"])
     >>> history = torch.randn(2, 60, 151)
