@@ -7,7 +7,8 @@ song is danced by a group of every size, perhaps several times. All of it follow
 Genres take turns from song to song; the tempo is drawn from those that suit the genre. Songs are
 simple (`synth_song`) or ``varied`` (`synth_varied_song`): with intros and breaks without a beat,
 other meters, tempo changes. To these, `dancediff prepare choreograph` and training without data
-dance.
+dance, half of the time in any genre: a network that always sees the genre which suits the song
+learns to read it from the tempo, and not to dance the one that somebody asks for.
 
 Symbols (axes: f frames · m music features)
     M   music features of a song, raw   (f, m)
@@ -26,7 +27,7 @@ from torch import Tensor
 
 from dancediff.backends import run_jobs
 from dancediff.data.cache import cached, code_digest, content_key
-from dancediff.data.choreographer import choreograph
+from dancediff.data.choreographer import GENRES, choreograph
 from dancediff.data.packed import PackedTakes
 from dancediff.data.prepare import prepare
 from dancediff.data.take import DanceTake, Job
@@ -38,6 +39,7 @@ from dancediff.music.varied import synth_varied_song
 SIZES = (1, 2, 3, 4, 5)  # of groups
 SOURCE = "dancediff's choreographer and synthesiser"
 LICENCE = "MIT (made by this project's own code)"
+ANY_GENRE = 0.5  # share of dances to varied and recorded songs in a genre drawn from all
 _LETTERS = ["", *"bcdefghij"]  # of the first dance to a song, of the second, ...
 
 
@@ -170,11 +172,11 @@ class SyntheticSong:
     def danced_by(self, n: int, again: int = 0, share: float = 0.0) -> DanceTake:
         """Dance number ``again`` of n people; ``share`` of the songs is expected in "val"."""
         seed = 10 * self.seed + n + again * 10**9
-        options: dict = {"genre": self.genre, "sections": self.sections, "seconds": self.seconds}
-        options["meter"] = self.meter
+        options: dict = {"sections": self.sections, "seconds": self.seconds, "meter": self.meter}
+        options["genre"] = (any_genre(seed) if self.varied else None) or self.genre
         if self.varied:
             options["energy"] = energy_curve(self.M)
-        dance, _ = choreograph(self.beats, dancers=n, seed=seed, **options)
+        dance, truth = choreograph(self.beats, dancers=n, seed=seed, **options)
         f = min(dance.num_frames, len(self.M))
         digest = sha256(f"choreographed {self.seed}".encode()).digest()
         return DanceTake(
@@ -188,9 +190,19 @@ class SyntheticSong:
             group=f"synth-{self.seed}",
             M=self.M[:f],
             beats=self.beats[self.beats < f / dance.fps],
-            genre=self.genre,
+            genre=truth.genre,
             notes={"seed": seed, "tempo": self.tempo, "meter": self.meter},
         )
+
+
+def any_genre(seed: int) -> str | None:
+    """One of all genres in a share of dances, `ANY_GENRE`; else None: one that suits the song.
+
+    >>> [any_genre(seed) for seed in range(4)]
+    [None, 'bollywood', 'locking', 'locking']
+    """
+    rng = np.random.default_rng([seed, 3])
+    return str(rng.choice(list(GENRES))) if rng.random() < ANY_GENRE else None
 
 
 def genre_and_tempo(song_seed: int) -> tuple[str, float]:

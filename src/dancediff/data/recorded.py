@@ -4,6 +4,7 @@ Read first: data_prep/README.md, section Songs.
 
 Each dance takes another part of a song, of a length of one's choice, anywhere in it; the first one
 takes its beginning. Features, beats and sections are those of the whole song. No sound is kept.
+Half of the dances are in a genre that suits the tempo, half in any.
 
 Symbols (axes: f frames · m music features)
     M   music features of a whole song, raw   (f, m)
@@ -21,7 +22,7 @@ import torch
 
 from dancediff.axes import FPS
 from dancediff.data.cache import cached, code_digest, content_key
-from dancediff.data.choreographed import SIZES
+from dancediff.data.choreographed import SIZES, any_genre
 from dancediff.data.choreographer import choreograph
 from dancediff.data.song_folder import SongFile, songs_in
 from dancediff.data.take import DanceTake, Job
@@ -103,6 +104,7 @@ def danced_song(
         "seconds": f / FPS,
         "sections": _within(song_sections(M), start / FPS, f / FPS),
         "energy": energy_curve(M, loudness)[start : start + f],
+        "genre": any_genre(seed),
     }
     dance, truth = choreograph(beats, dancers=n, seed=seed, **options)
     side = int.from_bytes(sha256(f"song {song.key}".encode()).digest()[:8])

@@ -28,7 +28,7 @@ from dancediff.data.cache import song_features
 from dancediff.data.take import DanceTake, Job
 from dancediff.motion.beats import mean_speed, motion_beats
 from dancediff.motion.motion import Motion
-from dancediff.music.features import BEATS
+from dancediff.music.features import BEATS, LATE
 from dancediff.music.synth import synth_on_beats
 
 INTERVALS = np.arange(10, 25)  # frames: 180 to 75 beats a minute
@@ -121,15 +121,16 @@ def _best_row(rest: np.ndarray) -> np.ndarray:
 def soundtrack(motion: Motion, *, seed: int = 0, songs: int = 3) -> tuple[Tensor, np.ndarray]:
     """Features of several songs, each with its own band and mix, on the beats of one dance.
 
-    The column of beats holds the beats that were played.  Differs from what a listener finds:
-    librosa's tracker expects one tempo a song, and loses songs that follow a dance.
+    The column of beats holds the beats that were played, `LATE` as in any song.  Differs from what
+    a listener finds: librosa's tracker expects one tempo a song, and loses songs that follow a
+    dance.
 
     Shapes: -> M (songs, f, m), beats (k,) seconds.
     Raises: ValueError when the dance is shorter than 2 seconds, or ``songs`` not positive.
 
     >>> still = Motion(torch.eye(3).expand(1, 90, 24, 3, 3), torch.zeros(1, 90, 3))
     >>> M, beats = soundtrack(still, songs=1)
-    >>> M.shape, int(M[0, :, BEATS].sum()) == len(beats)
+    >>> M.shape, int(M[0, :, BEATS].sum()) >= len(beats) - 1  # the last may come too late
     (torch.Size([1, 90, 35]), True)
     """
     if songs < 1:
@@ -141,11 +142,11 @@ def soundtrack(motion: Motion, *, seed: int = 0, songs: int = 3) -> tuple[Tensor
     for one in seeds:
         song, truth = synth_on_beats(grid, int(one), seconds=f / FPS + 0.1)
         rows.append(song_features(song)[:f].clone())
-    frames = np.round(truth.beats * FPS).astype(int)
-    beats, frames = truth.beats[frames < f], frames[frames < f]
+    beats = truth.beats[np.round(truth.beats * FPS) < f]
+    frames = np.round((beats + LATE) * FPS).astype(int)
     M = torch.stack(rows)
     M[:, :, BEATS] = 0
-    M[:, frames, BEATS] = 1
+    M[:, frames[frames < f], BEATS] = 1
     return M, beats
 
 

@@ -1,6 +1,7 @@
 """Synthetic takes as jobs: all from seeds, songs made once, splits by song."""
 
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ import torch
 
 from dancediff.data import choreographed as module
 from dancediff.data.choreographed import (
+    any_genre,
     choreograph_jobs,
     choreographed_corpus,
     choreographed_takes,
@@ -72,6 +74,20 @@ def test_genres_take_turns():
         name, tempo = genre_and_tempo(k)
         low, high = TEMPOS[name]
         assert low <= tempo <= high or tempo in (60, 200)
+
+
+def test_half_of_the_dances_to_varied_songs_are_in_any_genre():
+    """Not all of them: else nothing would tell which genre suits a song."""
+    drawn = [any_genre(seed) for seed in range(2000)]
+    known = Counter(drawn)
+    assert 900 < known.pop(None) < 1100
+    assert set(known) == set(TEMPOS) and min(known.values()) > 60
+    song = replace(synthetic_song(0, 5.0), varied=True)
+    takes = [song.danced_by(n) for n in (1, 2, 3, 4, 5)]
+    asked = [any_genre(take.notes["seed"]) or song.genre for take in takes]
+    assert [take.genre for take in takes] == asked and len(set(asked)) > 1
+    plain = replace(song, varied=False)
+    assert {plain.danced_by(n).genre for n in (1, 2, 3)} == {song.genre}
 
 
 def test_a_song_is_rendered_once_for_all_sizes(tmp_path, monkeypatch):

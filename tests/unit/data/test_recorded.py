@@ -8,6 +8,7 @@ import torch
 
 from dancediff.cli import main
 from dancediff.data.cache import use_cache
+from dancediff.data.choreographed import any_genre
 from dancediff.data.packed import PackedTakes
 from dancediff.data.prepare import prepare, recipe
 from dancediff.data.prepared import PreparedData
@@ -63,6 +64,14 @@ def test_a_part_has_the_features_of_the_whole_song(folder):
     assert np.allclose(
         second.beats, beat_times(M[: start + 210])[-len(second.beats) :] - start / 30
     )
+
+
+def test_genres_that_do_not_suit_a_song_are_danced_too(folder):
+    jobs = [job for job in song_jobs(folder, dances_per_song=8) if "song-one" in job.name]
+    takes = [job.make() for job in jobs]
+    asked = [any_genre(take.notes["seed"]) for take in takes]
+    assert any(asked) and None in asked
+    assert all(take.genre == name for take, name in zip(takes, asked, strict=True) if name)
 
 
 def test_a_song_shorter_than_a_part_is_danced_whole(folder):

@@ -9,7 +9,7 @@ from dancediff.data import soundtrack as module
 from dancediff.data.soundtrack import rest_curve, soundtrack, tempo_map, with_soundtrack
 from dancediff.data.take import DanceTake
 from dancediff.motion.motion import Motion
-from dancediff.music.features import BEATS
+from dancediff.music.features import beat_times
 from dancediff.music.synth import synth_on_beats
 
 
@@ -81,9 +81,8 @@ def test_songs_differ_in_sound_but_not_in_beats():
     motion = swing(accelerando(), 300)
     M, beats = soundtrack(motion, seed=4, songs=3)
     assert M.shape == (3, 300, 35)
-    frames = np.round(beats * 30).astype(int)
-    for k in range(3):
-        assert np.flatnonzero(M[k, :, BEATS].numpy()[:, 0]).tolist() == frames.tolist()
+    for k in range(3):  # the column is late, as that of any song; what is read from it is not
+        assert np.allclose(beat_times(M[k]), beats, atol=0.5 / 30 + 1e-6)
     timbre = M[:, :, 1:21].mean(1)
     assert torch.cdist(timbre, timbre)[0, 1:].min() > 10  # MFCC, the spread within a corpus is ~50
     again, _ = soundtrack(motion, seed=4, songs=3)
