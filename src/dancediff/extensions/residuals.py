@@ -7,6 +7,7 @@ the fusion residual adds the mixed dancers to their own tokens.
 import torch
 from torch import Tensor, nn
 
+from dancediff.nn.decoder import FusionProjection
 from dancediff.papers.tcdiffpp.footwork_adaptor import FootworkAdaptor
 
 
@@ -35,11 +36,25 @@ class FootworkResidual(nn.Module):
 
 
 class FusionResidual(nn.Module):
-    r"""$h \leftarrow h + \text{FP}(h)$; shapes as `FusionProjection`."""
+    r"""$h \leftarrow h + \text{FP}(h)$, with $\text{FP}(h)$ near 0 at the start.
 
-    def __init__(self, fusion_projection: nn.Module):
+    Begun at full size it is noise beside the dancers' own tokens, and training silences its units
+    to be rid of it: those of the second layer that hear a row fell from half to a fifth in 600
+    steps, and later four fifths of them were dead.
+
+    Shapes: as `FusionProjection`.
+
+    >>> residual = FusionResidual(FusionProjection(max_dancers=2, d_model=4, hidden=8))
+    >>> h = torch.randn(1, 2, 3, 4)
+    >>> (residual(h) - h).abs().max().item() < 0.1
+    True
+    """
+
+    def __init__(self, fusion_projection: FusionProjection):
         super().__init__()
         self.fusion_projection = fusion_projection
+        with torch.no_grad():
+            fusion_projection.back.weight.mul_(0.01)
 
     def forward(self, h: Tensor) -> Tensor:
         """See the equation."""

@@ -25,8 +25,7 @@ class MuonAdamW:
     Adam's, so that both share one learning rate.
 
     Source: Muon, with the scale of Liu et al. eq. 4; `torch.optim.Muon` does the work.
-    Differs from common use: matrices of input and output are included; groups with ``share`` below
-    one (the Fusion Projection) stay with AdamW.
+    Differs from common use: matrices of input and output are included.
 
     >>> from torch import nn
     >>> weight, bias = nn.Parameter(torch.eye(64)), nn.Parameter(torch.zeros(64))
@@ -43,21 +42,18 @@ class MuonAdamW:
         """``groups``: dicts of ``params`` and, if wanted, their ``share`` of the learning rate."""
         matrices, rest = [], []
         for group in groups:
-            share = group.get("share", 1.0)
-            params = list(group["params"])
-            moved = [p for p in params if share == 1.0 and p.ndim == 2 and min(p.shape) >= SMALLEST]
-            chosen = {id(p) for p in moved}
-            matrices += moved
-            others = [p for p in params if id(p) not in chosen]
-            rest += [{"params": others, "share": share}] if others else []
+            share, params = group.get("share", 1.0), list(group["params"])
+            is_matrix = [p.ndim == 2 and min(p.shape) >= SMALLEST for p in params]
+            for part, wanted in ((matrices, True), (rest, False)):
+                own = [p for p, is_one in zip(params, is_matrix, strict=True) if is_one == wanted]
+                part += [{"params": own, "share": share}] if own else []
         options: dict[str, Any] = {"lr": lr, "weight_decay": weight_decay}
         self.parts: list[torch.optim.Optimizer] = []
         if rest:
             self.parts.append(torch.optim.AdamW(rest, betas=(0.9, 0.99), fused=True, **options))
         if matrices:
-            group = {"params": matrices, "share": 1.0}
             options |= {"momentum": 0.95, "adjust_lr_fn": "match_rms_adamw"}
-            self.parts.append(torch.optim.Muon([group], **options))
+            self.parts.append(torch.optim.Muon(matrices, **options))
 
     @property
     def param_groups(self) -> list[dict]:

@@ -52,12 +52,13 @@ def test_step_is_as_large_as_adams():
     assert size(optimizer_of) == pytest.approx(0.2 * adam, rel=0.3)  # Adam's later steps are 0.2
 
 
-def test_small_matrices_vectors_and_slow_groups_stay_with_adam():
+def test_small_matrices_and_vectors_stay_with_adam_and_groups_keep_their_share():
     model = nn.Sequential(network(), nn.LayerNorm(2), FusionProjection(3, 8, 64))
     muon = make_optimizer(model, TrainConfig(optimizer="muon"))
     assert isinstance(muon, MuonAdamW)
     adam, matrices = muon.parts
-    assert [p.shape for g in matrices.param_groups for p in g["params"]] == [(64, 40)]
+    shapes = {g["share"]: [tuple(p.shape) for p in g["params"]] for g in matrices.param_groups}
+    assert shapes == {1.0: [(64, 40)], 0.2: [(64, 64)]}
     assert {g["share"] for g in adam.param_groups} == {1.0, 0.2}
     count = sum(len(g["params"]) for g in muon.param_groups)
     assert count == len(list(model.parameters()))
