@@ -43,10 +43,11 @@ class MuonAdamW:
         matrices, rest = [], []
         for group in groups:
             share, params = group.get("share", 1.0), list(group["params"])
-            is_matrix = [p.ndim == 2 and min(p.shape) >= SMALLEST for p in params]
-            for part, wanted in ((matrices, True), (rest, False)):
-                own = [p for p, is_one in zip(params, is_matrix, strict=True) if is_one == wanted]
-                part += [{"params": own, "share": share}] if own else []
+            large = {id(p) for p in params if p.ndim == 2 and min(p.shape) >= SMALLEST}
+            moved = [p for p in params if id(p) in large]
+            others = [p for p in params if id(p) not in large]
+            matrices += [{"params": moved, "share": share}] if moved else []
+            rest += [{"params": others, "share": share}] if others else []
         options: dict[str, Any] = {"lr": lr, "weight_decay": weight_decay}
         self.parts: list[torch.optim.Optimizer] = []
         if rest:
