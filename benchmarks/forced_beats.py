@@ -1,0 +1,127 @@
+r"""Does FACT hear the beat? With the true past before it, and with its own frames.
+
+    dancediff bench-models fact_tiny --data data/bench --minutes 20 --seeds 0
+    python benchmarks/forced_beats.py data/bench fact runs/bench/fact_tiny-0/20min/model
+
+Each network guesses solos of the validation split from their first two seconds on: a few frames at
+a time after the true frames (teacher-forced), or after its own. BAS is counted with the song's
+beats and with the same beats a quarter, half and three quarters of an interval later (mean): what
+shakes often has motion beats near any beat, so only the difference of both is hearing.
+Writes docs/results/bench_forced.json.
+
+Symbols (axes: f frames · s frames of the history · d features)
+    x   a dance that people or the choreographer danced, normalised   (1, f, d)
+"""
+
+import json
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import torch
+import tyro
+from tqdm.auto import tqdm
+
+import dancediff as dd
+from dancediff.autoregression.roll_out import forced_guesses, roll_out
+from dancediff.axes import FPS
+from dancediff.data.packed import PackedTakes
+from dancediff.data.take import DanceTake
+from dancediff.metrics.rhythm import beat_alignment
+from dancediff.motion.beats import motion_beats
+from dancediff.motion.motion import Motion
+from dancediff.music.features import beat_times
+from dancediff.papers.fact.model import FACT
+
+START, FRAMES = 100, 300  # of a take: its beginning is left out
+SHIFTS = (0.25, 0.5, 0.75)  # of the interval between two beats
+KEPT = (1, 5)  # frames of each guess: the paper's, and half of them
+COLUMNS = ["dances", "MMC", "beats shifted", "motion beats a second", "joint speed, m/s"]
+
+
+@dataclass
+class ForcedBeats:
+    """Roll out, teacher-forced and not, and count beats."""
+
+    data: tyro.conf.Positional[Path]
+    models: tyro.conf.Positional[tuple[str, ...]]
+    count: int = 24
+    results: Path = Path("docs/results")
+
+    def run(self) -> None:
+        """All rows, and the file."""
+        takes = PackedTakes(self.data, split="val").takes(num_frames=START + FRAMES)
+        songs = {take.group: take for take in takes if take.kind == "synthetic"}  # a dance of each
+        takes = list(songs.values())[: self.count]
+        found: dict[str, list] = {}
+        for name in self.models:
+            model = dd.load(name).model
+            for take in tqdm(takes, desc=name):
+                for kind, guess in dances_of(model, take).items():
+                    row = "held-out dances" if kind == "truth" else f"{label(name)}, {kind}"
+                    found.setdefault(row, []).append(beats_of(guess, take, model.history_frames))
+        rows = [
+            [name, *np.mean(scores, axis=0).round(3).tolist()] for name, scores in found.items()
+        ]
+        about = f"FACT's guesses of {len(takes)} solos: MMC with the song's beats, and with beats "
+        about += "between them. Means."
+        table = {
+            "about": about,
+            "data": "synthetic",
+            "date": datetime.now(UTC).date().isoformat(),
+            "command": "python benchmarks/forced_beats.py data/bench MODELS",
+            "columns": COLUMNS,
+            "rows": rows,
+        }
+        text = json.dumps(table, indent=1, ensure_ascii=False)
+        (self.results / "bench_forced.json").write_text(text + "\n", encoding="utf-8")
+        for row in rows:
+            print(*row)
+
+
+def label(name: str) -> str:
+    """A packaged name as it is; of a folder of the bench the budget.
+
+    >>> label("fact"), label("runs/bench/fact_tiny-0/20min/model")
+    ('fact', '20min')
+    """
+    return name if "/" not in name else Path(name).parent.name
+
+
+@torch.no_grad()
+def dances_of(model: FACT, take: DanceTake) -> dict[str, Motion]:
+    """The truth after a history, and what follows that history, by kind."""
+    x = model.normalizer.normalize(take.x[:1, START : START + FRAMES])
+    M = model.music_normalizer.normalize(take.M[START:])
+    s = model.history_frames
+    found = {"truth": x[:, s:]}
+    for keep in KEPT:
+        how = {"keep": keep, "window": model.config.music_frames}
+        found[f"true past, {keep} kept"] = forced_guesses(model, x, M, history=s, **how)
+        # its first music is that of the history, which lies before frame 0
+        pieces = roll_out(model, x[:, :s], M.roll(-s, 0), frames=FRAMES - s, **how)
+        found[f"own frames, {keep} kept"] = torch.cat(list(pieces), dim=1)[:, : FRAMES - s]
+    return {
+        kind: Motion.from_features(model.normalizer.unnormalize(guess))
+        for kind, guess in found.items()
+    }
+
+
+def beats_of(dance: Motion, take: DanceTake, history: int) -> list[float]:
+    """MMC, the same with shifted beats, motion beats a second, mean joint speed."""
+    joints = dance.joints()
+    first = (START + history) / FPS
+    beats = beat_times(take.M) - first
+    beats = beats[(beats >= 0) & (beats < dance.num_frames / FPS)]
+    step = np.median(np.diff(beats))
+    score = partial(beat_alignment, joints, direction="motion")
+    shifted = np.mean([score(beats + share * step) for share in SHIFTS])
+    often = len(motion_beats(joints[0])) / (dance.num_frames / FPS)
+    speed = joints.diff(dim=1).norm(dim=-1).mean().item() * FPS
+    return [score(beats), float(shifted), often, speed]
+
+
+if __name__ == "__main__":
+    tyro.cli(ForcedBeats).run()
