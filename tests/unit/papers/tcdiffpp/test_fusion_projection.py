@@ -40,3 +40,14 @@ def test_too_many_dancers():
 def test_with_a_residual_the_mixed_dancers_are_added():
     fp, h = FusionProjection(3, 4, 8), torch.randn(2, 3, 5, 4)
     torch.testing.assert_close(FusionResidual(fp)(h), h + fp(h))
+
+
+def test_the_residual_begins_near_zero_and_all_its_layers_learn():
+    """At full size it is noise, which training silences (docs/differences.md)."""
+    torch.manual_seed(0)
+    residual = FusionResidual(FusionProjection(max_dancers=3, d_model=16, hidden=64))
+    h = torch.randn(2, 3, 5, 16)
+    out = residual(h)
+    assert (out - h).std() < 0.05 * h.std()
+    (out - torch.randn(out.shape)).square().sum().backward()
+    assert all(weights.grad.abs().max() > 0 for weights in residual.parameters())
