@@ -4,9 +4,9 @@ r"""Does FACT hear the beat? With the true past before it, and with its own fram
     python benchmarks/forced_beats.py data/bench fact runs/bench/fact_tiny-0/20min/model
 
 Each network guesses solos of the validation split from their first two seconds on: a few frames at
-a time after the true frames (teacher-forced), or after its own. BAS is counted with the song's
-beats and with the same beats a quarter, half and three quarters of an interval later (mean): what
-shakes often has motion beats near any beat, so only the difference of both is hearing.
+a time after the true frames (teacher-forced), or after its own. MMC is counted with the song's
+beats and with the same beats a quarter, half and three quarters of an interval later (mean): some
+motion beats lie near any beat, so only the difference of both is hearing.
 Writes docs/results/bench_forced.json.
 
 Symbols (axes: f frames · s frames of the history · d features)
