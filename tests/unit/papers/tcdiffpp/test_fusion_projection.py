@@ -43,7 +43,6 @@ def test_with_a_residual_the_mixed_dancers_are_added():
 
 
 def test_the_residual_begins_near_zero_and_all_its_layers_learn():
-    """At full size it is noise, which training silences (docs/differences.md)."""
     torch.manual_seed(0)
     residual = FusionResidual(FusionProjection(max_dancers=3, d_model=16, hidden=64))
     h = torch.randn(2, 3, 5, 16)
