@@ -1,11 +1,14 @@
 """Guesses of FACT and MNET are added to the last frame: what that changes, and what stays."""
 
+import numpy as np
 import pytest
 import torch
 
 from dancediff import hub
+from dancediff.data.choreographer import choreograph
 from dancediff.extensions.build import build
-from dancediff.motion.representation import TCDIFFPP
+from dancediff.extensions.last_frame_residual import valid
+from dancediff.motion.representation import TCDIFFPP, Normalizer
 from dancediff.papers.fact.model import FACT, FACTConfig
 from dancediff.papers.mnet.model import MNET, MNETConfig
 from dancediff.training.run import train_from_config
@@ -22,6 +25,7 @@ def made(name, extensions=("last_frame_residual",)):
 def inputs(model):
     g, c = torch.Generator().manual_seed(1), model.config
     history = torch.randn(2, c.seed_frames, 151, generator=g)
+    history = valid(history, model.normalizer)
     given = [history, torch.randn(2, c.music_frames, 35, generator=g)]
     if isinstance(model, MNET):
         given.append(model.style(torch.tensor([0, 3]), torch.randn(2, c.noise, generator=g)))
@@ -33,7 +37,7 @@ def test_untrained_it_stands_still(name):
     model = made(name)
     given = inputs(model)
     guess = model(*given)
-    assert torch.equal(guess, given[0][:, -1:].expand_as(guess))
+    torch.testing.assert_close(guess, given[0][:, -1:].expand_as(guess))
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -63,6 +67,31 @@ def test_a_dance_is_the_same_anywhere_on_the_stage(name):
     expected = torch.zeros_like(difference)
     expected[..., TCDIFFPP.floor] = torch.tensor([3.0, -2.0])
     torch.testing.assert_close(difference, expected, atol=1e-4, rtol=0)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_rotations_do_not_grow_however_often_the_network_adds_to_them(name):
+    model = made(name)
+    for weight in model.parameters():
+        weight.data += 0.05 * torch.randn(
+            weight.shape, generator=torch.Generator().manual_seed(weight.numel())
+        )
+    history, *others = inputs(model)
+    largest = []
+    with torch.no_grad():
+        for _ in range(60):
+            guess = model(history, *others)
+            largest.append(guess[:, 0, TCDIFFPP.rot6d].abs().max().item())
+            history = torch.cat([history[:, 1:], guess[:, :1]], dim=1)
+    # one step adds to numbers of at most 1; without valid(), sixty steps would add up
+    assert max(largest) < 2 * largest[0]
+
+
+def test_frames_of_a_dance_are_valid_already():
+    x = choreograph(np.arange(0.2, 4, 0.5), dancers=2, seed=3, seconds=3.0)[0].features()
+    normalizer = Normalizer.fit(x)
+    y = normalizer.normalize(x)
+    torch.testing.assert_close(valid(y, normalizer), y, atol=1e-3, rtol=0)
 
 
 def test_it_is_stored_with_the_model(tmp_path):
