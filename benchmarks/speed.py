@@ -202,7 +202,7 @@ def training(args: Args) -> list[dict]:
         torch.manual_seed(0)
         model = TCDiffPP(TCDiffPPConfig(**config["model"]))
         settings = run.settings_of(config)
-        fit_statistics(model, takes, settings.extensions)
+        fit_statistics(model, takes, settings.extensions, mirror=True)
         data = Timed(WindowSampler(takes, GroupCut(), swaps=0.3, augment=Augmentation(mirror=0.5)))
         settings = replace(settings, precision=precision)
         trainer = Trainer(model, data, settings)

@@ -80,7 +80,8 @@ class Timed:
         )
         if isinstance(model, EDGE):
             takes, held = solos_of(takes), solos_of(held)
-        fit_statistics(model, takes, settings.extensions, real=corpus.real)
+        known = {"real": corpus.real, "mirror": corpus.mirror > 0}
+        fit_statistics(model, takes, settings.extensions, **known)
         self.trainer = trainer.Trainer(
             model, run._windows(takes, corpus, model, settings), settings, None
         )

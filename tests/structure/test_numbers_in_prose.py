@@ -42,7 +42,11 @@ SAID = [
         r"places on the floor ([\d.]+) times",
         "dancediff.extensions.autoguidance.ROOT_SHARE",
     ),
-    ("notebooks/06_*.ipynb", r"The papers take (\d+); `generate`", f"{PAPER}.tcdiffpp.guidance"),
+    (
+        "notebooks/06_*.ipynb",
+        r"The papers' code takes (\d+); `generate`",
+        f"{PAPER}.tcdiffpp.guidance",
+    ),
     ("notebooks/06_*.ipynb", r"`generate` takes (\d+)", f"{PACKAGED}.tcdiffpp.guidance"),
     ("notebooks/12_*.ipynb", r"of its (\d+) steps", f"{PACKAGED}.lodge.steps"),
     ("notebooks/16_*.ipynb", r"guidance \(the paper's: (\d+)\)", f"{PAPER}.tcdiffpp.guidance"),

@@ -73,7 +73,7 @@ class Cut(Protocol):
 class GroupCut:
     """Windows for TCDiff++ and EDGE: x (n, f, 151), dancers from left to right, and label S (n,).
 
-    Source: TCDiff++ section 5.1: 150 frames.
+    Source: TCDiff++ section 4.4: 150 frames.
 
     >>> GroupCut(150).finish(torch.zeros(3, 150, 151), None)[1].tolist()
     [0, 1, 2]

@@ -72,8 +72,8 @@ def fade_context(context: Tensor, x: Tensor) -> Tensor:
     $$x_f \leftarrow (1 - w_f)\,\text{context}_f + w_f\,x_f, \quad w_f = f / (k - 1)$$
 
     Source: TCDiff++ "merge"; EDGE's code.  Differs: rotations are blended in 6-D, and become
-    rotations again when they are unpacked; the official code takes the arc between them. Both
-    versions stay within degrees of each other here, where the two paths are the same.
+    rotations again when they are unpacked; the official code takes the arc between them. The
+    two stay within degrees of each other where the paths do; 120 degrees apart, 23 degrees.
 
     Shapes: context (n, k, d), x (n, f, d) -> (n, f, d).
 

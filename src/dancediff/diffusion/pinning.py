@@ -54,7 +54,9 @@ class Pinning:
     lose their turns and stretch out their arms (docs/drift.md).
 
     In "init" the context enters the first input with weight 4.9e-5: it is the noise that has
-    to carry it over, so hand the noise that made the context to `start`.
+    to carry it over, so hand the noise that made the context to `start`. With eta = 1 fresh noise
+    replaces it in every step, and nothing is carried over: then segments are tied by the order of
+    the dancers, their swap mode and the seam alone.
 
     Replacing frames is not enough for a smooth seam: free frames follow the guess, and the guess
     for the context is never quite right. `dancediff.extensions.initial_frames` mends that.

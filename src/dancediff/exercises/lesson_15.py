@@ -71,7 +71,7 @@ def _heard() -> list[tuple]:
     draw = np.random.default_rng(0)
     steady = 0.3 + 0.5 * np.arange(9)
     trembling = steady + draw.normal(0, 0.004, 9)
-    missing = np.delete(0.2 + 0.6 * np.arange(11), [4, 7])
+    missing = np.delete(0.2 + 0.6 * np.arange(11), [1, 7])  # one gap of two among the last eight
     slower = np.concatenate([0.4 * np.arange(30), 11.6 + 0.55 * np.arange(1, 17)])
     return [
         (steady, 4.4, 7.4),

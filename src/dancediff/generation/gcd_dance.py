@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from dancediff.diffusion.conditions import Conditions
-from dancediff.diffusion.samplers import sample
+from dancediff.diffusion.samplers import sample, sampling_times
 from dancediff.generation.group_dance import (
     binder,
     foot_contact_hooks,
@@ -44,13 +44,16 @@ def gcd_dance(model, song, request: GCDRequest, *, report=None, dtype=None) -> T
     conditions = Conditions(M, latent=z, **style_of(model, song, request, segments))
     bind = binder(model, weight_of(request, model), request.autoguidance, dtype)
 
+    options, abar = sampler_options(model, request), model.abar.cpu()
+    times = sampling_times(options.sampler, options.steps, abar, options.sigma_min)
+
     def bind_with_gamma(part: Conditions) -> Callable[[Tensor, int], Tensor]:
-        return dialled(bind(part), score_of(model, part, n), request.gamma, model.abar.cpu())
+        return dialled(bind(part), score_of(model, part, n), request.gamma, abar, times)
 
     x = sample(
         in_parts([bind_with_gamma(part) for part in split(conditions)]),
         (k, n, segments.window, model.config.motion_dim),
-        sampler_options(model, request),
+        options,
         generator=generator,
         hooks=[
             MatchedOverlaps(overlap, model.normalizer.on_cpu()),

@@ -1,8 +1,8 @@
 """Presets: what an option is where nobody says otherwise, for each family of models.
 
-``PAPER`` dances as the papers say, with nothing of ours while sampling; ``PACKAGED`` is what the
-packaged models dance best with. Options that both leave out have their default in
-the requests, where each is described.
+``PAPER`` dances as the papers say, without our additions to sampling; ``PACKAGED`` is what the
+packaged models dance best with. Options that both leave out have their default in the requests,
+where each is described.
 """
 
 from typing import Any
@@ -34,7 +34,7 @@ PAPER: dict[str, Values] = {
         "frequency_clip": False,
         "collision_avoidance": False,
         "order_constraint": False,
-        "pinning": "init",  # eq. 19
+        "pinning": "init",  # eq. 19, which carries over little with eta = 1: see Pinning
         "seam": "fade",
     },
     "lodge": _PAPERS

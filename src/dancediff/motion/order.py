@@ -1,6 +1,6 @@
 r"""Who stands where, counted from left to right: the order of dancers and the swap mode.
 
-Read first: notebook 09 · TCDiff++ sections 4.1, 4.2. Training windows, long sampling and metrics
+Read first: notebook 09 · TCDiff++ section 4.1. Training windows, long sampling and metrics
 all take order and swap mode from here.
 
 Symbols (axes: n dancers · k places from left to right)
@@ -36,7 +36,7 @@ def swap_mode(x_first: Tensor, x_last: Tensor) -> Tensor:
     S counts ranks at the first frame, so it does not depend on how dancers are numbered; dancers
     with equal x at the last frame keep the order of the first.
 
-    Source: TCDiff++ section 4.2.
+    Source: TCDiff++ section 4.1.
 
     Shapes: (..., n), (..., n) metres -> (..., n) int.
 

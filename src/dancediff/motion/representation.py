@@ -1,6 +1,6 @@
 r"""The vector a network sees for one dancer in one frame, and its scaling to [-1, 1].
 
-Read first: notebook 01 · TCDiff++ section 3.1.
+Read first: notebook 01 · TCDiff++ section 3.2.
 
 Symbols (axes: n dancers · f frames · d motion features)
     x        contact, root and 6-D rotations side by side     (..., 151) or, in Lodge, (..., 139)
@@ -226,8 +226,8 @@ class Normalizer(nn.Module):
 def cut_to_range(x: Tensor) -> Tensor:
     """Cut normalised features at +-1, the training range, but for places on the floor.
 
-    Source: EDGE, Lodge.  Differs: their unit on the floor is the range, too; ours is a metre, and
-    who stands further out shall not be pulled in.
+    Source: EDGE, Lodge.  Differs: they cut places, too; here a metre is the unit of the floor
+    (`metre_unit`), and who stands further out shall not be pulled in.
 
     Shapes: x (..., d) -> the same.
 

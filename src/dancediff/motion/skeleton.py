@@ -115,7 +115,7 @@ def forward_kinematics(pose: Tensor, root: Tensor, skeleton: Skeleton = SMPL24) 
 
     $$p_0 = \text{root},\quad p_j = p_{p(j)} + Q_{p(j)}\, o_j,\quad Q_j = Q_{p(j)} R_j$$
 
-    Source: TCDiff++ eq. 14 and Lodge eq. 4 use it as FK(.).  Differs: works on matrices directly;
+    Source: TCDiff++ eq. 13 and Lodge eq. 3 use it as FK(.).  Differs: works on matrices directly;
     the official codes go through axis-angle, whose gradient breaks near half turns.
 
     Shapes: pose (..., j, 3, 3), root (..., 3) metres -> (..., j, 3) metres.

@@ -1,6 +1,6 @@
 r"""The 35-d music features at exactly 30 frames a second.
 
-Read first: notebook 02 · Lodge section 4.1 · TCDiff++ section 5.1.
+Read first: notebook 02 · Lodge section 4.1 · TCDiff++ section 3.2.
 
 Symbols (axes: f frames at 30 fps · m = 35 features)
     samples   mono sound at 15,360 Hz                               (n,)
@@ -147,6 +147,27 @@ def beat_times(M: Tensor) -> np.ndarray:
     [0.0, 0.955]
     """
     return np.maximum(beat_frames(M) / FPS - LATE, 0)
+
+
+def dance_frames(M: Tensor) -> np.ndarray:
+    """Frames of a dance on which beats sound: where its rests should lie; (f, 35) -> int (k,).
+
+    >>> M = torch.zeros(40, 35)
+    >>> M[[1, 30], BEATS] = 1
+    >>> dance_frames(M).tolist(), beat_frames(M).tolist()
+    ([0, 29], [1, 30])
+    """
+    return np.round(beat_times(M) * FPS).astype(int)
+
+
+def in_dance_time(beats: Tensor) -> Tensor:
+    """The column of beats, moved to the frames of a dance on which they sound; (..., f) -> same.
+
+    >>> in_dance_time(torch.tensor([0.0, 0, 1, 0])).tolist()
+    [0.0, 1.0, 0.0, 0.0]
+    """
+    late = round(LATE * FPS)
+    return torch.cat([beats[..., late:], torch.zeros_like(beats[..., :late])], dim=-1)
 
 
 class MusicNormalizer(nn.Module):

@@ -63,7 +63,7 @@ class Attention(nn.Module):
 
     $$\text{softmax}\Big(\frac{R_f Q\,(R_g K)^\top}{\sqrt c}\Big) V$$
 
-    Source: Vaswani et al. eq. 1 with RoPE; used by every layer of TCDiff++ section 4.2.
+    Source: Vaswani et al. eq. 1 with RoPE; used by every layer of TCDiff++ section 4.1.
 
     Shapes: x (b, l, d_model), memory (b, k, d_model) -> (b, l, d_model).
 

@@ -79,7 +79,7 @@ class ConcatSquashLinear(nn.Module):
 
     $$\text{CSL}(x, c) = (W x + b) \odot \sigma(W_g c + b_g) + W_b c$$
 
-    Source: TCDiff++ section 4.3, after Grathwohl et al. 2019 (FFJORD).
+    Source: TCDiff++ section 4.2, after Grathwohl et al. 2019 (FFJORD).
 
     Shapes: x (..., d_in), c (..., d_cond) -> (..., d_out).
 

@@ -1,6 +1,6 @@
 r"""EDGE's transformer decoder; TCDiff++ and Lodge build theirs from the same layer.
 
-Read first: notebook 05 · EDGE section 3 · TCDiff++ section 4.2.
+Read first: notebook 05 · EDGE section 3 · TCDiff++ section 4.1.
 
 Symbols (axes: b batch · l motion tokens · k memory tokens · d channels)
     h        what the network knows about each motion token   (b, l, d)

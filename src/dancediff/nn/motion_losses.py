@@ -57,8 +57,9 @@ def l_contact(joints_hat: Tensor, contact_hat: Tensor) -> Tensor:
 
     $$\lVert (FK(\hat x)_{i+1} - FK(\hat x)_i) \cdot \hat b_i \rVert^2$$
 
-    Source: TCDiff++ eq. 15.  Differs: b is the predicted contact, as printed; in EDGE's and
-    TCDiff++'s code it is 1 where the scaled contact is above 0.95, else 0.
+    Source: TCDiff++ eq. 15.  Differs: a mean over frames, feet and axes; b is the predicted
+    contact, as printed; in EDGE's and TCDiff++'s code it is 1 where the scaled contact is above
+    0.95, else 0.
 
     Shapes: joints_hat (b, n, f, j, 3) metres, contact_hat (b, n, f, 4) about 0..1 -> scalar.
 

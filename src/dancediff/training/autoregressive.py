@@ -152,7 +152,7 @@ def train_autoregressive(
             f"{type(model).__name__} has a codebook, which each process would learn differently; "
             "train in one process"
         )
-    fit_statistics(model, takes, real=corpus.real)
+    fit_statistics(model, takes, real=corpus.real, mirror=corpus.mirror > 0)
     model.standing = torch.stack([take.x.mean((0, 1)) for take in takes]).mean(0)
     model.to(device if world is None else world.device)
     for stage, one in settings.items():

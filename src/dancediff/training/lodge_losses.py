@@ -188,10 +188,15 @@ class Critic:
     def terms(
         self, x_hat: Tensor, x_0: Tensor, M: Tensor, genre: Tensor, number: int, g: torch.Generator
     ) -> dict[str, Tensor]:
-        """Learn, if it is its turn, and say what it thinks of the generator."""
-        terms = {}
-        if number % 2:
-            terms["critic"] = self.learn(x_hat.detach(), x_0, M, genre)
+        """Learn, if it is its turn, and say what it thinks of the generator.
+
+        Every batch has the same terms: a log has its columns, and processes average them.
+        """
+        if turn(number) % 2:
+            terms = {"critic": self.learn(x_hat.detach(), x_0, M, genre)}
+        else:
+            with torch.no_grad():
+                terms = {"critic": self.loss(x_hat, x_0, M, genre)}
         self.D.requires_grad_(False)  # the generator's gradient goes through it, not into it
         logits = self.D.logits(x_hat, M)
         self.D.requires_grad_(True)
@@ -206,11 +211,30 @@ class Critic:
     def learn(self, x_hat: Tensor, x_0: Tensor, M: Tensor, genre: Tensor) -> Tensor:
         """One step on a true and a made batch."""
         self.optimizer.zero_grad(set_to_none=True)
-        loss = l_critic(self.D(x_0, M, genre), self.D(x_hat, M, genre), form=self.form)
+        loss = self.loss(x_hat, x_0, M, genre)
         (self.weight * loss).backward()
         torch.nn.utils.clip_grad_norm_(self.D.parameters(), 1.0)
         self.optimizer.step()
         return loss.detach()
+
+    def loss(self, x_hat: Tensor, x_0: Tensor, M: Tensor, genre: Tensor) -> Tensor:
+        """How badly it tells true dances from made ones."""
+        return l_critic(self.D(x_0, M, genre), self.D(x_hat, M, genre), form=self.form)
+
+
+def turn(number: int) -> int:
+    """How many batches this process had before batch ``number``.
+
+    Of two processes one has the even numbers, the other the odd ones.
+
+    >>> turn(7)
+    7
+    """
+    return number // (torch.distributed.get_world_size() if _several() else 1)
+
+
+def _several() -> bool:
+    return torch.distributed.is_available() and torch.distributed.is_initialized()
 
 
 def near(num_frames: int) -> Tensor:

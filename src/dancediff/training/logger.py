@@ -25,6 +25,7 @@ class Logger:
         self.path, self.boards = path, boards
         self.file: TextIO | None = None
         self.hidden: Path | None = None
+        self.names: list[str] = []  # of the columns, but for step and seconds
         self.rows = _rows_before(path, first) if path is not None and first else []
         before = float(self.rows[-1]["seconds"]) if self.rows else 0.0
         self.started = time.monotonic() - before
@@ -32,11 +33,19 @@ class Logger:
             self.hidden = None if first or not path.exists() else hidden(path)
 
     def write(self, step: int, values: dict[str, float | None]) -> None:
-        """One row; a value that is None stays empty."""
+        """One row; a value that is None stays empty.
+
+        Raises: ValueError when the names are not those of the first row.
+        """
         if self.path is None:
             return
         self.show(step, "train", values)
         file = self.file or self._begin(self.path, ["step", "seconds", *values])
+        if list(values) != self.names:
+            raise ValueError(
+                f"step {step} has the columns {list(values)}, the log {self.names}; give every "
+                "step the same ones, with None where there is nothing"
+            )
         texts = ("" if value is None else f"{value:.6g}" for value in values.values())
         seconds = time.monotonic() - self.started
         with writing(self.path):
@@ -59,7 +68,7 @@ class Logger:
 
     def _begin(self, path: Path, names: list[str]) -> TextIO:
         """Write the header, and the rows of before with its columns."""
-        path = self.hidden or path
+        path, self.names = self.hidden or path, names[2:]
         with atomic_write(path) as part, part.open("w", newline="", encoding="utf-8") as file:
             table = csv.DictWriter(file, names, extrasaction="ignore")
             table.writeheader()

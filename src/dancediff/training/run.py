@@ -203,8 +203,7 @@ def train_from_config(
     settings, corpus = settings_of(tables), GroupData(**tables["data"])
     check_free(Path(out), options.get("resume"), options.get("overwrite"))
     model_class, config_class = network_classes(tables["model"].pop("class", "TCDiffPP"))
-    extensions = tables["model"].pop("extensions")
-    genres = tables["model"].pop("genres", ())
+    extensions, genres = (tables["model"].pop(name, ()) for name in ("extensions", "genres"))
     sizes = config_class(**tables["model"])
     held_out: list[DanceTake] = []
     if takes is None:
@@ -217,7 +216,8 @@ def train_from_config(
     if isinstance(model, EDGE):
         takes, held_out = solos_of(takes), solos_of(held_out)
     if not (options.get("resume") and (Path(out) / NAME).exists()):  # else it holds all of this
-        fit_statistics(model, takes, settings.extensions, real=corpus.real, start=start)
+        known = {"real": corpus.real, "mirror": corpus.mirror > 0, "start": start}
+        fit_statistics(model, takes, settings.extensions, **known)
         if start is not None:
             take_over(model, start)
     validation = _windows(held_out, corpus, model, settings) if held_out else None

@@ -1,4 +1,7 @@
-"""What a model knows of its training set before training: scales, and the spectrum of dance."""
+"""What a model knows of its training set before training: scales, and the spectrum of dance.
+
+Read first: notebook 03 · `dancediff.motion.representation.Normalizer`.
+"""
 
 from collections.abc import Iterator
 
@@ -10,6 +13,7 @@ from dancediff.data.windows import GroupCut, half_overlapping
 from dancediff.extensions.formation_prior import FormationPrior
 from dancediff.extensions.metre_unit import metre_unit_normalizer
 from dancediff.extensions.preconditioning import preconditioning_of
+from dancediff.motion.mirror import mirror_features
 from dancediff.motion.representation import TCDIFFPP, Normalizer
 from dancediff.music.features import MusicNormalizer
 from dancediff.nn.dance_network import NormalizedNetwork
@@ -25,10 +29,12 @@ def fit_statistics(
     extensions: TrainingExtensions = PLAIN,
     *,
     real: float | None = None,
+    mirror: bool = False,
     start: NormalizedNetwork | None = None,
 ) -> None:
     """Set the scales of motion and music and the spectrum of dance from the takes, once.
 
+    ``mirror``: training sees mirror images, too, so they must be within the scales.
     ``real``: the share of real takes that training will see, see `WindowSampler`.
     ``start``: a model to take the scales from, because its weights go with them.
     """
@@ -36,9 +42,7 @@ def fit_statistics(
         model.normalizer.load_state_dict(start.normalizer.state_dict())
         model.music_normalizer.load_state_dict(start.music_normalizer.state_dict())
     else:
-        ends = torch.cat(
-            [torch.stack([take.x.amin((0, 1)), take.x.amax((0, 1))]) for take in takes]
-        )  # all frames at once would take gigabytes
+        ends = torch.cat(list(_ends(takes, mirror)))  # all frames at once would take gigabytes
         unit = extensions.metre_unit
         model.normalizer = metre_unit_normalizer(ends, TCDIFFPP) if unit else Normalizer.fit(ends)
         songs = {M.data_ptr(): M for M in (take.songs[0] for take in takes)}
@@ -51,6 +55,13 @@ def fit_statistics(
         frames = [(take.real, take.num_dancers * take.num_frames) for take in takes]
         windows = _around_the_mean(model, takes)
         preconditioning.fit(windows, weights=window_weights(frames, real))
+
+
+def _ends(takes: list[DanceTake], mirror: bool) -> Iterator[Tensor]:
+    """Smallest and largest numbers (2, d) of each take, and of its mirror image."""
+    for take in takes:
+        for x in (take.x, mirror_features(take.x, TCDIFFPP)) if mirror else (take.x,):
+            yield torch.stack([x.amin((0, 1)), x.amax((0, 1))])
 
 
 def _first_places(model: TCDiff, takes: list[DanceTake]) -> Iterator[Tensor]:

@@ -1,5 +1,7 @@
 """Pictures of what a dance does over time.
 
+Read first: `dancediff.viz.style`.
+
 Every ``plot_*`` takes ``ax=None`` and ``title=``, and returns the Axes it drew on.
 """
 
@@ -58,12 +60,36 @@ def plot_lanes(motion: Motion, *, ax=None, axis: str = "x", title: str | None = 
         raise ValueError(f"axis={axis!r} is not one of {', '.join(LANES)}")
     ax = new_axes(ax, (7.2, 2.2))
     time = np.arange(motion.num_frames) / motion.fps
-    for k, path in enumerate(motion.root[..., "xyz".index(axis)].numpy()):
+    paths = motion.root[..., "xyz".index(axis)].numpy()
+    for k, path in enumerate(paths):
         ax.plot(time, path, color=dancer_color(k), lw=2)
-        ax.annotate(str(k), (time[-1], path[-1]), (4, 0), textcoords="offset points", va="center",
-                    fontsize=9, color=INK, annotation_clip=False)  # fmt: skip
+    low, high = ax.get_ylim()
+    points = ax.get_window_extent().height / ax.figure.dpi * 72
+    for k, y in enumerate(spread_out(paths[:, -1], 10 * (high - low) / points)):
+        ax.annotate(str(k), (time[-1], y), (4, 0), textcoords="offset points", va="center",
+                    fontsize=9, color=dancer_color(k), annotation_clip=False)  # fmt: skip
     bare(ax).set(xlabel="time (s)", ylabel=LANES[axis])
     return set_title(ax, title)
+
+
+def spread_out(values, gap: float) -> np.ndarray:
+    """Values moved as little as needed, so that no two are nearer than ``gap``; order is kept.
+
+    >>> spread_out([1.0, 0.0, 1.0], gap=0.5).tolist()
+    [0.75, 0.0, 1.25]
+    """
+    values = np.array(values, dtype=float)
+    order = values.argsort(kind="stable")
+    placed = values[order]
+    for _ in range(100):  # neighbours push each other until none is too near
+        short = gap - np.diff(placed)
+        if short.max(initial=0) <= 1e-9:
+            break
+        push = np.maximum(short, 0) / 2
+        placed[:-1] -= push
+        placed[1:] += push
+    values[order] = placed
+    return values
 
 
 def plot_drift(drifts, *, ax=None, title=None):

@@ -18,7 +18,7 @@ from dancediff.diffusion.samplers import sampling_times
 from dancediff.metrics.rhythm import beat_alignment
 from dancediff.metrics.swaps import final_order
 from dancediff.motion.representation import LODGE
-from dancediff.music.features import beat_frames
+from dancediff.music.features import dance_frames
 from dancediff.papers.lodge.choreography import arrange
 from dancediff.papers.lodge.cue_guidance import guided_steps
 from dancediff.papers.lodge.segments import segments_of
@@ -162,7 +162,7 @@ def cue_frames(
     layout = model.config.global_stage.layout
     segments = segments_of(frames, layout)
     empty = torch.zeros(len(segments.globals), layout.num_primitives, layout.length, LODGE.dim)
-    beats = beat_frames(song.features()) if beat_align else ()
+    beats = dance_frames(song.features()) if beat_align else ()
     cues = arrange(empty, segments, beats=beats, mirror=mirror).cues()
     whole = np.zeros((2, segments.locals[-1] + layout.local_frames), bool)
     for start, *masks in zip(segments.locals, cues.hard, cues.soft, strict=True):

@@ -192,7 +192,7 @@ def metric_panel(
     axes, changes = figure.subplots(1, len(metrics)), {}
     for ax, (name, metric) in zip(axes, metrics.items(), strict=True):
         values = [metric(motion.joints()) for motion in (dance, broken)]
-        changes[name.split(",")[0]] = abs(values[1] - values[0]) / max(*values, 0.05)
+        changes[name.split(",")[0]] = abs(values[1] - values[0]) / max(*values, 0.1)
         ax.bar(range(2), values, color=["0.7", dancer_color(1)])
         ax.set_xticks(range(2), ["before", "after"])
         for k, value in enumerate(values):

@@ -33,7 +33,7 @@ from dancediff.training.lodge import (
     train_lodge,
 )
 from dancediff.training.lodge_data import PrimitiveCut, long_enough, prepared_solos, solos_of
-from dancediff.training.lodge_losses import Critic, LodgeObjective
+from dancediff.training.lodge_losses import Critic, LodgeObjective, turn
 from dancediff.training.run import train_from_config
 from dancediff.training.tables import read_toml
 from places import CONFIGS
@@ -289,16 +289,27 @@ def test_the_discriminator_learns_every_second_time_and_only_from_its_own_loss()
     genre = torch.tensor([0, 1, 0, 1])
     before = [p.clone() for p in c.D.parameters()]
     terms = c.terms(x_hat, x_0, M, genre, 0, g)
-    assert set(terms) == {"genre", "focus"}
+    assert set(terms) == {"critic", "genre", "focus"}
     (terms["genre"] + terms["focus"]).backward()
     assert x_hat.grad.abs().max() > 0 and all(p.grad is None for p in c.D.parameters())
     assert all(torch.equal(a, b) for a, b in zip(before, c.D.parameters(), strict=True))
     for number in range(1, 60):
+        held = [p.clone() for p in c.D.parameters()]
         terms = c.terms(x_hat, x_0, M, genre, number, g)
-        assert ("critic" in terms) == bool(number % 2)
+        same = all(torch.equal(a, b) for a, b in zip(held, c.D.parameters(), strict=True))
+        assert same == (number % 2 == 0) and not terms["critic"].requires_grad
     assert terms["critic"] < 0.5, "black from white must be told apart; it starts near 1"
     with torch.no_grad():
         assert (c.D(x_0, M, genre) > c.D(x_hat, M, genre)).all(), "true dances are the real ones"
+
+
+def test_of_two_processes_both_discriminators_learn(monkeypatch):
+    """Each has the even or the odd batches; its own every second one counts."""
+    monkeypatch.setattr(torch.distributed, "is_initialized", lambda: True)
+    monkeypatch.setattr(torch.distributed, "get_world_size", lambda: 2)
+    for rank in (0, 1):
+        turns = [turn(number) for number in range(rank, 12, 2)]
+        assert turns == list(range(6))
 
 
 def test_focus_compares_with_another_genre():

@@ -21,6 +21,13 @@ def test_half_a_line_is_forgotten(tmp_path, cut):
     assert all(row.count(",") == 2 for row in rows)
 
 
+def test_a_row_with_other_columns_is_refused(tmp_path):
+    with Logger(tmp_path / "losses.csv") as log:
+        log.write(0, {"total": 0.5, "critic": None})
+        with pytest.raises(ValueError, match=r"step 1 .*\['total'\].*with None"):
+            log.write(1, {"total": 0.5})
+
+
 @pytest.mark.parametrize("first", [0, 12])
 def test_there_is_never_an_empty_log(tmp_path, first):
     """A kill -9 within the first step, which takes seconds, left a file of 0 bytes."""

@@ -12,6 +12,7 @@ from dancediff.data.take import DanceTake
 from dancediff.data.windows import GroupCut, WindowSampler
 from dancediff.extensions.build import build
 from dancediff.extensions.preconditioning import preconditioning_of
+from dancediff.motion.mirror import mirror_features
 from dancediff.music.features import CHROMA
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 from dancediff.training.config import TrainConfig, TrainingExtensions
@@ -83,6 +84,17 @@ def test_losses_are_logged_by_name(takes, tmp_path):
         "gradient",
     } <= set(rows[0])
     assert not list(tmp_path.glob(".*"))  # no temporary file stays
+
+
+def test_scales_of_a_training_with_mirror_images_hold_them(takes):
+    """Else guesses of mirrored dances would be cut at the range of the others."""
+    outside = {}
+    for mirror in (False, True):
+        model = TCDiffPP(TCDiffPPConfig(**TINY))
+        fit_statistics(model, takes, mirror=mirror)
+        images = torch.cat([mirror_features(take.x).flatten(0, 1) for take in takes])
+        outside[mirror] = model.normalizer.normalize(images).abs().max().item()
+    assert outside[False] > 1.05 and outside[True] < 1 + 1e-5
 
 
 def test_without_chroma_another_harmony_changes_nothing(takes):

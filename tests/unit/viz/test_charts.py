@@ -42,8 +42,13 @@ def test_lanes_are_numbered_at_their_ends(axis, channel):
     ax = charts.plot_lanes(dance, axis=axis)
     for k, (line, number) in enumerate(zip(ax.lines, ax.texts, strict=True)):
         np.testing.assert_array_equal(line.get_ydata(), dance.root[k, :, channel])
-        assert number.get_text() == str(k)
-        assert number.xy == (line.get_xdata()[-1], line.get_ydata()[-1])
+        assert number.get_text() == str(k) and number.get_color() == line.get_color()
+        assert number.xy[0] == line.get_xdata()[-1]
+    heights, ends = np.array([n.xy[1] for n in ax.texts]), dance.root[:, -1, channel].numpy()
+    assert (heights.argsort() == ends.argsort()).all()
+    points = ax.transData.transform(np.stack([0 * heights, heights], 1))[:, 1] * 72 / ax.figure.dpi
+    assert np.diff(np.sort(points)).min() > 9  # none over another
+    assert np.abs(heights - ends).max() < 0.3  # and none far from its line
 
 
 def test_lanes_know_two_axes():

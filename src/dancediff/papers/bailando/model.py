@@ -24,7 +24,7 @@ from dancediff.autoregression.roll_out import music_window
 from dancediff.data.windows import Batch
 from dancediff.motion.halves import LOWER, UPPER, assemble, split
 from dancediff.motion.representation import TCDIFFPP, joints_of
-from dancediff.music.features import BEATS
+from dancediff.music.features import BEATS, in_dance_time
 from dancediff.nn.losses import mean
 from dancediff.nn.motion_units import COMMITMENT, FRAMES, REACH, UnitDecoder, Units, l_motion
 from dancediff.papers.bailando.actor_critic import (
@@ -206,7 +206,8 @@ class Bailando(AutoregressiveNetwork):
             codes = torch.cat([codes, new.reshape(b, 2, 1)], dim=-1)
         x = self.normalizer.unnormalize(self.motion(codes, codes.new_zeros(b, 2).float()))
         dance = has_beat(dance_beats(joints_of(x)).to(x.device))
-        return codes, beat_reward(has_beat(M[..., BEATS.start]), dance)[:, 1:]
+        music = has_beat(in_dance_time(M[..., BEATS.start]))
+        return codes, beat_reward(music, dance)[:, 1:]
 
     @property
     def history_frames(self) -> int:

@@ -114,7 +114,8 @@ def l_vel(x_hat: Tensor, x_0: Tensor) -> Tensor:
 def l_foot(joints_hat: Tensor, contact: Tensor) -> Tensor:
     r"""A foot that is in contact should not move: $\lVert \dot f_i \cdot b_i \rVert^2$.
 
-    Source: EDGE eq. 5, in Lodge's code; b is the predicted contact.
+    Source: EDGE eq. 5; b is the predicted contact.  Differs: Lodge's code has 1 where it is above
+    0.95, else 0; so has `hard_contact`, at 0.5.
     Shapes: joints_hat (..., f, j, 3) metres, contact (..., f, 4) about 0..1 -> scalar, m^2.
     """
     step = feet_of(joints_hat).diff(dim=-3)

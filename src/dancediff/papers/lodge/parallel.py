@@ -24,7 +24,7 @@ from dancediff.diffusion.guidance import guided, off_at_the_end
 from dancediff.diffusion.samplers import GuessHook, SamplerOptions, sample, sampling_times
 from dancediff.genre import genre_number
 from dancediff.motion.representation import cut_to_range
-from dancediff.music.features import beat_frames
+from dancediff.music.features import dance_frames
 from dancediff.papers.lodge.choreography import Arrangement, Cues, arrange
 from dancediff.papers.lodge.cue_guidance import CueGuidance
 from dancediff.papers.lodge.global_diffusion import GlobalDenoiser
@@ -114,7 +114,7 @@ class ParallelSampler:
 
     def arrange(self, primitives: Tensor, M: Tensor, segments: Segments) -> Arrangement:
         """Which primitives each local passes, and when."""
-        beats = beat_frames(M) if self.request.beat_align else ()
+        beats = dance_frames(M) if self.request.beat_align else ()
         return arrange(primitives, segments, beats=beats, mirror=self.request.mirror)
 
     def locals(self, M: Tensor, segments: Segments, arrangement: Arrangement) -> Tensor:

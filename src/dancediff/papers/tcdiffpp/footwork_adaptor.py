@@ -1,6 +1,6 @@
 r"""Footwork Adaptor (FA): make the legs fit the path.
 
-Read first: notebook 09 · TCDiff++ section 4.3, eq. 9-11.
+Read first: notebook 09 · TCDiff++ section 4.2, eq. 9-11.
 
 Symbols (axes: b batch · n dancers · f frames · d motion features)
     x_raw      what the group decoder says, normalised         (b, n, f, 151)

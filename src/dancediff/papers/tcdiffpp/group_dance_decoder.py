@@ -1,6 +1,6 @@
 r"""Group Dance Decoder (GDD): from a noisy group and a song to a clean guess.
 
-Read first: notebooks 07 and 10 · TCDiff++ sections 4.1 and 4.2, eq. 8.
+Read first: notebooks 07 and 10 · TCDiff++ section 4.1, eq. 8.
 
 Symbols (axes: b batch · n dancers, ranked from left to right · f frames · d motion features)
     x_t      noisy motion, normalised                      (b, n, f, d)
@@ -32,6 +32,10 @@ class DancerPositioning(nn.Module):
     fusion, laid out dancer by dancer on tokens that run frame by frame, with identities drawn at
     random in every call: they carry no left-right information.
 
+    Right before a Fusion Projection without a residual, $W_1(h + e) + b_1 = W_1 h + (b_1 + W_1 e)$:
+    for one group size the embedding is part of a bias, and only groups of several sizes learn
+    something by it. With `fusion_residual` the tokens themselves are marked.
+
     Shapes: h (b, n, f, d_model) -> the same.
 
     >>> dpe = DancerPositioning(max_dancers=5, d_model=8)
@@ -56,7 +60,7 @@ class SwapModeEmbedding(nn.Module):
 
     The sum is a linear map of the one-hot sequence: one learned vector per (place, dancer).
 
-    Source: TCDiff++ section 4.2 (linear map of the sequence of indices; through FiLM); the extra
+    Source: TCDiff++ section 4.1 (linear map of the sequence of indices; through FiLM); the extra
     memory token is the released code's.  Differs: the released code maps the indices themselves,
     so that dancer 4 is four times dancer 1, and never passes S in training or inference.
 
@@ -95,7 +99,7 @@ class NoSwapMode(nn.Module):
 class GroupDanceDecoder(MusicConditioning):
     r"""The denoiser: $\hat x_r = \text{SD}(\text{FP}(\text{DPE}(W x_t)),\; t, M, S)$.
 
-    Source: TCDiff++ eq. 8 and section 4.2.  Differs: ``docs/differences.md``, 1 to 12; in short,
+    Source: TCDiff++ eq. 8 and section 4.1.  Differs: ``docs/differences.md``, 1 to 12; in short,
     dancers are sorted, DPE comes before FP, time has its own axis, and S is used.
 
     Shapes: x_t (b, n, f, d), t (b,), conditions with music and swap -> x_raw (b, n, f, d).

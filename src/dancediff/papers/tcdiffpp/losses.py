@@ -41,10 +41,10 @@ class LossWeights:
 def l_dist(root_hat: Tensor, root_0: Tensor) -> Tensor:
     r"""Distance consistency: the offsets between dancers should be right.
 
-    $$\tfrac{2}{C(C-1)} \sum_{i<j} \lVert (p_i - p_j) - (\hat p_i - \hat p_j) \rVert^2$$
+    $$\tfrac{2}{C(C-1)} \sum_{i<j} \tfrac13 \lVert (p_i - p_j) - (\hat p_i - \hat p_j) \rVert^2$$
 
-    Source: TCDiff++ eq. 16 and 17.  Differs: a mean over frames and pairs where the paper sums.
-    The released code compares frames of one dancer under this name (weight 100).
+    Source: TCDiff++ eq. 16 and 17.  Differs: a mean over frames, pairs and axes where the paper
+    sums. The released code compares frames of one dancer under this name (weight 100).
 
     Shapes: root (b, n, f, 3) metres -> scalar; 0 for a solo.
 

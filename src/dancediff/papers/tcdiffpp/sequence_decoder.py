@@ -1,6 +1,6 @@
 r"""Sequence Decoder (SD): layers that attend to everybody, remember, and attend to the conditions.
 
-Read first: notebook 08 · TCDiff++ section 4.2.
+Read first: notebook 08 · TCDiff++ section 4.1.
 
 Symbols (axes: b batch · n dancers · f frames · k memory tokens · d channels)
     h        tokens                                 (b, n, f, d)
@@ -24,7 +24,7 @@ class GroupDanceLayer(DecoderLayer):
     Self-attention spans all frames of all dancers; the state space model runs along each dancer's
     own time axis, so it costs the same per dancer however many there are.
 
-    Source: TCDiff++ section 4.2, pre-norm and FiLM on the branch as in EDGE.  Differs: the released
+    Source: TCDiff++ section 4.1, pre-norm and FiLM on the branch as in EDGE.  Differs: the released
     code trains EDGE's layer, or puts the state space model in the place of cross-attention, where
     it scans the interleaved frames of all dancers as one long stream and no music comes in.
 
@@ -73,7 +73,7 @@ class GroupDanceLayerWithoutSSM(DecoderLayer):
 class SequenceDecoder(nn.Module):
     r"""A stack of decoder layers.
 
-    Source: TCDiff++ section 4.2.
+    Source: TCDiff++ section 4.1.
 
     Shapes: h (b, n, f, d), memory (b, k, d), cond (b, d) -> (b, n, f, d).
 

@@ -152,6 +152,20 @@ def test_rewards_of_the_four_cases():
     assert dance_beats(joints)[0].nonzero().flatten().tolist() == [15, 30, 45]
 
 
+def test_the_reward_counts_music_beats_where_they_sound(model, monkeypatch):
+    """Their column lies 45 ms after the sound: a beat in the first frame of a unit is one before.
+
+    Everybody dances on every beat but in unit 2, where the column has one and no beat sounds.
+    """
+    M, b = torch.zeros(1, 32, 35), 1
+    M[0, 16, 34] = 1  # sounds in frame 15, the last of unit 1
+    nothing = torch.zeros(b, 32)
+    monkeypatch.setattr("dancediff.papers.bailando.model.dance_beats", lambda joints: nothing)
+    later = M.unflatten(1, (4, 8)).flatten(2)[:, 1:]
+    _, reward = model.episode(torch.zeros(b, 2, 1).long(), M, later, torch.Generator())
+    assert reward.tolist() == [[-5.0, 5.0, 5.0]]
+
+
 def test_temporal_differences_by_hand():
     r, V = torch.tensor([[5.0, -5.0, 5.0]]), torch.tensor([[1.0, 2.0, 4.0]], requires_grad=True)
     delta = td_error(r, V)

@@ -7,7 +7,7 @@ import torch
 
 from dancediff.data.choreographed import choreographed_takes
 from dancediff.data.windows import GroupCut, WindowSampler
-from dancediff.diffusion.samplers import SamplerOptions, ddpm_step, sample
+from dancediff.diffusion.samplers import SamplerOptions, ddpm_step, sample, sampling_times
 from dancediff.diffusion.schedule import cosine_abar
 from dancediff.papers.gcd.consistency_guidance import dialled
 from dancediff.papers.gcd.contrast import info_nce, strangers
@@ -57,7 +57,7 @@ def test_gamma_0_is_the_plain_sampler_to_the_bit():
     def denoise(x_t, t):
         return 0.5 * x_t
 
-    assert dialled(denoise, None, 0.0, ABAR) is denoise
+    assert dialled(denoise, None, 0.0, ABAR, [1, -1]) is denoise
 
 
 @pytest.mark.parametrize("gamma", [-0.5, 0.5])
@@ -69,7 +69,7 @@ def test_the_mean_of_a_step_moves_by_gamma_times_the_variance_times_the_gradient
     def score(x, t):
         return -0.5 * x.square().flatten(1).sum(1)
 
-    moved = dialled(lambda x, t: guess, score, gamma, ABAR)(x_t, t)
+    moved = dialled(lambda x, t: guess, score, gamma, ABAR, [t, t - 1])(x_t, t)
 
     def mean(x_0):  # under the same noise each time
         return ddpm_step(x_t, x_0, t, ABAR, generator=torch.Generator().manual_seed(0))
@@ -87,7 +87,8 @@ def test_gamma_works_in_inference_mode_and_pulls_towards_higher_scores():
     sizes = {}
     with torch.inference_mode():
         for gamma in (-0.2, 0.0, 0.2):
-            run = dialled(lambda x_t, t: 0.5 * x_t, score, gamma, ABAR)
+            times = sampling_times("ddim", 10, ABAR)
+            run = dialled(lambda x_t, t: 0.5 * x_t, score, gamma, ABAR, times)
             options = SamplerOptions(ABAR, "ddim", 10, eta=0.0, clamp=3.0)
             x = sample(run, (4, 2, 5, 3), options, generator=torch.Generator().manual_seed(0))
             sizes[gamma] = x.square().mean().item()

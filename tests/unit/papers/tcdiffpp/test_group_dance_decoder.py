@@ -1,5 +1,6 @@
 import pytest
 import torch
+from torch import nn
 
 from dancediff.diffusion.conditions import Conditions
 from dancediff.papers.tcdiffpp.group_dance_decoder import GroupDanceDecoder
@@ -26,6 +27,29 @@ def inputs(b=2, n=3, f=20):
 @pytest.mark.parametrize("n, f", [(1, 20), (3, 20), (5, 20), (3, 7), (2, 1)])
 def test_any_group_size_and_length(n, f):
     assert make()(*network_inputs(inputs(n=n, f=f))).shape == (2, n, f, 151)
+
+
+@pytest.mark.parametrize("dropout", [0.0, 0.3])
+def test_all_dropout_is_that_of_the_config(dropout):
+    rates = [part.p for part in make(dropout=dropout).modules() if isinstance(part, nn.Dropout)]
+    assert set(rates) == {dropout}
+    assert len(rates) == 7  # of two layers two each; of the music two layers, and one more
+
+
+@pytest.mark.parametrize("n", [1, 3, 5])
+def test_right_before_a_fusion_without_a_residual_positioning_is_a_bias(n):
+    """What it would be worth for one group size: its product with W_1, added to b_1."""
+    decoder, (x_t, t, M, S) = make(), inputs(n=n)
+    bare = make(without=("dancer_positioning",))
+    bare.load_state_dict(decoder.state_dict(), strict=False)
+    into, table = bare.fusion_projection.into, decoder.dancer_positioning.table.data.clone()
+    table[n:] = 0  # whoever is absent is not marked
+    into.bias.data += into.weight.data @ table.flatten()
+    given = network_inputs((x_t, t, M, S))
+    with torch.no_grad():
+        torch.testing.assert_close(bare(*given), decoder(*given), atol=1e-4, rtol=0)
+        bare.load_state_dict(decoder.state_dict(), strict=False)
+        assert (bare(*given) - decoder(*given)).abs().max() > 1e-3
 
 
 def test_swap_mode_changes_output():
