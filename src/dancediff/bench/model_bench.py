@@ -46,21 +46,19 @@ BARE: dict[str, Any] = {  # how all are sampled; what papers switch off is off, 
     "autoguidance": 1.0,
 }
 
-DECODING = ("keep", "top_k")  # of networks that make a dance bit by bit
-
 
 def bare_dance(model: Pipeline, window: Window, seed: int, *, steps: int) -> Motion:
-    """The window's music, danced by as many, with none of our additions to sampling.
+    """The window's music, danced by as many, without our additions to diffusion sampling.
 
-    Units and frames are chosen as in the papers. One addition stays, `seed_noise`, with which
-    soloists begin apart: without it all would dance the same.
+    Networks that make a dance bit by bit decode as their packaged presets do (`keep`, `top_k`,
+    `seed_noise`). As in the paper, from the likeliest units, CoDancers with ten minutes of training
+    had an FID_k of 1,199 instead of 62, and Bailando 129 instead of 104 (one seed).
 
     Who can be asked is asked for the window's genre, and for the order in which its dancers end.
     Lodge, which makes one solo for all, makes one for each instead, as the other solo systems do.
     """
     n, off = window.motion.num_dancers, PAPER[model.request.family]
     asked = BARE | {name: False for name in off if off[name] is False} | {"steps": steps}
-    asked |= {name: off[name] for name in DECODING if name in off}
     names, known = model.request.names(), genres_of(model.model)
     options = {name: value for name, value in asked.items() if name in names}
     if "genre" in names and window.genre in known:
