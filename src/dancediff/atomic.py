@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 RENAMED = {"spread": "std", "knobs": "scale_and_shift"}  # parts of tensors' names in older files
@@ -67,7 +67,8 @@ def writing(path) -> Iterator[None]:
         yield
     except OSError as err:
         if err.errno is not None and err.filename is None:
-            err.filename = str(path)
+            with suppress(AttributeError):  # of some libraries' own errors it cannot be set
+                err.filename = str(path)
         raise
 
 

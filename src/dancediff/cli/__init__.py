@@ -5,6 +5,7 @@ input; the last line then names the value and the fix. torch is imported inside 
 """
 
 import contextlib
+import errno
 import io
 import os
 import sys
@@ -34,6 +35,8 @@ def main(args: list[str] | None = None) -> int:
         return 128 + 13  # as if SIGPIPE had ended us
     except (ValueError, OSError, RuntimeError) as err:
         fix = "; check the path, its permissions and the free space"
+        if isinstance(err, OSError) and err.errno == errno.EADDRINUSE:
+            fix = "; name another port, or 0 for a free one"
         is_disk = isinstance(err, OSError) and not isinstance(err, ValueError)
         print(f"dancediff: {_one_line(err)}{fix if is_disk else ''}", file=sys.stderr)
         return 1 if isinstance(err, RuntimeError) else 2

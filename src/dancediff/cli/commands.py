@@ -141,7 +141,7 @@ class Train:
         if self.explain:
             from dancediff.training.explained import explain_config
 
-            print(explain_config(self.config))
+            print(explain_config(config_file(self.config)))
             return
         check_folder(self.out)
         log = check_logs(self.log)

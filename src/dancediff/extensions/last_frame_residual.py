@@ -71,9 +71,9 @@ class ExtendedFACT(FACT):
     >>> import torch
     >>> sizes = {"d_model": 16, "num_heads": 2, "num_layers": 1, "ff_dim": 32}
     >>> model = ExtendedFACT(FACTConfig(**sizes), ["last_frame_residual"])
-    >>> history = valid(torch.randn(2, 60, 151), model.normalizer)
+    >>> history = torch.tensor(7 * [0.0] + 24 * [1.0, 0, 0, 0, 1, 0]).expand(2, 60, 151)
     >>> guess = model(history, torch.randn(2, 120, 35))
-    >>> torch.allclose(guess, history[:, -1:].expand_as(guess))  # untrained it stands still
+    >>> torch.allclose(guess, history[:, -1:].expand_as(guess), atol=1e-5)  # it stands still
     True
     """
 

@@ -63,8 +63,13 @@ def resolved_genre(asked: Mix | None, usual: Mix, model, song) -> Mix | None:
     asked = usual if asked is None else asked
     if asked == BY_TEMPO:
         return genre_for(song.tempo, genres)
-    if asked == ANY and genre_condition_of(model) is not None:
-        return ANY
+    if asked == ANY:
+        if genre_condition_of(model) is not None:
+            return ANY
+        raise ValueError(
+            f"genre={asked!r} is for models that dance without a genre, too; this one needs one of "
+            f"{', '.join(genres)}"
+        )
     for name in (asked,) if isinstance(asked, str) else asked:
         genre_number(name, genres)
     return asked

@@ -45,6 +45,7 @@ from dancediff.generation.stream import Stream
 from dancediff.generation.tcdiff_dance import tcdiff_dance
 from dancediff.motion.motion import Motion
 from dancediff.motion.representation import TCDIFFPP
+from dancediff.music.song import as_song
 from dancediff.nn.conditioning import cached_music
 from dancediff.nn.precision import chosen_dtype
 from dancediff.papers.bailando.model import Bailando
@@ -91,12 +92,13 @@ class Pipeline(ABC):
 
         Raises: ValueError as `generate`.
         """
-        return request_of(self.request.family, self.name, options).resolve(self.model, song)
+        request = request_of(self.request.family, self.name, options)
+        return request.resolve(self.model, as_song(song))
 
     def generate(self, song, *, progress=False, watch: Callable | None = None, **options) -> Motion:
         """Dance to a song.
 
-        - ``song``: a `Music`.
+        - ``song``: a `Music`, or a path.
         - ``options``: those of ``request``; ``preset="paper"`` dances as the papers say.
         - ``progress``: True for a bar, or a function (done, total).
         - ``watch``: a function (done, total, guess) that gets to see what a group model takes the
@@ -106,6 +108,7 @@ class Pipeline(ABC):
         Raises: ValueError naming the option, its value and what is allowed; also for a silent
         song or one under a second.
         """
+        song = as_song(song)
         request = self.resolve(song, **options)
         with torch.inference_mode(), self._ready(request, progress) as how:
             x = torch.cat(list(self._pieces(song, request, watch=watch, **how)), dim=1)
@@ -124,7 +127,7 @@ class Pipeline(ABC):
 
         Raises: ValueError as `generate`.
         """
-        return Stream(self, song, options, progress=progress, opening=opening)
+        return Stream(self, as_song(song), options, progress=progress, opening=opening)
 
     def steered(self, song, request: Any) -> SteeredDance | None:
         """The dance of a stream that can be steered; None where it cannot."""

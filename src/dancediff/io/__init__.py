@@ -24,6 +24,7 @@ from dancediff.export.smpl import save_smpl
 from dancediff.io.npz import load_npz, save_npz
 from dancediff.motion.files import Files, register
 from dancediff.motion.motion import Motion
+from dancediff.music.song import as_song
 
 PER_DANCER: dict[str, Callable] = {".bvh": save_bvh, ".smpl.npz": save_smpl}
 SUFFIXES = (".npz", ".mp4", ".gif", ".png", ".html", ".glb", *PER_DANCER)
@@ -38,7 +39,8 @@ def save(motion: Motion, path, song=None, *, body: str = "mannequin") -> Path:
         raise ValueError(f"suffix {kind!r} of {path} is unknown; use {' '.join(SUFFIXES)}")
     if body != "mannequin" and kind != ".glb":
         raise ValueError(f"body={body!r} goes with .glb only, not with {path}; leave it out")
-    write = _writer(kind, song, body)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write = _writer(kind, as_song(song), body)
     if kind not in PER_DANCER or motion.num_dancers == 1:
         write(motion, path)
         return path

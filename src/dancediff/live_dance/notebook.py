@@ -10,7 +10,7 @@ from dancediff.live_dance.server import LiveServer
 from dancediff.live_dance.session import LiveSession
 from dancediff.motion.motion import Motion
 from dancediff.music.live_song import LiveSong
-from dancediff.music.song import Music
+from dancediff.music.song import Music, as_song
 from dancediff.music.sound_sources import microphone as listen
 
 RATE = 22050  # of a microphone
@@ -63,7 +63,7 @@ def source_of(song, microphone: bool | int | str = False) -> Music | LiveSong:
         device = None if microphone is True else microphone
         blocks = listen(RATE, device=device)
         return LiveSong(blocks, RATE, name="microphone", keep=True)
-    return song if isinstance(song, Music | LiveSong) else Music.load(song)
+    return as_song(song)
 
 
 def live(

@@ -19,7 +19,7 @@ from dancediff.metrics.dances import find_dances
 from dancediff.metrics.measure import SHORTEST_WINDOW, Measured
 from dancediff.metrics.measure_all import measure_all
 from dancediff.metrics.rows import DRAWS, LEVEL, METRICS, Row, table_rows
-from dancediff.music.song import Music
+from dancediff.music.song import Music, as_song
 from dancediff.own import own_function
 
 
@@ -235,8 +235,7 @@ def _beats(song, count: int) -> list:
 def _beats_of(song) -> np.ndarray | None:
     if song is None:
         return None
-    if isinstance(song, str | Path):
-        song = Music.load(song)
+    song = as_song(song)
     return np.asarray(song.beats() if isinstance(song, Music) else song, dtype=np.float64)
 
 

@@ -166,13 +166,13 @@ class Motion:
         """Write the dance; the suffix decides.
 
         - ``.npz``: all of this class.
-        - ``.mp4``, ``.gif``, ``.png``: pictures; ``song`` is muxed into an .mp4.
+        - ``.mp4``, ``.gif``, ``.png``: pictures; ``song``, or a path, is muxed into an .mp4.
         - ``.html``: a page that plays it in 3-D, with ``song``, from disk.
         - ``.glb``: bodies that move, for 3-D programs; with ``body="mesh"`` a human skin.
         - ``.bvh``, ``.smpl.npz``: a file for each dancer. Of a group ``dance.bvh`` becomes
           ``dance.1.bvh``, ``dance.2.bvh`` ..., the first of which is returned.
 
-        Each file appears whole or not at all.
+        Each file appears whole or not at all, its folder is made.
         Raises: ValueError for another suffix, or a body where the format has no choice of one;
         ImportError naming the extra that is missing.
         """

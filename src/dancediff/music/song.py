@@ -5,6 +5,7 @@ Read first: notebook 02.
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from os import PathLike
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ from dancediff.music.librosa_import import import_librosa
 from dancediff.music.sound_on_disk import SoundOnDisk
 from dancediff.music.sound_rate import HOP, SAMPLE_RATE
 
+MANY_CHANNELS = 64  # more than that, and more than samples: they are turned round
 SILENT = 1e-4  # peak below which a song counts as silent
 LONG = 1 << 26  # samples (12 minutes in stereo) from which on a song's sound stays in its file
 _PART = 1 << 24  # samples that are squared at a time
@@ -66,6 +68,11 @@ class Music:
             audio = audio[:, None] if audio.ndim == 1 else audio
         if audio.ndim != 2 or audio.shape[1] < 1 or len(audio) == 0:
             raise ValueError(f"audio has shape {audio.shape}; expected (n, channels), n >= 1")
+        if audio.shape[1] > max(len(audio), MANY_CHANNELS):
+            raise ValueError(
+                f"audio has shape {audio.shape}, which would be {audio.shape[1]} channels; "
+                "expected (n, channels): give audio.T"
+            )
         if not (audio.is_finite if on_disk else np.isfinite(audio).all()):
             raise ValueError(f"audio of {self.name!r} has samples that are no finite numbers")
         object.__setattr__(self, "audio", audio)
@@ -195,3 +202,15 @@ class Music:
         """Beats per minute between the detected beats (median); nan with fewer than two."""
         beats = self.beats()
         return 60 / float(np.median(np.diff(beats))) if len(beats) > 1 else float("nan")
+
+
+def as_song(song):
+    """A song as it is; of a path the one in that file.
+
+    Raises: ValueError as `Music.load`.
+
+    >>> song = Music(np.zeros(44100), 44100)
+    >>> as_song(song) is song, as_song(None) is None
+    (True, True)
+    """
+    return Music.load(song) if isinstance(song, str | PathLike) else song

@@ -27,7 +27,7 @@ def config_file(config) -> Path:
     'tcdiffpp_small.toml'
     """
     path, known = Path(config), packaged_configs()
-    if path.exists():
+    if path.is_file():
         return path
     if str(path) in known:
         return known[str(path)]

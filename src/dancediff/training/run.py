@@ -216,7 +216,7 @@ def train_from_config(
     if isinstance(model, EDGE):
         takes, held_out = solos_of(takes), solos_of(held_out)
     if not (options.get("resume") and (Path(out) / NAME).exists()):  # else it holds all of this
-        known = {"real": corpus.real, "mirror": corpus.mirror > 0, "start": start}
+        known: dict[str, Any] = {"real": corpus.real, "mirror": corpus.mirror > 0, "start": start}
         fit_statistics(model, takes, settings.extensions, **known)
         if start is not None:
             take_over(model, start)

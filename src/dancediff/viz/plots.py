@@ -92,11 +92,11 @@ def farthest(motion: Motion) -> str:
     >>> import torch
     >>> walk = torch.tensor([[[0.0, 1, 0], [0, 1, 2]], [[3.0, 1, 0], [2, 1, 0]]])
     >>> farthest(Motion(torch.eye(3).expand(2, 2, 24, 3, 3), walk))
-    'Dancer 0 goes farthest: 2.0 m'
+    'Longest path: dancer 0, 2.0 m'
     """
     far = motion.root[..., ON_FLOOR].diff(dim=1).norm(dim=-1).sum(1)
     who = int(far.argmax())
-    return f"Dancer {who} goes{' farthest:' * (len(far) > 1)} {far[who]:.1f} m"
+    return f"{f'Longest path: dancer {who},' if len(far) > 1 else 'A path of'} {far[who]:.1f} m"
 
 
 def save_filmstrip(motion: Motion, path, song=None) -> Path:
@@ -122,7 +122,7 @@ def plot_floor_paths(motion: Motion, *, ax=None, title: str | None = None):
     for k, path in enumerate(root):
         color = dancer_color(k)
         ax.plot(path[:, 0], path[:, 2], color=color, lw=2, solid_capstyle="round", zorder=2)
-        ax.plot(*path[0, ON_FLOOR], "o", ms=9, mfc="white", mec=color, mew=2, zorder=3)
+        ax.plot(*path[0, ON_FLOOR], "o", ms=15, mfc="none", mec=color, mew=1.5, zorder=3)
         ax.plot(*path[-1, ON_FLOOR], "o", ms=13, color=color, mec="white", zorder=4)
         ax.annotate(
             str(k), path[-1, ON_FLOOR], ha="center", va="center", fontsize=8,

@@ -1,5 +1,6 @@
 """The command line as a user meets it: exit status, last line, files."""
 
+import errno
 import json
 import os
 import subprocess
@@ -12,6 +13,7 @@ import soundfile
 
 from dancediff import __version__, hub
 from dancediff.cli import main
+from dancediff.cli.commands import COMMANDS
 from dancediff.cli.files import write_all
 from dancediff.generation.pipeline import pipeline_of
 from tiny_lodge import tiny_lodge
@@ -259,3 +261,25 @@ def test_the_bar_is_closed_before_an_error_is_told(songs, capsys, monkeypatch):
     assert main(["generate", str(songs / "noise.wav"), *options]) == 2
     last = capsys.readouterr().err.splitlines()[-1]
     assert "No space left" in last and "dancing" not in last
+
+
+def test_a_port_in_use_is_no_matter_of_the_disk(songs, monkeypatch, capsys):
+    def taken(command):
+        raise OSError(errno.EADDRINUSE, "Address already in use")
+
+    monkeypatch.setattr(COMMANDS["live"], "run", taken)
+    assert main(["live", str(songs / "noise.wav"), "--port", "8123"]) == 2
+    said = capsys.readouterr().err
+    assert "name another port" in said and "free space" not in said
+
+
+def test_a_config_that_comes_with_dancediff_explains_itself_by_name(tmp_path, monkeypatch, capsys):
+    (tmp_path / "edge_tiny").mkdir()  # a folder of the same name is not the config
+    monkeypatch.chdir(tmp_path)
+    assert main(["train", "edge_tiny", "--explain"]) == 0
+    assert "lr" in capsys.readouterr().out
+
+
+def test_any_genre_is_refused_by_who_must_have_one(songs, capsys):
+    assert main(["generate", str(songs / "noise.wav"), "--model", "lodge", "--genre", "any"]) == 2
+    assert "genre='any' is for models that dance without a genre, too" in capsys.readouterr().err

@@ -118,3 +118,13 @@ def test_parts_take_turns_in_the_order_of_the_registry(model):
     assert parts
     for one in parts:
         assert list(one) == [known for known in REGISTRY if known in one]
+
+
+def test_a_faded_seam_has_no_initial_frames():
+    """They hold the context exactly, which a fade would leave again."""
+    trio = tiny_tcdiffpp()
+    named = {
+        seam: modules_of(hooks_of(trio.model, trio.resolve(hub.packaged_song(), seam=seam), None))
+        for seam in ("copy", "fade")
+    }
+    assert set(named["copy"]) - set(named["fade"]) == {"initial_frames"}

@@ -11,6 +11,7 @@ from dancediff.generation.group_dance import binder, largest_guess
 from dancediff.generation.pipeline import pipeline_of
 from dancediff.generation.request import GroupDanceRequest, default_of
 from dancediff.generation.segments import SegmentPlan
+from dancediff.music.song import Music
 from dancediff.nn.conditioning import MusicEncoder
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 from tiny_tcdiffpp import tiny_tcdiffpp
@@ -329,3 +330,14 @@ def test_autoguidance_pushes_what_the_sampler_sees(model):
     d = d - (1 - LASTING_SHARE) * d.mean(2, keepdim=True)  # and poses that last less than movements
     torch.testing.assert_close(pushed, plain + (w - 1) * d, atol=1e-5, rtol=1e-4)
     assert (plain - linear).abs().mean() > 1e-3
+
+
+def test_a_path_is_a_song_everywhere(model, tmp_path):
+    samples = np.random.default_rng(0).normal(0, 0.1, 3 * 15360)
+    path = Music(samples, 15360).save(tmp_path / "noise.wav")
+    dance = model.generate(path, steps=2, seed=1)
+    assert dance.meta["song"] == "noise" and dance.num_frames == 90
+    assert model.resolve(str(path), seed=1).frames == 90
+    pieces = list(model.stream(path, steps=2, seed=1))
+    assert sum(piece.num_frames for piece in pieces) == 90
+    assert dance.save(tmp_path / "new" / "dance.png", path).exists()

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import soundfile
 
-from dancediff.music.song import Music
+from dancediff.music.song import Music, as_song
 
 
 def tone(rate, seconds=1.5, channels=2, hz=440):
@@ -94,3 +94,16 @@ def test_one_song_does_not_wait_for_the_features_of_another(monkeypatch):
     may_end.set()
     thread.join(30)
     assert heard == {"a": "a"} and long.features() == "a"
+
+
+def test_channels_before_samples_are_refused_with_the_fix():
+    """As librosa and torchaudio have them."""
+    with pytest.raises(ValueError, match=r"\(2, 66150\), which would be 66150 channels.*audio\.T"):
+        Music(tone(44100).T, 44100)
+
+
+def test_a_path_is_the_song_in_it(tmp_path):
+    path = Music(tone(22050), 22050).save(tmp_path / "a.wav")
+    assert as_song(path).name == as_song(str(path)).name == "a"
+    with pytest.raises(ValueError, match=r"nowhere\.wav' does not exist"):
+        as_song("nowhere.wav")
