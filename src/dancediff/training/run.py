@@ -5,6 +5,7 @@ Read first: `dancediff.training.config` and `dancediff.training.trainer`.
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import torch
 from torch import nn
