@@ -9,8 +9,8 @@ layer begins at zero, and learns what changes. Places on the floor are seen from
 the papers' networks already.
 
 A dance on its own frames adds to what was added before. Six numbers of a rotation would leave its
-two unit rows bit by bit, and contacts their range, so both are put back first. Frames of data are
-valid: in training this changes nothing. docs/ablations.md#what-each-addition-brings.
+two unit rows bit by bit, contacts and the height of the pelvis their ranges, so all are put back
+first. Frames of data are valid: in training this changes nothing. docs/ablations.md#what-each-addition-brings.
 
 Symbols (axes: b batch · s frames seen · k guessed · w frames of music · d motion features)
     x   the history, normalised                      (b, s, d)
@@ -28,7 +28,7 @@ from dancediff.papers.mnet.model import MNET, MNETConfig
 
 
 def valid(x: Tensor, normalizer: Normalizer) -> Tensor:
-    """Frames whose rotations are rotations and whose contacts are between 0 and 1.
+    """Frames with rotations that are some, contacts from 0 to 1, and heights as in training.
 
     Shapes: (..., d) normalised -> the same.
 
@@ -36,10 +36,12 @@ def valid(x: Tensor, normalizer: Normalizer) -> Tensor:
     >>> as_it_is = Normalizer(-torch.ones(151), torch.ones(151))
     >>> x = valid(torch.full((151,), 2.0), as_it_is)
     >>> x[:7].tolist(), round(x[7:10].norm().item(), 3)
-    ([1.0, 1.0, 1.0, 1.0, 2.0, 2.0, 2.0], 1.0)
+    ([1.0, 1.0, 1.0, 1.0, 2.0, 1.0, 2.0], 1.0)
     """
     contact, root, pose = unpack(normalizer.unnormalize(x))
-    return normalizer.normalize(pack(contact.clamp(0, 1), root, pose))
+    y = normalizer.normalize(pack(contact.clamp(0, 1), root, pose))
+    y[..., TCDIFFPP.height] = y[..., TCDIFFPP.height].clamp(-1, 1)
+    return y
 
 
 def on_last_frame(guess: Tensor, history: Tensor, normalizer: Normalizer) -> Tensor:

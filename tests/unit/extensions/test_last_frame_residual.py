@@ -92,6 +92,9 @@ def test_frames_of_a_dance_are_valid_already():
     normalizer = Normalizer.fit(x)
     y = normalizer.normalize(x)
     torch.testing.assert_close(valid(y, normalizer), y, atol=1e-3, rtol=0)
+    sunk = y.clone()
+    sunk[..., TCDIFFPP.height] -= 5  # under the floor: brought back to the lowest of the data
+    assert (valid(sunk, normalizer)[..., TCDIFFPP.height] == -1).all()
 
 
 def test_it_is_stored_with_the_model(tmp_path):
