@@ -10,7 +10,8 @@ the papers' networks already.
 
 A dance on its own frames adds to what was added before. Six numbers of a rotation would leave its
 two unit rows bit by bit, contacts and the height of the pelvis their ranges, so all are put back
-first. Frames of data are valid: in training this changes nothing. docs/ablations.md#what-each-addition-brings.
+first. Frames of data are valid: in training this changes nothing.
+docs/ablations.md#what-each-addition-brings.
 
 Symbols (axes: b batch · s frames seen · k guessed · w frames of music · d motion features)
     x   the history, normalised                      (b, s, d)
