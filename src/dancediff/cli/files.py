@@ -1,8 +1,12 @@
-"""What commands check before they work, and how they hand over files and words."""
+"""What commands check before they work, and how they hand over files and words.
+
+Read first: docs/export.md.
+"""
 
 import contextlib
 import importlib.util
 import json
+import re
 import shutil
 import tempfile
 import time
@@ -92,12 +96,24 @@ def write_all(out: Path, write: Callable[[Path], object]) -> list[Path]:
             with writing(out):
                 write(work)
             files = sorted(work.iterdir())  # a BVH of a group is a file for each dancer
-            return [file.replace(out / file.name) for file in files]
+            done = [file.replace(out / file.name) for file in files]
+            _remove_other_dancers(done)
+            return done
     except BaseException:
         for part in new:
             with contextlib.suppress(OSError):  # not there yet, or somebody else wrote into it
                 part.rmdir()
         raise
+
+
+def _remove_other_dancers(files: list[Path]) -> None:
+    """Files of dancers of an older, larger or smaller group, which would join the new one."""
+    for file in files:
+        if numbered := re.fullmatch(r"dance(?:\.\d+)?(\.bvh|\.smpl\.npz)", file.name):
+            suffix = re.escape(numbered[1])
+            for other in file.parent.iterdir():
+                if other not in files and re.fullmatch(rf"dance(\.\d+)?{suffix}", other.name):
+                    other.unlink()
 
 
 def _remove_left_over(out: Path) -> None:

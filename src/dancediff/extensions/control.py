@@ -30,6 +30,7 @@ from dancediff.motion.representation import TCDIFFPP, Normalizer
 X, Z = range(TCDIFFPP.dim)[TCDIFFPP.floor]
 UPPER = "belly spine chest neck head {}collar {}shoulder {}elbow {}wrist {}hand"
 LOWER = "root {}hip {}knee {}ankle {}toe"
+CLOSE = 0.3  # metres between two dancers, below which bodies overlap
 SAME = 1e-3  # two constraints may say the same twice
 
 
@@ -213,11 +214,24 @@ def _formation(places, n: int, frames: int, frame: int, name: str) -> Constraint
     places = _numbers(places, 2, name)
     if len(places) != n:
         raise ValueError(f"{name} has {len(places)} places for {n} dancers; give one (x, z) each")
+    if n > 1:
+        _check_gaps(places, name)
     mask, value = _nothing(n, frames)
     for column, feature in enumerate((X, Z)):
         mask[:, frame, feature] = True
         value[:, frame, feature] = places[:, column]
     return Constraint(mask, value)
+
+
+def _check_gaps(places: Tensor, name: str) -> None:
+    """Refuse two bodies in one place."""
+    gaps = torch.cdist(places, places).fill_diagonal_(math.inf).min(1)
+    k = int(gaps.values.argmin())
+    if gaps.values[k] < CLOSE:
+        raise ValueError(
+            f"{name} has dancers {k} and {int(gaps.indices[k])} {gaps.values[k]:.2f} m apart, one "
+            f"body in the other; place them at least {CLOSE:g} m apart"
+        )
 
 
 def _nothing(n: int, frames: int) -> tuple[Tensor, Tensor]:

@@ -39,6 +39,8 @@ def save(motion: Motion, path, song=None, *, body: str = "mannequin") -> Path:
         raise ValueError(f"suffix {kind!r} of {path} is unknown; use {' '.join(SUFFIXES)}")
     if body != "mannequin" and kind != ".glb":
         raise ValueError(f"body={body!r} goes with .glb only, not with {path}; leave it out")
+    if not (motion.root.isfinite().all() and motion.pose.isfinite().all()):
+        raise ValueError(f"the dance for {path} has numbers that are not finite; repair it first")
     path.parent.mkdir(parents=True, exist_ok=True)
     write = _writer(kind, as_song(song), body)
     if kind not in PER_DANCER or motion.num_dancers == 1:

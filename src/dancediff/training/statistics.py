@@ -3,6 +3,7 @@
 Read first: notebook 03 · `dancediff.motion.representation.Normalizer`.
 """
 
+import warnings
 from collections.abc import Iterator
 
 import torch
@@ -112,7 +113,7 @@ def take_over(model: nn.Module, start: nn.Module) -> list[str]:
 
     Statistics are not weights: they are fitted on the data, in the units of ``start``.
 
-    Raises: ValueError when nothing fits.
+    Raises: ValueError when nothing fits.  Warns when it is less than half of the weights.
 
     >>> small = nn.Sequential(nn.Linear(2, 3))
     >>> large = nn.Sequential(nn.Linear(2, 3), nn.Linear(3, 1))
@@ -128,4 +129,12 @@ def take_over(model: nn.Module, start: nn.Module) -> list[str]:
     if not fits:
         raise ValueError(f"start, a {type(start).__name__}, has no weight of the model's shapes")
     model.load_state_dict(fits, strict=False)
-    return [name for name in mine if name not in fits]
+    new = [name for name in mine if name not in fits]
+    share = sum(value.numel() for value in fits.values()) / sum(p.numel() for p in mine.values())
+    if share < 0.5:
+        warnings.warn(
+            f"only {share:.1%} of the model's weights fit those of start; {len(new)} tensors, such "
+            f"as {new[0]}, begin at random: use the config that start was trained with",
+            stacklevel=2,
+        )
+    return new

@@ -283,3 +283,17 @@ def test_a_config_that_comes_with_dancediff_explains_itself_by_name(tmp_path, mo
 def test_any_genre_is_refused_by_who_must_have_one(songs, capsys):
     assert main(["generate", str(songs / "noise.wav"), "--model", "lodge", "--genre", "any"]) == 2
     assert "genre='any' is for models that dance without a genre, too" in capsys.readouterr().err
+
+
+def test_files_of_an_older_group_do_not_join_the_new_one(tmp_path):
+    def dancers(*names):
+        return lambda folder: [(folder / name).touch() for name in names]
+
+    kept = {"song.wav", "dance.9.smpl.npz"}
+    for name in kept:
+        (tmp_path / name).touch()
+    write_all(tmp_path, dancers("dance.1.bvh", "dance.2.bvh", "dance.3.bvh"))
+    write_all(tmp_path, dancers("dance.1.bvh", "dance.2.bvh"))
+    assert {file.name for file in tmp_path.iterdir()} == kept | {"dance.1.bvh", "dance.2.bvh"}
+    write_all(tmp_path, dancers("dance.bvh", "dance.npz"))
+    assert {file.name for file in tmp_path.iterdir()} == kept | {"dance.bvh", "dance.npz"}

@@ -139,3 +139,10 @@ def test_errors_of_keep(dance):
             known(Keep(dance, **options))
     with pytest.raises(ValueError, match="constraints has 'start'"):
         combine(["start"], 2, 120, 30.0)
+
+
+@pytest.mark.parametrize(("control", "name"), [(StartAt, "start"), (EndAt, "end")])
+def test_two_bodies_in_one_place_are_refused(control, name):
+    with pytest.raises(ValueError, match=rf"{name} has dancers 1 and 2 0\.10 m apart"):
+        known(control([(-1, 0), (0, 0), (0.1, 0)]), n=3)
+    assert known(control([(0, 0), (0, 0.4)])).mask.any()

@@ -38,3 +38,11 @@ def test_what_is_no_dance_is_named(pair, tmp_path):
     pair.save(tmp_path / "dance.png")
     with pytest.raises(ValueError, match=r"dance\.png' is no dance that can be read"):
         dance_files(tmp_path / "dance.png")
+
+
+@pytest.mark.parametrize("name", ["a.npz", "a.glb", "a.bvh", "a.smpl.npz", "a.png"])
+def test_a_dance_with_nan_is_not_written(pair, name, tmp_path):
+    pair.root[0, 1, 2] = float("nan")
+    with pytest.raises(ValueError, match="not finite"):
+        pair.save(tmp_path / name)
+    assert list(tmp_path.iterdir()) == []

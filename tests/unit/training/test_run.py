@@ -214,3 +214,10 @@ def test_only_weights_of_the_same_shape_are_taken_over():
     large = torch.nn.Sequential(torch.nn.Linear(2, 3), torch.nn.Linear(3, 2))
     assert take_over(large, small) == ["1.weight", "1.bias"]
     assert torch.equal(large[0].weight, small[0].weight)
+
+
+def test_a_start_that_hardly_fits_is_told():
+    small = torch.nn.Sequential(torch.nn.Linear(2, 3), torch.nn.Linear(3, 1))
+    large = torch.nn.Sequential(torch.nn.Linear(2, 3), torch.nn.Linear(3, 20))
+    with pytest.warns(UserWarning, match=r"only 10\.1% of the model's weights.*1\.weight"):
+        take_over(large, small)
