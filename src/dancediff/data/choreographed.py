@@ -24,6 +24,7 @@ from hashlib import sha256
 import numpy as np
 import torch
 from torch import Tensor
+from tqdm.auto import tqdm
 
 from dancediff.backends import run_jobs
 from dancediff.data.cache import cached, code_digest, content_key
@@ -37,6 +38,7 @@ from dancediff.music.synth import synth_song
 from dancediff.music.varied import synth_varied_song
 
 SIZES = (1, 2, 3, 4, 5)  # of groups
+SILENT = 4  # songs from which on making them shows its progress: each takes a second or more
 SOURCE = "dancediff's choreographer and synthesiser"
 LICENCE = "MIT (made by this project's own code)"
 ANY_GENRE = 0.5  # share of dances to varied and recorded songs in a genre drawn from all
@@ -132,13 +134,15 @@ def choreographed_corpus(
     seeds, sizes = list(song_seeds), tuple(sizes)
     if cache is None:
         make = partial(choreographed_takes, seconds=seconds, sizes=sizes, varied=varied)
-        songs = dict(run_jobs(make, seeds, workers=max(1, workers)))
+        made = run_jobs(make, seeds, workers=max(1, workers))
+        few = len(seeds) < SILENT
+        songs = dict(tqdm(made, "composing songs", len(seeds), leave=False, disable=few))
         return list(itertools.chain.from_iterable(songs[k] for k in range(len(seeds))))
     options: dict = {"seconds": float(seconds), "share": 0.0, "varied": bool(varied)}
     jobs = [_job(seed, n, 0, **options) for seed in seeds for n in sizes]
     if not jobs:
         return []
-    summary = prepare(jobs, cache, workers=workers, progress=False)
+    summary = prepare(jobs, cache, workers=workers, progress=len(seeds) >= SILENT)
     for name, reason in summary.skipped.items():
         raise ValueError(f"{name}: {reason}")
     takes = {take.name: take for take in PackedTakes(cache).takes()}

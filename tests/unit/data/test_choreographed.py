@@ -216,3 +216,9 @@ def test_several_processes_make_the_same_corpus():
         assert a.name == b.name
         torch.testing.assert_close(a.x, b.x, rtol=1e-4, atol=1e-4)
         torch.testing.assert_close(a.M, b.M, rtol=1e-4, atol=1e-3)
+
+
+@pytest.mark.parametrize(("songs", "shown"), [(2, False), (4, True)])
+def test_many_songs_show_their_progress(songs, shown, capsys):
+    choreographed_corpus(range(songs), seconds=3.0, sizes=(1,), workers=1)
+    assert ("composing songs" in capsys.readouterr().err) == shown
