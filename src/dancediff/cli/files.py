@@ -18,6 +18,7 @@ from dancediff.atomic import writing
 FORMATS = ("npz", "mp4", "png", "html", "glb", "bvh", "smpl")
 USUAL = ("npz", "mp4", "png")
 EXTRAS = {"av": "video", "pygltflib": "gltf", "pythreejs": "notebooks", "ipywidgets": "notebooks"}
+ONE_DANCER = re.compile(r"dance(?:\.\d+)?(\.bvh|\.smpl\.npz)")  # of a group one file each
 HIDDEN = ".dancediff-"  # how folders begin that are being written
 A_DAY = 24 * 3600.0
 _NEEDS = {"mp4": "av", "glb": "pygltflib"}
@@ -108,12 +109,11 @@ def write_all(out: Path, write: Callable[[Path], object]) -> list[Path]:
 
 def _remove_other_dancers(files: list[Path]) -> None:
     """Files of dancers of an older, larger or smaller group, which would join the new one."""
-    for file in files:
-        if numbered := re.fullmatch(r"dance(?:\.\d+)?(\.bvh|\.smpl\.npz)", file.name):
-            suffix = re.escape(numbered[1])
-            for other in file.parent.iterdir():
-                if other not in files and re.fullmatch(rf"dance(\.\d+)?{suffix}", other.name):
-                    other.unlink()
+    new = {found[1] for file in files if (found := ONE_DANCER.fullmatch(file.name))}
+    for other in files[0].parent.iterdir() if new else ():
+        found = ONE_DANCER.fullmatch(other.name)
+        if found and found[1] in new and other not in files:
+            other.unlink()
 
 
 def _remove_left_over(out: Path) -> None:

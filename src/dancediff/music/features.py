@@ -149,17 +149,6 @@ def beat_times(M: Tensor) -> np.ndarray:
     return np.maximum(beat_frames(M) / FPS - LATE, 0)
 
 
-def dance_frames(M: Tensor) -> np.ndarray:
-    """Frames of a dance on which beats sound: where its rests should lie; (f, 35) -> int (k,).
-
-    >>> M = torch.zeros(40, 35)
-    >>> M[[1, 30], BEATS] = 1
-    >>> dance_frames(M).tolist(), beat_frames(M).tolist()
-    ([0, 29], [1, 30])
-    """
-    return np.round(beat_times(M) * FPS).astype(int)
-
-
 def in_dance_time(beats: Tensor) -> Tensor:
     """The column of beats, moved to the frames of a dance on which they sound; (..., f) -> same.
 
@@ -168,6 +157,17 @@ def in_dance_time(beats: Tensor) -> Tensor:
     """
     late = round(LATE * FPS)
     return torch.cat([beats[..., late:], torch.zeros_like(beats[..., :late])], dim=-1)
+
+
+def dance_frames(M: Tensor) -> np.ndarray:
+    """Frames of a dance on which beats sound: where its rests should lie; (f, 35) -> int (k,).
+
+    >>> M = torch.zeros(40, 35)
+    >>> M[[1, 30], BEATS] = 1
+    >>> dance_frames(M).tolist(), beat_frames(M).tolist()
+    ([0, 29], [1, 30])
+    """
+    return np.flatnonzero(in_dance_time(M[:, BEATS.start]).numpy() > 0.5)
 
 
 class MusicNormalizer(nn.Module):

@@ -75,6 +75,18 @@ class World:
             torch.distributed.barrier()
 
 
+def own_number(number: int) -> int:
+    """How many batches this process had before batch ``number``, see `World.share`.
+
+    Of two processes one has the even numbers, the other the odd ones.
+
+    >>> own_number(7)
+    7
+    """
+    several = torch.distributed.is_available() and torch.distributed.is_initialized()
+    return number // (torch.distributed.get_world_size() if several else 1)
+
+
 @contextlib.contextmanager
 def join_world(device: str = "cpu") -> Iterator[World]:
     """The processes that torchrun or accelerate started, else this one alone.

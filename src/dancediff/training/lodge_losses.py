@@ -37,6 +37,7 @@ from dancediff.papers.lodge.losses import (
 )
 from dancediff.training.checkpoint import load_extra
 from dancediff.training.config import TrainConfig
+from dancediff.training.distributed import own_number
 from dancediff.training.extended_losses import extended_losses
 from dancediff.training.objective import Drawn, Objective
 
@@ -192,7 +193,7 @@ class Critic:
 
         Every batch has the same terms: a log has its columns, and processes average them.
         """
-        if turn(number) % 2:
+        if own_number(number) % 2:
             terms = {"critic": self.learn(x_hat.detach(), x_0, M, genre)}
         else:
             with torch.no_grad():
@@ -220,21 +221,6 @@ class Critic:
     def loss(self, x_hat: Tensor, x_0: Tensor, M: Tensor, genre: Tensor) -> Tensor:
         """How badly it tells true dances from made ones."""
         return l_critic(self.D(x_0, M, genre), self.D(x_hat, M, genre), form=self.form)
-
-
-def turn(number: int) -> int:
-    """How many batches this process had before batch ``number``.
-
-    Of two processes one has the even numbers, the other the odd ones.
-
-    >>> turn(7)
-    7
-    """
-    return number // (torch.distributed.get_world_size() if _several() else 1)
-
-
-def _several() -> bool:
-    return torch.distributed.is_available() and torch.distributed.is_initialized()
 
 
 def near(num_frames: int) -> Tensor:

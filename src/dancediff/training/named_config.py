@@ -27,7 +27,7 @@ def config_file(config) -> Path:
     'tcdiffpp_small.toml'
     """
     path, known = Path(config), packaged_configs()
-    if path.is_file():
+    if path.exists() and not path.is_dir():
         return path
     if str(path) in known:
         return known[str(path)]

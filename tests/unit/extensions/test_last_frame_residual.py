@@ -22,6 +22,14 @@ def made(name, extensions=("last_frame_residual",)):
     return build(*CASES[name], extensions).eval()
 
 
+def shaken(model):
+    """The same model with other weights, none of them zero."""
+    for weight in model.parameters():
+        g = torch.Generator().manual_seed(weight.numel())
+        weight.data += 0.05 * torch.randn(weight.shape, generator=g)
+    return model
+
+
 def inputs(model):
     g, c = torch.Generator().manual_seed(1), model.config
     history = torch.randn(2, c.seed_frames, 151, generator=g)
@@ -55,11 +63,7 @@ def test_the_plain_network_s_guess_is_what_is_added(name):
 
 @pytest.mark.parametrize("name", CASES)
 def test_a_dance_is_the_same_anywhere_on_the_stage(name):
-    model = made(name)
-    for weight in model.parameters():
-        weight.data += 0.05 * torch.randn(
-            weight.shape, generator=torch.Generator().manual_seed(weight.numel())
-        )
+    model = shaken(made(name))
     given = inputs(model)
     moved = given[0].clone()
     moved[..., TCDIFFPP.floor] += torch.tensor([3.0, -2.0])
@@ -71,11 +75,7 @@ def test_a_dance_is_the_same_anywhere_on_the_stage(name):
 
 @pytest.mark.parametrize("name", CASES)
 def test_rotations_do_not_grow_however_often_the_network_adds_to_them(name):
-    model = made(name)
-    for weight in model.parameters():
-        weight.data += 0.05 * torch.randn(
-            weight.shape, generator=torch.Generator().manual_seed(weight.numel())
-        )
+    model = shaken(made(name))
     history, *others = inputs(model)
     largest = []
     with torch.no_grad():

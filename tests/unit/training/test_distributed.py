@@ -10,16 +10,34 @@ import torch
 from safetensors.torch import load_file
 
 from dancediff.training.config import TrainConfig
-from dancediff.training.distributed import World, join_world
+from dancediff.training.distributed import World, join_world, own_number
 from dancediff.training.trainer import Trainer
 from places import ROOT
 
 SCRIPT = """
 import sys
 sys.path.insert(0, {tests!r})
-from test_distributed import run_one
-run_one({out!r})
+from test_distributed import {run}
+{run}({out!r})
 """
+
+
+def in_two_processes(run, folder):
+    """Call a function of this file, with the folder ``two``, in two processes at once."""
+    script = folder / "go.py"
+    here = str(Path(__file__).parent)
+    script.write_text(SCRIPT.format(tests=here, run=run, out=str(folder / "two")))
+    command = [sys.executable, "-m", "torch.distributed.run", "--standalone"]
+    folders = os.pathsep.join(str(ROOT / name) for name in ("src", "tests"))
+    env = os.environ | {"PYTHONPATH": folders, "OMP_NUM_THREADS": "1"}
+    done = subprocess.run(
+        [*command, "--nproc-per-node=2", str(script)],
+        env=env,
+        capture_output=True,
+        timeout=100,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr.decode()[-2000:]
 
 
 def run_one(out, accumulate=1):
@@ -44,6 +62,15 @@ def test_shares_cover_every_batch_once():
     assert sorted(numbers) == list(range(30, 36))
 
 
+def test_each_process_counts_its_own_batches(monkeypatch):
+    """What happens at every second batch happens in all, not in those with odd numbers."""
+    monkeypatch.setattr(torch.distributed, "is_initialized", lambda: True)
+    monkeypatch.setattr(torch.distributed, "get_world_size", lambda: 2)
+    for rank in (0, 1):
+        numbers = [n for step in range(3) for n in World(rank, 2).share(step, accumulate=2)]
+        assert [own_number(n) for n in numbers] == list(range(6))
+
+
 def test_alone_is_the_default_world():
     with join_world() as world:
         assert (world.rank, world.size, world.first, world.device) == (0, 1, True, "cpu")
@@ -59,19 +86,7 @@ def test_a_broken_launcher_is_named(rank, size, monkeypatch):
 
 @pytest.mark.slow
 def test_two_processes_equal_one(tmp_path):
-    script = tmp_path / "go.py"
-    script.write_text(SCRIPT.format(tests=str(Path(__file__).parent), out=str(tmp_path / "two")))
-    command = [sys.executable, "-m", "torch.distributed.run", "--standalone"]
-    folders = os.pathsep.join(str(ROOT / name) for name in ("src", "tests"))
-    env = os.environ | {"PYTHONPATH": folders, "OMP_NUM_THREADS": "1"}
-    done = subprocess.run(
-        [*command, "--nproc-per-node=2", str(script)],
-        env=env,
-        capture_output=True,
-        timeout=100,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr.decode()[-2000:]
+    in_two_processes("run_one", tmp_path)
     run_one(tmp_path / "one", accumulate=2)
     one, two = (load_file(tmp_path / name / "checkpoint.safetensors") for name in ("one", "two"))
     assert one.keys() == two.keys()
@@ -82,3 +97,30 @@ def test_two_processes_equal_one(tmp_path):
         first, second = (line.split(",")[2:] for line in (a, b))
         if first[0][0].isdigit():
             assert [float(v) for v in first] == pytest.approx([float(v) for v in second], rel=1e-4)
+
+
+def run_lodge(out):
+    """Two steps of each stage with a discriminator, in whatever world this process is in."""
+    from dancediff.data.take import DanceTake
+    from dancediff.training.lodge import train_lodge
+    from tiny_lodge import GENRES, GLOBAL, LOCAL, TINY
+
+    torch.manual_seed(0)
+    torch.set_num_threads(1)
+    solos = [
+        DanceTake(genre, torch.rand(1, 300, 151), M=torch.rand(300, 35), genre=genre)
+        for genre in GENRES[:2]
+    ]
+    tables = {"data": {"windows_per_batch": 2}, "model": {"class": "Lodge"}}
+    tables |= {"global_stage": GLOBAL, "local_stage": LOCAL | {"genres": list(GENRES)}}
+    tables |= {"train": {"steps": 3, "warmup": 1}, "discriminator": TINY}
+    with join_world() as world:
+        train_lodge(tables, out, solos=solos, world=world)
+
+
+@pytest.mark.slow
+def test_a_discriminator_learns_in_two_processes(tmp_path):
+    in_two_processes("run_lodge", tmp_path)
+    header, *rows = (tmp_path / "two" / "fine_tune" / "losses.csv").read_text().splitlines()
+    assert "critic" in header.split(",") and len(rows) == 3
+    assert {row.count(",") for row in rows} == {header.count(",")}

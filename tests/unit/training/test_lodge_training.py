@@ -33,7 +33,7 @@ from dancediff.training.lodge import (
     train_lodge,
 )
 from dancediff.training.lodge_data import PrimitiveCut, long_enough, prepared_solos, solos_of
-from dancediff.training.lodge_losses import Critic, LodgeObjective, turn
+from dancediff.training.lodge_losses import Critic, LodgeObjective
 from dancediff.training.run import train_from_config
 from dancediff.training.tables import read_toml
 from places import CONFIGS
@@ -301,15 +301,6 @@ def test_the_discriminator_learns_every_second_time_and_only_from_its_own_loss()
     assert terms["critic"] < 0.5, "black from white must be told apart; it starts near 1"
     with torch.no_grad():
         assert (c.D(x_0, M, genre) > c.D(x_hat, M, genre)).all(), "true dances are the real ones"
-
-
-def test_of_two_processes_both_discriminators_learn(monkeypatch):
-    """Each has the even or the odd batches; its own every second one counts."""
-    monkeypatch.setattr(torch.distributed, "is_initialized", lambda: True)
-    monkeypatch.setattr(torch.distributed, "get_world_size", lambda: 2)
-    for rank in (0, 1):
-        turns = [turn(number) for number in range(rank, 12, 2)]
-        assert turns == list(range(6))
 
 
 def test_focus_compares_with_another_genre():

@@ -153,10 +153,7 @@ def test_rewards_of_the_four_cases():
 
 
 def test_the_reward_counts_music_beats_where_they_sound(model, monkeypatch):
-    """Their column lies 45 ms after the sound: a beat in the first frame of a unit is one before.
-
-    Everybody dances on every beat but in unit 2, where the column has one and no beat sounds.
-    """
+    """Nobody dances a beat, so the unit in which one sounds is punished: the one before it."""
     M, b = torch.zeros(1, 32, 35), 1
     M[0, 16, 34] = 1  # sounds in frame 15, the last of unit 1
     nothing = torch.zeros(b, 32)
