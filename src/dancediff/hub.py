@@ -15,6 +15,7 @@ import warnings
 from collections.abc import Callable
 from dataclasses import asdict, is_dataclass
 from functools import partial
+from os import PathLike
 from pathlib import Path
 
 import torch
@@ -109,14 +110,19 @@ def model_folder(name) -> Path:
     >>> model_folder("tcdiffpp").name
     'tcdiffpp'
     """
+    if not isinstance(name, str | PathLike):
+        raise ValueError(f"model {name!r} is no name; {_choices()}")
     folder = ASSETS / "models" / str(name) if str(name) in packaged_models() else Path(name)
     if not (folder / "config.json").is_file():
-        known = ", ".join(packaged_models()) or "none"
         raise ValueError(
-            f"model {str(name)!r} is neither packaged ({known}) nor a model folder; "
-            "choose one of these names or a folder with a config.json"
+            f"model {str(name)!r} is neither packaged nor a model folder; {_choices()}"
         )
     return folder
+
+
+def _choices() -> str:
+    known = ", ".join(packaged_models()) or "none"
+    return f"choose a packaged one ({known}) or a folder with a config.json"
 
 
 def load(name, *, device: str = "cpu", own: str | type | None = None) -> Pipeline:

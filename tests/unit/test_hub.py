@@ -65,9 +65,10 @@ def test_extensions_are_kept(tmp_path):
     assert all(torch.equal(again.state_dict()[k], v) for k, v in net.state_dict().items())
 
 
-def test_unknown_name_lists_what_there_is():
-    with pytest.raises(ValueError, match=r"'nobody'.*packaged \("):
-        hub.load("nobody")
+@pytest.mark.parametrize("name", ["nobody", None, 3])
+def test_unknown_name_lists_what_there_is(name):
+    with pytest.raises(ValueError, match=rf"{name!r}.*choose a packaged one \(.*tcdiffpp"):
+        hub.load(name)
 
 
 @pytest.mark.parametrize(

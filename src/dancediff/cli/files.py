@@ -13,6 +13,8 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+from tqdm.auto import tqdm
+
 from dancediff.atomic import writing
 
 FORMATS = ("npz", "mp4", "png", "html", "glb", "bvh", "smpl")
@@ -125,7 +127,9 @@ def _remove_left_over(out: Path) -> None:
                 shutil.rmtree(folder, ignore_errors=True)
 
 
-def save_dance(folder: Path, formats: list[str], dance, song) -> None:
-    """A file of a dance for each format."""
-    for name in formats:
+def save_dance(folder: Path, formats: list[str], dance, song, progress: bool = False) -> None:
+    """A file of a dance for each format; a video takes longer than all others."""
+    bar = tqdm(formats, unit="file", disable=not progress)
+    for name in bar:
+        bar.set_description(f"writing {name}")
         dance.save(folder / file_of(name), song=song)

@@ -54,8 +54,9 @@ def dance_to(
             pieces = Pieces(dancing)
             files = write_all(out, finished(lambda to: save_pieces(pieces, to / file_of("npz"))))
     else:
+        bar = bool(options.get("progress"))
         pieces = Pieces([model.generate(song, **options)])
-        write = finished(lambda to: save_dance(to, formats, next(iter(pieces)), song))
+        write = finished(lambda to: save_dance(to, formats, next(iter(pieces)), song, bar))
         files = write_all(out, write)
     dance = pieces.last
     facts = {"files": files, "dancers": dance.num_dancers, "frames": pieces.frames}

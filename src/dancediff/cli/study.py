@@ -59,6 +59,7 @@ class Study:
             dancers=self.dancers,
             questions=self.questions,
             seed=self.seed,
+            progress=not self.json,
         )
         facts = {"page": made.page, "key": made.key, "pairs": made.pairs}
         lines = [

@@ -111,7 +111,9 @@ def smpl_take(
         raise ValueError(f"{path}: {err}") from err
 
 
-def make_take(name: str, motion: Motion, song: Path | None, *, skip: int = 0, **facts) -> DanceTake:
+def make_take(
+    name: str, motion: Motion, song: Path | None, *, skip: int = 0, kind: str = "real", **facts
+) -> DanceTake:
     """A take of ``motion`` and the music it was danced to, cut to the shorter of the two.
 
     Features are those of the whole song, cut to rows. ``song`` may be None or silent: then the take
@@ -142,7 +144,7 @@ def make_take(name: str, motion: Motion, song: Path | None, *, skip: int = 0, **
     return DanceTake(
         name=name,
         dance=replace(motion, contact=foot_contact(motion.joints()), meta={"name": name}),
-        kind="real",
+        kind=kind,
         music="none" if M is None else "original",
         M=None if M is None else M[:f].clone(),
         beats=None if M is None else beat_times(M[:f]),

@@ -31,6 +31,7 @@ X, Z = range(TCDIFFPP.dim)[TCDIFFPP.floor]
 UPPER = "belly spine chest neck head {}collar {}shoulder {}elbow {}wrist {}hand"
 LOWER = "root {}hip {}knee {}ankle {}toe"
 CLOSE = 0.3  # metres between two dancers, below which bodies overlap
+STAGE = 3.0  # metres from its middle; only the outermost of five dancers go farther in training
 SAME = 1e-3  # two constraints may say the same twice
 
 
@@ -74,6 +75,7 @@ class WalkAlong:
 
         k = _dancer(self.dancer, n)
         points = _numbers(self.points, 3, "points")
+        _check_stage(points[:, 1:], "points")
         times = points[:, 0] * fps
         if (times.diff() <= 0).any() or times[0] < 0 or times[-1] > frames:
             raise ValueError(
@@ -129,8 +131,13 @@ class Keep:
     def _pairs(self) -> list:
         if self.seconds is None:
             return [(0, self.dance.num_frames / self.dance.fps)]
-        pairs = [self.seconds] if isinstance(self.seconds[0], int | float) else list(self.seconds)
-        return _numbers(pairs, 2, "seconds").tolist()
+        try:
+            pairs = [self.seconds] if isinstance(self.seconds[0], int | float) else self.seconds
+            return _numbers(pairs, 2, "seconds").tolist()
+        except (TypeError, IndexError, ValueError):
+            raise ValueError(
+                f"seconds={self.seconds!r} must be (from, to), or several such pairs"
+            ) from None
 
     def _features(self) -> list[int]:
         if self.joints is None:
@@ -214,6 +221,7 @@ def _formation(places, n: int, frames: int, frame: int, name: str) -> Constraint
     places = _numbers(places, 2, name)
     if len(places) != n:
         raise ValueError(f"{name} has {len(places)} places for {n} dancers; give one (x, z) each")
+    _check_stage(places, name)
     if n > 1:
         _check_gaps(places, name)
     mask, value = _nothing(n, frames)
@@ -221,6 +229,17 @@ def _formation(places, n: int, frames: int, frame: int, name: str) -> Constraint
         mask[:, frame, feature] = True
         value[:, frame, feature] = places[:, column]
     return Constraint(mask, value)
+
+
+def _check_stage(places: Tensor, name: str) -> None:
+    """Refuse places where nobody danced in training: dancers would leave them with a leap."""
+    far = places.norm(dim=1)
+    if (far > STAGE).any():
+        x, z = places[int(far.argmax())].tolist()
+        raise ValueError(
+            f"{name} has the place ({x:g}, {z:g}), {far.max():.1f} m from the middle of the stage; "
+            f"choose places within {STAGE:g} m, where the training dances are"
+        )
 
 
 def _check_gaps(places: Tensor, name: str) -> None:

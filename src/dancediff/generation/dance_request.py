@@ -53,7 +53,12 @@ class DanceRequest:
 
     def __post_init__(self):
         for one in fields(self):
-            if (value := getattr(self, one.name)) is not None:
+            value = getattr(self, one.name)
+            if value is None and one.default is not None:
+                raise ValueError(
+                    f"{one.name}=None is no value; leave {one.name} out for {one.default!r}"
+                )
+            if value is not None:
                 # one value for equal ones: 1 and 1.0, numpy's 3 and 3
                 object.__setattr__(self, one.name, checked(one, value))
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar, Self
 
-from dancediff.generation.option import in_range, option
+from dancediff.generation.option import in_range, one_or_several, option
 from dancediff.generation.sampling_config import (
     SamplingConfig,
     has_preconditioning,
@@ -105,7 +105,9 @@ class GroupDanceRequest(SegmentedRequest):
         None, "A formation at the start: one (x, z) in metres for each dancer."
     )
     end: Sequence | None = option(None, "A formation at the end.")
-    constraints: Sequence = option((), "What else must hold: paths, parts of another dance.")
+    constraints: Sequence = option(
+        (), "What else must hold: paths, parts of another dance.", parse=one_or_several
+    )
 
     def __post_init__(self):
         super().__post_init__()

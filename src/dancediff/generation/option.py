@@ -2,7 +2,7 @@
 
 import math
 import operator
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import Field, field
 from types import UnionType
 from typing import Any, get_args
@@ -63,6 +63,16 @@ def checked(one: Field, value):
                 raise ValueError(f"{one.name}={value!r} must be {words}") from None
             in_range(one.name, value, one.metadata["low"], one.metadata["high"])
     return value
+
+
+def one_or_several(value) -> tuple:
+    """A value as a sequence of its own, unless it is one.
+
+    >>> one_or_several("path"), one_or_several(["path", "end"])
+    (('path',), ('path', 'end'))
+    """
+    one = isinstance(value, str) or not isinstance(value, Iterable)
+    return (value,) if one else tuple(value)
 
 
 def in_range(name: str, value: float, low: float, high: float) -> None:

@@ -150,7 +150,7 @@ def evaluate(dance, song=None) -> Report:
     ``dance`` is a `Motion`, a `DanceTake` or a file; ``song`` a `Music`, a sound file, or times of
     beats in seconds. One dance has no interval.
 
-    Raises: ValueError as `evaluate_dances`.
+    Raises: ValueError as `evaluate_dances`, or for a list of dances.
 
     >>> from dancediff.data.choreographer import choreograph
     >>> beats = np.arange(0.5, 4, 0.5)
@@ -158,6 +158,11 @@ def evaluate(dance, song=None) -> Report:
     >>> report["BAS"].value > 0.5, report["TIF"].value, report["FSR"].value < 0.1
     (True, 0.0, True)
     """
+    if isinstance(dance, list | tuple):
+        raise ValueError(
+            f"dance is a {type(dance).__name__} of {len(dance)}; give one, or call "
+            "dancediff.metrics.report.evaluate_dances for many"
+        )
     report = evaluate_dances([dance], song=song)
     names = {metric.name for metric in METRICS if metric.compare}
     report.rows = [row for row in report.rows if row.name not in names]

@@ -36,6 +36,7 @@ def study(
     dancers: int | None = None,
     questions: str | None = None,
     seed: int | None = None,
+    progress: bool = False,
 ) -> Study:
     """Write a page on which people compare dances blindly, as in both papers' user studies.
 
@@ -48,6 +49,7 @@ def study(
     - ``seconds``: at most so much of each dance; ``dancers``: how many a model lets dance.
     - ``questions``: "tcdiffpp" for its four, "lodge" for its one; default: for groups the four.
     - ``seed``: of order and sides; by default a new one, since a known one would be a second key.
+    - ``progress``: show bars while models dance.
 
     Source: TCDiff++ figure 8; Lodge section 4.2.
 
@@ -68,7 +70,9 @@ def study(
     """
     out = Path(out)
     seed = secrets.randbits(32) if seed is None else seed
-    pairs = pairs_of(systems, songs_named(songs), seconds=seconds, dancers=dancers)
+    pairs = pairs_of(
+        systems, songs_named(songs), seconds=seconds, dancers=dancers, progress=progress
+    )
     asked = questions_for(questions, min(pair.dances[0].num_dancers for pair in pairs))
     generator = np.random.default_rng(seed)
     id = generator.bytes(6).hex()

@@ -59,6 +59,7 @@ def pairs_of(
     *,
     seconds: float | None = None,
     dancers: int | None = None,
+    progress: bool = False,
 ) -> list[Pair]:
     """All pairs of a dance of the first system and one of another to the same song.
 
@@ -74,7 +75,10 @@ def pairs_of(
     if len(systems) < 2:
         raise ValueError(f"{len(systems)} systems are given; a comparison needs two or more")
     names = _names(systems)
-    all_dances = [_dances_of(system, songs, seconds=seconds, dancers=dancers) for system in systems]
+    how = {"seconds": seconds, "dancers": dancers, "progress": progress}
+    for system in systems:
+        _is_model(system)  # refuses what is neither, before another one has danced for minutes
+    all_dances = [_dances_of(system, songs, **how) for system in systems]
     pairs = []
     for name, dances in zip(names[1:], all_dances[1:], strict=True):
         common = sorted(all_dances[0].keys() & dances.keys())
@@ -100,17 +104,10 @@ def _names(systems: Sequence) -> list[str]:
     return names
 
 
-def _dances_of(system, songs: dict, *, seconds, dancers) -> dict[str, list[Motion]]:
+def _dances_of(system, songs: dict, **how) -> dict[str, list[Motion]]:
     """The dances of a system by the names of their songs."""
-    is_model = str(system) in hub.packaged_models() or (Path(system) / "config.json").is_file()
-    if is_model:
-        return _danced(system, songs, seconds=seconds, dancers=dancers)
-    if not Path(system).exists():
-        known = ", ".join(hub.packaged_models())
-        raise ValueError(
-            f"{str(system)!r} is neither a folder of dances nor a model; the packaged ones are "
-            f"{known}"
-        )
+    if _is_model(system):
+        return _danced(system, songs, **how)
     found: dict[str, list[Motion]] = {}
     for source in find_dances(system):
         dance = read_dance(source)
@@ -119,7 +116,19 @@ def _dances_of(system, songs: dict, *, seconds, dancers) -> dict[str, list[Motio
     return found
 
 
-def _danced(model, songs: dict, *, seconds, dancers) -> dict[str, list[Motion]]:
+def _is_model(system) -> bool:
+    """Whether it is a model, or else a folder of dances, or a ValueError."""
+    if str(system) in hub.packaged_models() or (Path(system) / "config.json").is_file():
+        return True
+    if Path(system).exists():
+        return False
+    known = ", ".join(hub.packaged_models())
+    raise ValueError(
+        f"{str(system)!r} is neither a folder of dances nor a model; the packaged ones are {known}"
+    )
+
+
+def _danced(model, songs: dict, *, seconds, dancers, progress) -> dict[str, list[Motion]]:
     """What a model dances to each song, by its defaults."""
     if not songs:
         raise ValueError(f"model {str(model)!r} needs songs to dance to; name some as songs")
@@ -130,7 +139,10 @@ def _danced(model, songs: dict, *, seconds, dancers) -> dict[str, list[Motion]]:
         for name, value in wanted.items()
         if value is not None and name in pipeline.request.names()
     }
-    return {name: [pipeline.generate(song, **options)] for name, song in songs.items()}
+    return {
+        name: [pipeline.generate(song, progress=progress, **options)]
+        for name, song in songs.items()
+    }
 
 
 def _pair(song: Music, dances, systems: tuple[str, str], seconds: float | None) -> Pair:

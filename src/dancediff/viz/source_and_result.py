@@ -19,7 +19,7 @@ Source = tuple[Tensor, tuple[int, ...], float]  # joints (f, j, 3) metres, paren
 def draw_source_and_result(name: str, sources: list[Source], motion: Motion, folder: Path) -> None:
     """Write FOLDER/NAME.png: the source's own bones above, the retargeted dance below.
 
-    Both are seen from the front, floor and sides cut to what is there, at ``COUNT`` moments.
+    Both are seen from the front, at ``COUNT`` moments, over a line at their lowest joint.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -31,8 +31,9 @@ def draw_source_and_result(name: str, sources: list[Source], motion: Motion, fol
     joints, parents = motion.joints(), motion.skeleton.parents
     results = [(points, parents, motion.fps) for points in joints]
     for row, (label, dancers) in enumerate((("source", sources), ("result", results))):
+        floor = min(points[..., 1].min().item() for points, _, _ in dancers)
         for ax, second in zip(axes[row], seconds, strict=True):
-            _draw(ax, dancers, second)
+            _draw(ax, dancers, second, floor)
             ax.set_title(f"{second:.1f} s", fontsize=8, color=MUTED)
         axes[row, 0].set_ylabel(label, color=INK)
     figure.suptitle(name, fontsize=10, color=INK)
@@ -40,8 +41,9 @@ def draw_source_and_result(name: str, sources: list[Source], motion: Motion, fol
         figure.savefig(file, format="png", dpi=80, metadata={"Software": None})
 
 
-def _draw(ax, dancers: list[Source], second: float) -> None:
-    """The bones of all dancers at one moment, from the front."""
+def _draw(ax, dancers: list[Source], second: float, floor: float) -> None:
+    """The bones of all dancers at one moment, from the front, and a line at height ``floor``."""
+    ax.axhline(floor, color=MUTED, linewidth=0.8)
     for k, (points, parents, fps) in enumerate(dancers):
         p = points[min(int(second * fps), len(points) - 1)].numpy()
         bones = [(j, parent) for j, parent in enumerate(parents) if parent >= 0]
@@ -49,5 +51,4 @@ def _draw(ax, dancers: list[Source], second: float) -> None:
         ax.plot(x, y, color=dancer_color(k), linewidth=1.5)
     ax.set_aspect("equal", adjustable="datalim")
     ax.set(xticks=[], yticks=[])
-    for side in ("left", "right", "top"):
-        ax.spines[side].set_visible(False)
+    ax.spines[:].set_visible(False)

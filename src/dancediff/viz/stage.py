@@ -10,6 +10,7 @@ from collections import deque
 from functools import cache
 
 from dancediff.motion.motion import Motion
+from dancediff.music.song import as_song
 from dancediff.viz.stage_cameras import FIELD, views
 from dancediff.viz.stage_scene import make_scene, roots, side_by_side
 from dancediff.viz.stage_timeline import conduct, make_controls
@@ -32,13 +33,14 @@ def stage(
     Drag to turn, scroll to zoom. The song's sound is the clock, so dance and sound are in step at
     every speed. ``beside`` is a second dance, to the right on the same floor: one slider moves
     both, and the shorter one stops in its last frame. ``body`` is "mannequin", "stick" or "mesh", a
-    human skin.
+    human skin. ``song`` may be a path.
 
     Returns an ipywidgets.VBox. A page keeps the six newest stages; older ones are closed.
     Raises: ImportError naming the extra when pythreejs or ipywidgets is not installed; ValueError
     when the two dances differ in frame rate or skeleton, or for an unknown body.
     """
     p3, widgets = _import_widgets()
+    song = as_song(song)
     dances = [motion] if beside is None else side_by_side(motion, beside)
     frames, fps = max(dance.num_frames for dance in dances), motion.fps
     aside = 0.22 if beside is None else 0.0  # from straight ahead neither looks larger

@@ -148,6 +148,8 @@ def test_bad_arguments_are_named(bad):
 def test_bad_beats_genre_and_sections_are_named():
     with pytest.raises(ValueError, match="beats"):
         choreograph([0.0, 1.0, 0.5, 2.0])
+    with pytest.raises(ValueError, match=r"beats='a.wav' is no list of times .* song.beats"):
+        choreograph("a.wav")
     with pytest.raises(ValueError, match=r"genre='polka'.*salsa"):
         choreograph(grid(0), genre="polka")
     with pytest.raises(ValueError, match=r"sections.*verse"):

@@ -3,6 +3,7 @@
 import json
 import pickle
 import runpy
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -83,6 +84,20 @@ def test_a_song_of_the_same_name_belongs_to_a_take(duo, tmp_path):
     assert alone.music == "beat-aligned synthetic"
     assert waltz.M.shape[0] == waltz.num_frames
     assert Music.load(src / "songs" / "waltz.wav").duration == pytest.approx(5)
+
+
+def test_what_no_person_danced_is_not_real(duo, tmp_path):
+    """A dance says in its file that a model or the choreographer made it."""
+    src, out = tmp_path / "src", tmp_path / "out"
+    src.mkdir()
+    duo.save(src / "choreographed.npz")
+    replace(duo, meta={"model": "tcdiffpp"}).save(src / "generated.npz")
+    replace(duo, meta={}).save(src / "captured.npz")
+    assert main(["prepare", "folder", str(src), str(out)]) == 0
+    kinds = {entry.name: entry.kind for entry in PreparedData(out)}
+    assert kinds == {
+        "choreographed": "synthetic", "generated": "synthetic", "captured": "real"
+    }  # fmt: skip
 
 
 def test_names_or_a_table_tell_who_danced_together(duo, tmp_path):

@@ -93,10 +93,10 @@ def test_combine_lets_the_same_thing_be_said_twice():
 
 
 def test_normalized_scales_values_and_slack():
-    norm = Normalizer(torch.full((151,), -2.0), torch.full((151,), 6.0))
-    c = normalized(known(WalkAlong(0, [(0, 6, 2), (1, 6, 2)], slack=0.4)), norm)
+    norm = Normalizer(torch.full((151,), -1.0), torch.full((151,), 2.0))
+    c = normalized(known(WalkAlong(0, [(0, 2, 0.5), (1, 2, 0.5)], slack=0.3)), norm)
     assert c.value[0, 0, [X, Z]].tolist() == [1.0, 0.0]
-    assert c.slack[0, 0, X] == pytest.approx(0.1)
+    assert c.slack[0, 0, X] == pytest.approx(0.2)
 
 
 def test_numbers_and_orders_follow_from_places():
@@ -121,6 +121,9 @@ def test_numbers_and_orders_follow_from_places():
         (WalkAlong(0, [(1, 0, 0), (1, 1, 1)]), "must rise"),
         (WalkAlong(0, [(0, 0, 0), (9, 1, 1)]), "at most 4 s"),
         (WalkAlong(0, [(0, 0, 0)], slack=-1), "slack=-1"),
+        (StartAt([(0, 0), (2.9, -1)]), r"start has the place \(2.9, -1\), 3.1 m from the middle"),
+        (EndAt([(0, 0), (0, 4)]), "end has .* within 3 m"),
+        (WalkAlong(0, [(0, 0, 0), (1, -5, 0)]), "points has .*5.0 m"),
     ],
 )
 def test_errors(control, text):
@@ -134,6 +137,8 @@ def test_errors_of_keep(dance):
         ({"joints": ["larm"]}, "'larm'"),
         ({"dancers": [2]}, "dancer=2"),
         ({"seconds": (9, 10)}, "keeps nothing"),
+        ({"seconds": 2}, r"seconds=2 must be \(from, to\)"),
+        ({"seconds": []}, r"seconds=\[\] must be \(from, to\)"),
     ):
         with pytest.raises(ValueError, match=text):
             known(Keep(dance, **options))

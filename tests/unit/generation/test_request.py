@@ -207,6 +207,7 @@ def test_lodge_dances_the_genre_of_the_tempo():
         (GroupDanceRequest, {"dancers": 2.0}, r"dancers=2\.0 must be an integer"),
         (GroupDanceRequest, {"dancers": 9}, r"dancers=9 must lie in 1 \.\.\. 5"),
         (GroupDanceRequest, {"overlap": 150}, r"overlap=150 must lie in 1 \.\.\. 149"),
+        (GroupDanceRequest, {"seed": None}, "seed=None is no value; leave seed out for 0"),
         (GroupDanceRequest, {"seed": -1}, r"seed=-1 must lie in 0 \.\.\. 9223372036854775807"),
         (GroupDanceRequest, {"eta": "much"}, "eta='much' must be a number"),
         (GroupDanceRequest, {"guidance": math.nan}, "guidance=nan must lie in 0"),
@@ -249,6 +250,14 @@ def test_song_without_sound_or_length():
         GroupDanceRequest().resolve(model(), Tune(is_silent=True))
     with pytest.raises(ValueError, match=r"song is 0\.20 s long; at least 1 s"):
         GroupDanceRequest().resolve(model(), Tune(0.2))
+
+
+def test_one_constraint_needs_no_list():
+    path = WalkAlong(0, [(0, 0, 0)])
+    alone, listed = (GroupDanceRequest(constraints=given) for given in (path, [path]))
+    assert alone.constraints == listed.constraints == (path,)
+    with pytest.raises(ValueError, match="constraints has 'path'"):
+        GroupDanceRequest(constraints="path").resolve(model(), Tune())
 
 
 def test_facts_are_plain():

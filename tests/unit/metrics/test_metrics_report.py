@@ -387,6 +387,11 @@ def test_evaluate_needs_no_reference(dances):
     assert evaluate is dancediff.evaluate
 
 
+def test_evaluate_takes_one_dance(dances):
+    with pytest.raises(ValueError, match=r"list of 4; give one, or call .*evaluate_dances"):
+        dancediff.evaluate(dances)
+
+
 def test_the_command_prints_and_writes(files, capsys):
     out = files / "new" / "report.json"
     args = [str(files), "--workers", "1", "--window", "30"]

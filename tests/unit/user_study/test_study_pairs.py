@@ -72,6 +72,8 @@ def test_what_cannot_be_compared_is_refused(tmp_path):
         pairs_of([a, a], SONGS)
     with pytest.raises(ValueError, match="neither a folder of dances nor a model"):
         pairs_of([a, "nobody"], SONGS)
+    with pytest.raises(ValueError, match="'nobody' is neither"):
+        pairs_of(["tcdiffpp", "nobody"], {})  # before the model is asked for its songs
     with pytest.raises(ValueError, match="model 'tcdiffpp' needs songs"):
         pairs_of(["tcdiffpp", a], {})
     assert len({*pairs_of([a, d], SONGS)[0].systems}) == 2  # two folders called a

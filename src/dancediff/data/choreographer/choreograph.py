@@ -10,6 +10,7 @@ synthetic data.
 
 import operator
 from dataclasses import dataclass
+from os import PathLike
 from typing import TypedDict, Unpack
 
 import numpy as np
@@ -32,6 +33,7 @@ from dancediff.data.choreographer.structure import (
 )
 from dancediff.data.choreographer.ways import quick_look, ways_of
 from dancediff.motion.motion import Motion
+from dancediff.music.song import Music
 
 MAX_DANCERS = 5
 MIN_ROOT_DISTANCE = 0.55  # metres; a dance that comes closer takes smaller steps, or is drawn again
@@ -102,8 +104,8 @@ def choreograph(
 
     Shapes: beats (k,) seconds, increasing -> Motion (n dancers, round(seconds * 30) frames),
     DanceTruth. ``seconds`` defaults to the time of the last beat.
-    Raises: ValueError naming the argument when beats are not increasing, when dancers is not 1..5,
-    when the genre is unknown, a section is not in order or the meter is not 1 or more.
+    Raises: ValueError naming the argument when beats are a song or not increasing, when dancers is
+    not 1..5, when the genre is unknown, a section is not in order or the meter is not 1 or more.
 
     >>> dance, truth = choreograph(np.arange(0.2, 8, 0.5), dancers=2, seed=1, genre="salsa")
     >>> dance.num_dancers, dance.num_frames, truth.contacts.shape, truth.genre
@@ -112,6 +114,8 @@ def choreograph(
     dancers = operator.index(dancers)
     if not 1 <= dancers <= MAX_DANCERS:
         raise ValueError(f"dancers={dancers} is not in 1..{MAX_DANCERS}")
+    if isinstance(beats, str | PathLike | Music):
+        raise ValueError(f"beats={beats!r} is no list of times in seconds; give song.beats()")
     beats, meter = np.asarray(beats, dtype=np.float64), music.pop("meter", None)
     energy = music.pop("energy", None)
     if music:

@@ -49,6 +49,7 @@ class Dancer:
     skeleton: dict | None = None  # what was found of a joint tree; SMPL needs none
     repaired: list[str] = field(default_factory=list)
     doubts: list[str] = field(default_factory=list)
+    synthetic: bool = False  # no person danced it
 
 
 def make_folder_take(
@@ -92,6 +93,7 @@ def make_folder_take(
         split=plan.split or drawn_split(f"folder {group}"),
         group=group,
         genre=plan.genre,
+        kind="synthetic" if any(dancer.synthetic for dancer in dancers) else "real",
     )
     if draw is not None and pictures is not None:
         draw(plan.name, [dancer.source for dancer in dancers], take.motion, pictures)
@@ -119,7 +121,7 @@ def read_file(path: Path, given: Given) -> list[Found | Dancer]:
     elif kind == ".npz" and "rot6d" in read_arrays(path, ("rot6d",), expand=COMPRESSED):
         motion = Motion.load(path)
         if motion.skeleton.names == SMPL24.names:
-            return [*_as_they_are(resample_motion(motion))]
+            return [*_as_they_are(resample_motion(motion), synthetic=_is_synthetic(motion))]
         trees = [tree_of_motion(motion, k) for k in range(motion.num_dancers)]
     else:
         return [*_smpl_dancers(path, given)]
@@ -160,11 +162,16 @@ def _retargeted(found: Found, bvh: BVH, label: str, scale: float) -> Dancer:
     return Dancer(motion, source, numbers, skeleton, repaired, found.doubts)
 
 
-def _as_they_are(motion: Motion) -> list[Dancer]:
+def _is_synthetic(motion: Motion) -> bool:
+    """Whether the dance says that a network or the choreographer made it."""
+    return "model" in motion.meta or bool(motion.meta.get("synthetic"))
+
+
+def _as_they_are(motion: Motion, **facts) -> list[Dancer]:
     """Dancers that need no retargeting."""
     points = motion.joints()
     return [
-        Dancer(motion.dancer(k), (points[k], SMPL24.parents, motion.fps))
+        Dancer(motion.dancer(k), (points[k], SMPL24.parents, motion.fps), **facts)
         for k in range(motion.num_dancers)
     ]
 
