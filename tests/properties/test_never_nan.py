@@ -26,7 +26,7 @@ from dancediff.metrics.geometric import geometric_features
 from dancediff.metrics.group import gmc, gmr, group_features
 from dancediff.metrics.kinetic import kinetic_features
 from dancediff.metrics.measure import beats_per_second, joint_speed
-from dancediff.metrics.physical import fsr, pfc
+from dancediff.metrics.physical import below_floor, fsr, pfc
 from dancediff.metrics.posture import POSTURE
 from dancediff.metrics.report import evaluate
 from dancediff.metrics.rhythm import beat_alignment
@@ -167,6 +167,7 @@ def test_metrics_of_a_dance(kind, seed, n, f, dtype, body, fps):
         beats = {"beats": [0.0], "direction": direction, "fps": fps}
         calls.append((direction, lambda how=beats: beat_alignment(joints, **how)))
     calls += [("speed", lambda: joint_speed(joints, fps=fps)), ("tif", lambda: tif(joints))]
+    calls += [("below", lambda: below_floor(joints, fps=fps))]
     calls += [("beats", lambda: beats_per_second(joints, fps=fps))]
     for name, compute in calls:
         try:

@@ -24,7 +24,7 @@ from dancediff.metrics.geometric import geometric_features
 from dancediff.metrics.group import gmc, group_features
 from dancediff.metrics.inputs import as_group
 from dancediff.metrics.kinetic import kinetic_features
-from dancediff.metrics.physical import fsr, pfc
+from dancediff.metrics.physical import below_floor, fsr, pfc
 from dancediff.metrics.posture import POSTURE
 from dancediff.metrics.rhythm import SMOOTH, beat_alignment
 from dancediff.metrics.swaps import abrupt_swaps, obeys, permutation_kind
@@ -34,6 +34,7 @@ from dancediff.own import own_function
 
 LONGEST_GMC = 3000  # frames; every one is compared with every other, which takes 0.5 GiB
 SHORTEST_WINDOW = 3  # frames; what an acceleration needs
+BELOW = "below the floor"
 OBEDIENCE = "swap obedience"
 LAST_OVER_FIRST = ", last / first"  # of a metric of posture: its windows of 5 s
 NO_BEATS = "no beats: the dance's file holds none, and no song was given"
@@ -213,6 +214,7 @@ NUMBERS: dict[str, Callable] = {
     "TIF": lambda joints, fps: tif(joints),
     "PFC": pfc,
     "FSR": fsr,
+    BELOW: below_floor,
     "joint speed": joint_speed,
     "motion beats": beats_per_second,
     **{name: metric for name, (metric, _) in POSTURE.items()},

@@ -1,4 +1,4 @@
-r"""PFC and FSR: do the feet explain how the body moves, and do they stay where they stand?
+r"""PFC, FSR and depth below the floor: do feet explain the motion, stand still, stay above it?
 
 Read first: notebook 13 · EDGE (PFC) · Lodge (FSR).
 
@@ -109,6 +109,24 @@ def fsr(
             "put the dance on the floor first"
         )
     return (slides.sum(axes) / down).double().mean().item()
+
+
+def below_floor(joints: Tensor, *, fps: float = 30.0) -> float:
+    r"""Depth below the floor, cm: how far the lowest joint is under it, on average. Lower is better.
+
+    $$\mathrm{below} = 100 \cdot \frac1{n f} \sum_{k,i} \max(0,\, -\min_j y_{k,i,j})$$
+
+    It sees dancers who sink, whom metrics of differences of frames do not see; one who flies has 0.
+    A joint is the middle of a limb, so a foot is a few centimetres deeper than its joints.
+
+    Source: ours.  Shapes/units: joints (n, f, 24, 3) metres, floor y = 0 -> float, cm.
+    Raises: ValueError for NaN, a wrong shape or fps.
+
+    >>> below_floor(torch.zeros(2, 10, 24, 3)), below_floor(torch.full((10, 24, 3), -0.5))
+    (0.0, 50.0)
+    """
+    lowest = as_group(joints, fps, least=1)[..., 1].amin(-1)
+    return 100 * (-lowest).clamp(min=0).double().mean().item()
 
 
 def _both(ankle_and_toe: Tensor, how) -> Tensor:

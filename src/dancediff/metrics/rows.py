@@ -20,7 +20,7 @@ from dancediff.metrics.drift import in_range, ranges
 from dancediff.metrics.fidelity import diversity, fid, too_few
 from dancediff.metrics.formation import FORMATION
 from dancediff.metrics.group import gmr
-from dancediff.metrics.measure import LAST_OVER_FIRST, OBEDIENCE, Measured
+from dancediff.metrics.measure import BELOW, LAST_OVER_FIRST, OBEDIENCE, Measured
 from dancediff.metrics.posture import POSTURE
 from dancediff.metrics.swaps import KINDS as SWAP_KINDS
 
@@ -74,6 +74,7 @@ METRICS = (
     Metric("BAS", "BAS", "0 … 1", UP),
     Metric("PFC", "PFC", "cm² a step²", DOWN),
     Metric("FSR", "FSR", "share", DOWN),
+    Metric(BELOW, BELOW, "cm", DOWN),
     Metric("abrupt swaps", "abrupt swaps", "a dance", DOWN, whole=True),
     Metric(OBEDIENCE, OBEDIENCE, "share", UP, whole=True),
     *(

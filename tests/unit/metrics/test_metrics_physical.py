@@ -7,7 +7,7 @@ import torch
 from dancediff.data.choreographer import choreograph
 from dancediff.data.cmu import cmu_jobs
 from dancediff.metrics.corruption import drag_feet, freeze
-from dancediff.metrics.physical import fsr, pfc
+from dancediff.metrics.physical import below_floor, fsr, pfc
 
 FEET = ((7, 10), (8, 11))  # ankle and toe, left and right
 
@@ -188,3 +188,15 @@ def test_real_takes_lie_between_planned_and_dragged(real_data):
     dragged = drag_feet(take.motion, 1.0, np.random.default_rng(0)).joints()
     assert 0.02 < fsr(take.motion.joints()) < 0.45 < 0.7 < fsr(dragged)
     assert 0.1 < pfc(take.motion.joints()) < 1 < pfc(dragged)
+
+
+def test_a_dance_is_as_far_below_the_floor_as_it_sinks(dance):
+    joints = dance.joints().double()
+    assert below_floor(joints) == 0
+    lowest = joints[..., 1].amin(-1)  # (n, f)
+    one = joints.clone()
+    one[1, :, :, 1] -= 0.3 + lowest[1, :, None]  # of two dancers one, 30 cm deep in every frame
+    assert below_floor(one) == pytest.approx(15)
+    one[1, :45, :, 1] += 5  # and now flying for a quarter of the time, which makes up for nothing
+    assert below_floor(one) == pytest.approx(15 * (1 - 45 / joints.shape[1]))
+    assert below_floor(joints + torch.tensor([3.0, 0, -2.0])) == 0

@@ -26,7 +26,7 @@ from dancediff.metrics.geometric import geometric_features
 from dancediff.metrics.group import gmc, gmr, group_features
 from dancediff.metrics.kinetic import kinetic_features
 from dancediff.metrics.measure import Measured, measure
-from dancediff.metrics.physical import fsr, pfc
+from dancediff.metrics.physical import below_floor, fsr, pfc
 from dancediff.metrics.report import evaluate, evaluate_dances
 from dancediff.metrics.rhythm import beat_alignment
 from dancediff.metrics.rows import METRICS, table_rows
@@ -96,6 +96,7 @@ def test_values_are_those_of_the_metrics(dances, others, window):
         "BAS": rhythm("music"),
         "PFC": np.mean([pfc(x) for x in cut]),
         "FSR": np.mean([fsr(x) for x in cut]),
+        "below the floor": np.mean([below_floor(x) for x in cut]),
         "joint speed": np.mean([30 * x.diff(dim=1).norm(dim=-1).mean() for x in cut]),
     }
     for name, value in expected.items():
