@@ -3,6 +3,7 @@
     python benchmarks/extensions.py tcdiffpp         # 8 songs of 10 s, three dancers
     python benchmarks/extensions.py tcdiffpp_swaps   # 40 songs of 8 s: do dancers change places?
     python benchmarks/extensions.py tcdiffpp_long    # 8 songs of 30 s: what acts between segments
+    python benchmarks/extensions.py tcdiffpp_genres  # 20 songs of 20 s, each genre twice
     python benchmarks/extensions.py tcdiffpp_strange # 8 sounds that no training had
     python benchmarks/extensions.py lodge            # 8 songs of 34 s
     python benchmarks/extensions.py tcdiffpp --songs 1 --only speed_limit     # does it work?
@@ -20,7 +21,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cache, partial
 from itertools import permutations
 from pathlib import Path
 from unittest import mock
@@ -28,10 +29,13 @@ from unittest import mock
 import numpy as np
 import torch
 import tyro
+from genre_judge import choreographed_solos, trained_judge, verdict
+from sklearn.pipeline import Pipeline
 from torch import Tensor
 from tqdm.auto import tqdm
 
 from dancediff import hub
+from dancediff.data.choreographer import GENRES
 from dancediff.extensions import foot_contact_projection as feet
 from dancediff.extensions import foot_cues
 from dancediff.extensions.control import WalkAlong
@@ -138,6 +142,11 @@ def guided_group(k: int) -> dict:
     return {"seed": k, "dancers": 3, "start": ROW, "end": WEDGE, "constraints": (path,)}
 
 
+def genre_asked(k: int) -> dict:
+    """Three dancers of one genre after the other, whatever the song's tempo."""
+    return {"seed": k, "dancers": 3, "genre": tuple(GENRES)[k % len(GENRES)]}
+
+
 def hard_to_dance(k: int) -> dict:
     """Three dancers, pushed as far from the mean as the panels allow."""
     return {"seed": k, "dancers": 3, "guidance": 2.0, "autoguidance": 2.2}
@@ -196,6 +205,13 @@ SETTINGS = {
             "resampled_overlap": patched(GroupDanceRequest, "resampled", 0),
         },
         guided_group,
+    ),
+    "tcdiffpp_genres": Setting(
+        "tcdiffpp",
+        20.0,
+        {"genre_guidance": Without({"genre_guidance": 1.0})},
+        genre_asked,
+        songs=20,
     ),
     "tcdiffpp_strange": Setting(
         "tcdiffpp",
@@ -259,8 +275,22 @@ def measured(dance: Motion, beats: np.ndarray, sections, asked: dict) -> dict[st
         "seam ratio": (bend[seams].mean() / bend.median()).item() if seams else None,
         "BAS": beat_alignment(joints, beats) if len(beats) else None,
         "MMC": beat_alignment(joints, beats, direction="motion") if len(beats) else None,
+        "genre recognised": recognised(dance, asked.get("genre")),
         "sections differ (m)": sections_differ(joints, sections, fps) if len(joints) == 1 else None,
     }
+
+
+@cache
+def judge() -> Pipeline:
+    """Knows the genre of a dance, from what the choreographer dances."""
+    return trained_judge(
+        choreographed_solos(range(900_000, 900_004)), torch.Generator().manual_seed(0)
+    )
+
+
+def recognised(dance: Motion, genre: str | None) -> float | None:
+    """Is it of the genre that was asked for?"""
+    return genre and float(verdict(judge(), *dance.features("lodge")) == genre)
 
 
 def largest_turn(pose: Tensor) -> float:

@@ -23,6 +23,7 @@ def test_who_can_be_asked_is_asked(monkeypatch):
     x = window.motion.root[..., 0]
     assert options["swap"] == tuple(swap_mode(x[:, 0], x[:, -1]).tolist())
     assert (options["genre"], options["seed"], options["dancers"]) == ("house", 5, 3)
+    assert options["genre_guidance"] == 1
     assert "genre" not in bare_dance(model, replace(window, genre="polka"), 5, steps=2)
     alone = Motion(window.motion.pose[:1], window.motion.root[:1])
     assert "swap" not in bare_dance(model, replace(window, motion=alone), 5, steps=2)

@@ -9,6 +9,7 @@ from dancediff import hub
 from dancediff.extensions.registry import REGISTRY
 from places import BENCHMARKS
 
+sys.path.insert(0, str(BENCHMARKS))
 SPEC = importlib.util.spec_from_file_location("extensions", BENCHMARKS / "extensions.py")
 BENCHMARK = importlib.util.module_from_spec(SPEC)
 sys.modules[SPEC.name] = BENCHMARK  # dataclasses look their module up

@@ -113,6 +113,7 @@ def test_what_the_packaged_models_use_is_seen():
     asked = [
         ("tcdiffpp", ASKED["tcdiffpp"]),
         ("tcdiffpp", {"seconds": 7, "end": [(-1, 0), (0, 0), (1, 0)]}),
+        ("tcdiffpp", {"seconds": 2, "genre": "jazz"}),
         ("lodge", ASKED["lodge"] | {"dancers": 2}),
     ]
     for family, options in asked:

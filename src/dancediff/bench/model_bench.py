@@ -44,6 +44,7 @@ BARE: dict[str, Any] = {  # how all are sampled; what papers switch off is off, 
     "eta": 0.0,
     "guidance": 1.0,
     "autoguidance": 1.0,
+    "genre_guidance": 1.0,
 }
 
 

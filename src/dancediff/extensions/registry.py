@@ -110,6 +110,8 @@ _ALL = (
     # guidance
     Extension("autoguidance", "guidance", "Guesses are pushed away from the linear one.",
               "autoguidance", ALL, needs=LINEAR, lesson=6),
+    Extension("genre_guidance", "guidance", "What a genre that is asked for changes counts double.",
+              "genre_guidance", GROUP, needs=("genre_condition",)),
     Extension("frequency_clip", "guidance", "Guesses are cut frequency by frequency, not at +-1.",
               "frequency_clip", BY_SEGMENTS, needs=LINEAR),
     # hooks on guesses

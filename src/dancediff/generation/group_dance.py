@@ -27,6 +27,7 @@ from dancediff.extensions.constraint import Constraint, ConstraintHook, Source
 from dancediff.extensions.foot_contact_projection import foot_contact_hook
 from dancediff.extensions.frequency_clip import FrequencyClip
 from dancediff.extensions.genre_condition import genres_of
+from dancediff.extensions.genre_guidance import genre_guided
 from dancediff.extensions.initial_frames import InitialFrames
 from dancediff.extensions.order_constraint import OrderConstraint
 from dancediff.extensions.preconditioning import preconditioning_of
@@ -77,7 +78,13 @@ def sampler_of(
     return StyledGroupSampler(
         style=style,
         shape=(request.dancers, model.config.num_frames, model.config.motion_dim),
-        bind=binder(model, weight_of(request, model), request.autoguidance, dtype),
+        bind=binder(
+            model,
+            weight_of(request, model),
+            request.autoguidance,
+            dtype,
+            genre_guidance=request.genre_guidance,
+        ),
         music=music,
         root_x=lambda frame: model.normalizer.unnormalize(frame)[..., 4],
         targets=targets,
@@ -167,7 +174,8 @@ def naive_dance(
     if ramp and k > 1 and request.sampler != "ddpm":
         times = sampling_times(request.sampler, request.steps, model.abar.cpu(), request.sigma_min)
         weight = ramp_up(request.guidance, times)
-    bind = binder(model, weight, request.autoguidance, dtype)
+    of_genre = getattr(request, "genre_guidance", None)  # EDGE has none
+    bind = binder(model, weight, request.autoguidance, dtype, genre_guidance=of_genre)
     conditions = Conditions(M, swap=S, **style_of(model, song, request, segments))
     x = sample(
         in_parts([bind(part) for part in split(conditions)]),
@@ -196,11 +204,14 @@ def in_parts(parts: Sequence[Callable[[Tensor, int], Tensor]]) -> Callable[[Tens
     return denoise_in_parts
 
 
-def binder(model, guidance, autoguidance: float, dtype=None) -> Callable:
+def binder(
+    model, guidance, autoguidance: float, dtype=None, *, genre_guidance: float | None = None
+) -> Callable:
     """``bind(conditions) -> denoise(x_t, t)``: the model with guidance.
 
     ``guidance``: a weight or a function of t, see `dancediff.diffusion.guidance.guided`;
-    ``autoguidance``: see `dancediff.extensions.autoguidance.autoguided`.
+    ``autoguidance``: see `dancediff.extensions.autoguidance.autoguided`; ``genre_guidance``: see
+    `dancediff.extensions.genre_guidance.genre_guided`.
     """
     device = model.abar.device
 
@@ -209,16 +220,23 @@ def binder(model, guidance, autoguidance: float, dtype=None) -> Callable:
             return model.denoise(x_t, t, conditions)
 
     def bind(conditions: Conditions) -> Callable[[Tensor, int], Tensor]:
-        with_music = guided(denoise, conditions, guidance)
+        def with_music(conditions):
+            return guided(denoise, conditions, guidance)
+
+        with_genre = (
+            with_music(conditions)
+            if genre_guidance in (None, 1)
+            else genre_guided(with_music, conditions, genre_guidance)
+        )
         if autoguidance == 1:
-            return with_music
+            return with_genre
 
         def linear(x_t, t):
             steps = torch.full((len(x_t),), t, dtype=torch.long, device=device)
             return model.linear_guess(x_t, steps, conditions)
 
         return autoguided(
-            with_music,
+            with_genre,
             linear,
             autoguidance,
             root_share=ROOT_SHARE,

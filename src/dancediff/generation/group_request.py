@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar, Self
 
+from dancediff.generation.genre_mix import ANY
 from dancediff.generation.option import in_range, one_or_several, option
 from dancediff.generation.sampling_config import (
     SamplingConfig,
@@ -80,6 +81,13 @@ class GroupDanceRequest(SegmentedRequest):
     family: ClassVar[str] = "tcdiffpp"
 
     sigma_min: float = sigma_min_option(None)
+    genre_guidance: float = option(
+        None,
+        "How much a genre that is asked for matters: 1 as learned, more exaggerated (twice the "
+        "time).",
+        low=1,
+        high=10,
+    )
     collision_avoidance: bool = option(
         None, "Make room between dancers who would run into each other."
     )
@@ -124,6 +132,12 @@ class GroupDanceRequest(SegmentedRequest):
         from dancediff.extensions import control
 
         filled = super().resolve(model, song)
+        if self.genre in (None, ANY) and self.genre_guidance is None:
+            filled = replace(filled, genre_guidance=1.0)  # nobody asked for a genre
+        if filled.genre is None and filled.genre_guidance != 1:
+            raise ValueError(
+                f"genre_guidance={filled.genre_guidance:g} needs a model that knows genres; use 1"
+            )
         if filled.swap_at is not None:
             in_range("swap_at", filled.swap_at, 0, filled.seconds)
         if filled.long_sampling == "naive":

@@ -31,6 +31,7 @@ PAPER: dict[str, Values] = {
     | {
         "sigma_min": 0.0,
         "genre": "any",
+        "genre_guidance": 1.0,
         "frequency_clip": False,
         "collision_avoidance": False,
         "order_constraint": False,
@@ -60,6 +61,7 @@ PACKAGED: dict[str, Values] = {
         "steps": 8,
         "sigma_min": 0.16,  # docs/results_tcdiffpp.md#few-steps
         "genre": "by tempo",
+        "genre_guidance": 2.0,  # of a genre that is asked for
         "autoguidance": 1.5,  # docs/drift.md
         "frequency_clip": True,
         "collision_avoidance": True,

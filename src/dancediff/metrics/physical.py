@@ -112,7 +112,7 @@ def fsr(
 
 
 def below_floor(joints: Tensor, *, fps: float = 30.0) -> float:
-    r"""Depth below the floor, cm: how far the lowest joint is under it, on average. Lower is better.
+    r"""Depth below the floor: how far the lowest joint is under it, on average. Lower is better.
 
     $$\mathrm{below} = 100 \cdot \frac1{n f} \sum_{k,i} \max(0,\, -\min_j y_{k,i,j})$$
 

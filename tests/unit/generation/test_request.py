@@ -114,6 +114,8 @@ def test_resolve_fills_in_everything_once():
     for name, value in PACKAGED["tcdiffpp"].items():
         if name in ("genre", "energy"):
             assert getattr(found, name) is None, "the model has no part for it"
+        elif name == "genre_guidance":
+            assert found.genre_guidance == 1, "nobody asked for a genre"
         elif name != "pinning":
             assert getattr(found, name) == value, name
     assert found.pinning == "same_noise" and found.seconds == 12 and found.frames == 360
