@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar, Self
 
-from dancediff.generation.genre_mix import ANY
+from dancediff.generation.genre_mix import ANY, BY_TEMPO
 from dancediff.generation.option import in_range, one_or_several, option
 from dancediff.generation.sampling_config import (
     SamplingConfig,
@@ -132,7 +132,7 @@ class GroupDanceRequest(SegmentedRequest):
         from dancediff.extensions import control
 
         filled = super().resolve(model, song)
-        if self.genre in (None, ANY) and self.genre_guidance is None:
+        if self.genre in (None, ANY, BY_TEMPO) and self.genre_guidance is None:
             filled = replace(filled, genre_guidance=1.0)  # nobody asked for a genre
         if filled.genre is None and filled.genre_guidance != 1:
             raise ValueError(

@@ -68,6 +68,7 @@ def test_a_weight_below_one_is_refused():
     [
         ({}, 1),
         ({"genre": "any"}, 1),
+        ({"genre": "by tempo"}, 1),
         ({"genre": "jazz"}, ASKED),
         ({"genre": {"jazz": 0.5, "house": 0.5}}, ASKED),
         ({"genre": "jazz", "genre_guidance": 1}, 1),
