@@ -10,9 +10,10 @@ here. To import this module brings no torch, so that the command line can show i
 """
 
 from dataclasses import dataclass, fields, replace
+from types import NoneType
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
-from dancediff.generation.option import checked, in_range, option
+from dancediff.generation.option import checked, in_range, kinds_of, option
 from dancediff.generation.presets import PRESETS
 
 if TYPE_CHECKING:
@@ -54,7 +55,7 @@ class DanceRequest:
     def __post_init__(self):
         for one in fields(self):
             value = getattr(self, one.name)
-            if value is None and one.default is not None:
+            if value is None and one.default is not None and NoneType not in kinds_of(one):
                 raise ValueError(
                     f"{one.name}=None is no value; leave {one.name} out for {one.default!r}"
                 )
