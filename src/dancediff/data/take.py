@@ -21,7 +21,7 @@ from dancediff.motion.beats import kinematic_energy, motion_beats
 from dancediff.motion.motion import Motion
 from dancediff.motion.representation import TCDIFFPP, joints_of
 
-KINDS = ("real", "composed", "synthetic")  # of the motion
+KINDS = ("real", "composed", "synthetic")  # of the motion, from people to none
 MUSICS = ("original", "recorded", "beat-aligned synthetic", "synthetic", "none")
 SPLITS = ("train", "val", "test")
 

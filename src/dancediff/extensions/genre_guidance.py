@@ -25,10 +25,9 @@ def genre_guided(bind: Bind, conditions: Conditions, weight: float) -> Callable:
 
     $$\hat x_0 = \hat x_0^{M,\varnothing} + w\,(\hat x_0^{M,g} - \hat x_0^{M,\varnothing})$$
 
-    Music and genre guided together, as classifier-free guidance would, exaggerates the music, too,
-    and makes all dances to a song alike. Both guesses are ones the network has learned to make:
-    training hides the genre from some windows and leaves them their music. It costs a second
-    guess; with a weight of 1, or without a genre, there is only the first.
+    Classifier-free guidance would exaggerate music and genre together. Both guesses are ones the
+    network has learned to make: training hides the genre from some windows and leaves them their
+    music. It costs a second guess; without a genre there is only the first.
 
     Source: ours; Liu et al. 2022 guide each condition by itself.
 
@@ -41,9 +40,9 @@ def genre_guided(bind: Bind, conditions: Conditions, weight: float) -> Callable:
     [3.0, 3.0]
     """
     if not weight >= 1:
-        raise ValueError(f"genre_guidance={weight} must be at least 1; 1 switches it off")
+        raise ValueError(f"genre_guidance={weight} must be at least 1, which leaves it off")
     asked = bind(conditions)
-    if weight == 1 or conditions.genre is None:
+    if conditions.genre is None:
         return asked
     any_genre = bind(replace(conditions, genre=torch.zeros_like(conditions.genre)))
 

@@ -225,7 +225,7 @@ def binder(
 
         with_genre = (
             with_music(conditions)
-            if genre_guidance in (None, 1)
+            if genre_guidance in (None, 1)  # as learned: one guess does
             else genre_guided(with_music, conditions, genre_guidance)
         )
         if autoguidance == 1:

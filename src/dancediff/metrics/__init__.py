@@ -1,1 +1,1 @@
-"""Every metric of both papers and two of our own; `report` puts them in a table."""
+"""Every metric of both papers and some of our own; `report` puts them in a table."""

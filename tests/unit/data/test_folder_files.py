@@ -16,6 +16,8 @@ from dancediff.data.folder.posture import Given
 from dancediff.data.folder.smpl import read_smpl
 from dancediff.data.folder.takes import takes_in
 from dancediff.data.prepared import PreparedData
+from dancediff.data.take import DanceTake
+from dancediff.data.take_file import write_take
 from dancediff.motion.motion import Motion
 from dancediff.motion.rotation import matrix_to_axis_angle
 from dancediff.music.song import Music
@@ -87,17 +89,22 @@ def test_a_song_of_the_same_name_belongs_to_a_take(duo, tmp_path):
 
 
 def test_what_no_person_danced_is_not_real(duo, tmp_path):
-    """A dance says in its file that a model or the choreographer made it."""
+    """A dance says in its file what made it: a model, the choreographer, a take of another kind."""
     src, out = tmp_path / "src", tmp_path / "out"
     src.mkdir()
     duo.save(src / "choreographed.npz")
     replace(duo, meta={"model": "tcdiffpp"}).save(src / "generated.npz")
     replace(duo, meta={}).save(src / "captured.npz")
+    take = DanceTake("composed", replace(duo, meta={}), kind="composed", music="none")
+    write_take(src / "composed.npz", take)
     assert main(["prepare", "folder", str(src), str(out)]) == 0
     kinds = {entry.name: entry.kind for entry in PreparedData(out)}
     assert kinds == {
-        "choreographed": "synthetic", "generated": "synthetic", "captured": "real"
-    }  # fmt: skip
+        "choreographed": "synthetic",
+        "generated": "synthetic",
+        "captured": "real",
+        "composed": "composed",
+    }
 
 
 def test_names_or_a_table_tell_who_danced_together(duo, tmp_path):

@@ -27,7 +27,8 @@ from dancediff.data.resample import resample_motion
 from dancediff.data.retarget import leg_scale, retarget
 from dancediff.data.soundtrack import with_soundtrack
 from dancediff.data.summary import MEASURED
-from dancediff.data.take import DanceTake
+from dancediff.data.take import KINDS, DanceTake
+from dancediff.data.take_file import read_row
 from dancediff.motion.motion import Motion
 from dancediff.motion.skeleton import SMPL24
 from dancediff.music.song import Music
@@ -49,7 +50,7 @@ class Dancer:
     skeleton: dict | None = None  # what was found of a joint tree; SMPL needs none
     repaired: list[str] = field(default_factory=list)
     doubts: list[str] = field(default_factory=list)
-    synthetic: bool = False  # no person danced it
+    kind: str = "real"  # of the motion, as of a `DanceTake`
 
 
 def make_folder_take(
@@ -93,7 +94,7 @@ def make_folder_take(
         split=plan.split or drawn_split(f"folder {group}"),
         group=group,
         genre=plan.genre,
-        kind="synthetic" if any(dancer.synthetic for dancer in dancers) else "real",
+        kind=max((dancer.kind for dancer in dancers), key=KINDS.index),
     )
     if draw is not None and pictures is not None:
         draw(plan.name, [dancer.source for dancer in dancers], take.motion, pictures)
@@ -121,7 +122,7 @@ def read_file(path: Path, given: Given) -> list[Found | Dancer]:
     elif kind == ".npz" and "rot6d" in read_arrays(path, ("rot6d",), expand=COMPRESSED):
         motion = Motion.load(path)
         if motion.skeleton.names == SMPL24.names:
-            return [*_as_they_are(resample_motion(motion), synthetic=_is_synthetic(motion))]
+            return [*_as_they_are(resample_motion(motion), kind=_kind_of(path, motion))]
         trees = [tree_of_motion(motion, k) for k in range(motion.num_dancers)]
     else:
         return [*_smpl_dancers(path, given)]
@@ -162,9 +163,12 @@ def _retargeted(found: Found, bvh: BVH, label: str, scale: float) -> Dancer:
     return Dancer(motion, source, numbers, skeleton, repaired, found.doubts)
 
 
-def _is_synthetic(motion: Motion) -> bool:
-    """Whether the dance says that a network or the choreographer made it."""
-    return "model" in motion.meta or bool(motion.meta.get("synthetic"))
+def _kind_of(path: Path, motion: Motion) -> str:
+    """What a prepared take says of itself; else whether a network or the choreographer made it."""
+    if "take" in read_arrays(path, ("take",), expand=COMPRESSED):
+        return read_row(path)["kind"]
+    made = "model" in motion.meta or motion.meta.get("synthetic")
+    return "synthetic" if made else "real"
 
 
 def _as_they_are(motion: Motion, **facts) -> list[Dancer]:
