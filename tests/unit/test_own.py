@@ -2,6 +2,7 @@
 
 import json
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -229,6 +230,8 @@ def test_a_sampler_must_return_what_it_was_given():
     options = SamplerOptions(cosine_abar(), f"{HERE}:longer", steps=3, eta=1.0)
     with pytest.raises(ValueError, match=r"returned \(1, 4, 9, 4\); it must be like x_t"):
         sample(lambda x_t, t: x, x.shape, options)
+    with pytest.raises(ValueError, match=r"sampler='math:sqrt': .*called as ddim_step is"):
+        sample(lambda x_t, t: x, x.shape, replace(options, sampler="math:sqrt"))
     with pytest.raises(ValueError, match="sampler='nowhere:f': module 'nowhere'"):
         GroupDanceRequest(sampler="nowhere:f")
 

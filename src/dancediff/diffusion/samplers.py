@@ -231,9 +231,12 @@ def ddpm_step(
 def own_step(name: str, x_t: Tensor, *where, **how) -> Tensor:
     """A step of a sampler of the user's own, "module:function".
 
-    Raises: ValueError when it returns another shape than x_t's.
+    Raises: ValueError when it cannot be called like that, or returns another shape than x_t's.
     """
-    x = own_function(name, "sampler")(x_t, *where, **how)
+    try:
+        x = own_function(name, "sampler")(x_t, *where, **how)
+    except TypeError as err:
+        raise ValueError(f"sampler={name!r}: {err}; it is called as ddim_step is") from err
     if not isinstance(x, Tensor) or x.shape != x_t.shape:
         what = tuple(x.shape) if isinstance(x, Tensor) else type(x).__name__
         raise ValueError(

@@ -14,6 +14,7 @@ from dancediff.motion.representation import TCDIFFPP
 from dancediff.music.synth import synth_song
 from dancediff.papers.tcdiff.losses import TCDiffWeights
 from dancediff.papers.tcdiff.model import TCDiff, TCDiffConfig
+from dancediff.papers.tcdiff.navigator import roll_out
 from dancediff.papers.tcdiff.trajectory_diffusion import displacement, on_path
 from dancediff.training.config import TrainConfig
 from dancediff.training.run import train_from_config
@@ -97,6 +98,26 @@ def test_every_weight_learns(model):
     (model(x_t, t, conditions).square().mean() + (guess - target).square().mean()).backward()
     assert [name for name, p in model.named_parameters() if p.grad is None] == []
     assert all(layer.footwork.first.linear.weight.grad.any() for layer in model.decoder.layers)
+
+
+def test_the_navigator_learns_every_part_of_a_roll_out(model):
+    """What it is given, row by row, is what a roll-out gives to one that guesses the truth."""
+    h, s = model.config.history, model.config.stride
+    path, music = torch.randn(1, 2, 40, 2), torch.randn(1, 40, 35)
+    whole = torch.cat([path[:, :, :1].expand(-1, -1, h, -1), path], dim=2)
+    calls, given = [], []
+
+    def truth(*inputs):
+        calls.append(inputs)
+        return whole[:, :, s * len(calls) :][:, :, :h]
+
+    assert torch.equal(roll_out(truth, path[:, :, 0], music, history=h, stride=s), path)
+    model.navigator.forward = lambda *inputs: given.extend(inputs) or inputs[0]
+    rows = h // s + 2  # all parts until one knows h true frames, and the first again
+    _, target = model.guessed_paths(*(x.expand(rows, *x.shape[1:]) for x in (path, music)))
+    for row, part in enumerate([*range(rows - 1), 0]):
+        assert all(torch.equal(x[row], y[0]) for x, y in zip(given, calls[part], strict=True))
+        assert torch.equal(target[row], whole[0, :, s * (part + 1) :][:, :h])
 
 
 def test_paths_are_drawn_once_and_need_a_number_of_dancers(model):
