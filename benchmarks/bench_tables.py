@@ -3,11 +3,15 @@ r"""The numbers of `dancediff bench-models` as tables of the pages.
     dancediff prepare cmu CMU_FOLDER data/bench --workers 2
     dancediff prepare choreograph 1500 data/bench --seconds 30 --workers 2
     dancediff bench-models edge_tiny gcd_tiny tcdiff_tiny tcdiffpp_tiny fact_tiny mnet_tiny \
-        bailando_tiny codancers_tiny lodge_tiny --data data/bench --minutes 0.01 4 --seeds 0
-    dancediff bench-models ... --minutes 4 --seeds 0 1 2
-    python benchmarks/bench_tables.py runs/bench --minutes 4
+        bailando_tiny codancers_tiny lodge_tiny --data data/bench --minutes 0.01 10 --seeds 0
+    dancediff bench-models ... --minutes 10 --seeds 0 1 2
+    python benchmarks/bench_tables.py runs/bench --minutes 10
+    dancediff bench-models ... --minutes --windows 8000 --seeds 0 --out runs/bench_windows \
+        --held runs/bench/held --other runs/bench/reference
+    python benchmarks/bench_tables.py runs/bench_windows --windows 8000
 
-Writes docs/results/bench.json, bench_learned.json, papers_tcdiffpp.json and papers_lodge.json.
+Writes docs/results/bench.json, bench_learned.json, papers_tcdiffpp.json and papers_lodge.json;
+with a number of windows bench_windows.json.
 "Untrained" is a training of 0.01 minutes, a step or a few.
 """
 
@@ -24,9 +28,7 @@ import tyro
 from dancediff.bench.paper_tables import COLUMNS, paper_tables
 
 KEYS = ("value", "low", "high")
-COMMAND = (
-    "dancediff bench-models CONFIGS --minutes {} --seeds {} --data data/bench --out runs/bench"
-)
+COMMAND = "dancediff bench-models CONFIGS {} --seeds {} --data data/bench --out runs/{}"
 UNTRAINED = 0.01  # minutes
 LEARNED = ("FID_k", "FID_g", "MMC")  # what training must make better
 FEW, MANY = 10, 100  # steps at the beginning and the end of a training whose loss is averaged
@@ -37,28 +39,34 @@ class BenchTables:
     """Write the tables of one run."""
 
     runs: tyro.conf.Positional[Path]
-    minutes: float
+    minutes: float = 0.0
+    windows: int = 0
     results: Path = Path("docs/results")
 
     def run(self) -> None:
         """All of them."""
         found = json.loads((self.runs / "results.json").read_text(encoding="utf-8"))
         rows, seeds = found["rows"], sorted({point["seed"] for point in found["points"]})
-        metrics = list(rows[0]["scores"])
+        metrics, seeds = list(rows[0]["scores"]), " ".join(map(str, seeds))
         body = [
             [row["variant"].split(",")[0], *(cell(row["scores"].get(name)) for name in metrics)]
             for row in rows
         ]
+        if self.windows:
+            about = "The same systems, trained on the same number of dancer windows."
+            how = f"--minutes --windows {self.windows}", seeds
+            self.write("bench_windows", about, how, ["system", *metrics], body)
+            return
         about = "Systems of both papers, bare, trained for the same processor time, with the "
         about += "large pages of docs/training.md."
-        how = f"{self.minutes:g}", " ".join(map(str, seeds))
+        how = f"--minutes {self.minutes:g}", seeds
         self.write("bench", about, how, ["system", *metrics], body)
         names = [row[0] for row in body if (self.runs / f"{row[0]}-0").exists()]
         about = "The same systems, untrained and trained: dances of one seed, and mean losses."
         columns = ["system", *(f"{name}, untrained" for name in LEARNED), *LEARNED]
         body = [self.learned(name) for name in names]
         columns += ["stage", f"loss, first {FEW} steps", f"last {MANY}", "ratio"]
-        how_first = f"{UNTRAINED:g} {self.minutes:g}", "0"
+        how_first = f"--minutes {UNTRAINED:g} {self.minutes:g}", "0"
         self.write(
             "bench_learned", about, how_first, columns, [row for rows in body for row in rows]
         )
@@ -84,14 +92,14 @@ class BenchTables:
         return rows
 
     def write(self, name: str, about: str, how: tuple[str, str], columns: list, rows: list):
-        """One file, in the form that docs/site/tables.py reads; ``how``: minutes, seeds."""
+        """One file, in the form that docs/site/tables.py reads; ``how``: budget, seeds."""
         table = {
             "about": about,
             "data": "synthetic windows; trainings had motion capture, too",
             "seed": how[1],
             "intervals": "from the lowest to the highest of several seeds, else 95 % bootstrap",
             "date": datetime.now(UTC).date().isoformat(),
-            "command": COMMAND.format(*how),
+            "command": COMMAND.format(*how, "bench_windows" if self.windows else "bench"),
             "columns": columns,
             "rows": rows,
         }

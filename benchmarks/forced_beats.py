@@ -4,9 +4,8 @@ r"""Does FACT hear the beat? With the true past before it, and with its own fram
     python benchmarks/forced_beats.py data/bench fact runs/bench/fact_tiny-0/20min/model
 
 Each network guesses solos of the validation split from their first two seconds on: a few frames at
-a time after the true frames (teacher-forced), or after its own. MMC is counted with the song's
-beats and with the same beats a quarter, half and three quarters of an interval later (mean): some
-motion beats lie near any beat, so only the difference of both is hearing.
+a time after the true frames (teacher-forced), or after its own. Beats are counted as in
+heard_beats.py.
 Writes docs/results/bench_forced.json.
 
 Symbols (axes: f frames · s frames of the history · d features)
@@ -16,12 +15,12 @@ Symbols (axes: f frames · s frames of the history · d features)
 import json
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 import torch
 import tyro
+from heard_beats import heard
 from tqdm.auto import tqdm
 
 import dancediff as dd
@@ -29,14 +28,12 @@ from dancediff.autoregression.roll_out import forced_guesses, roll_out
 from dancediff.axes import FPS
 from dancediff.data.packed import PackedTakes
 from dancediff.data.take import DanceTake
-from dancediff.metrics.rhythm import beat_alignment
 from dancediff.motion.beats import motion_beats
 from dancediff.motion.motion import Motion
 from dancediff.music.features import beat_times
 from dancediff.papers.fact.model import FACT
 
 START, FRAMES = 100, 300  # of a take: its beginning is left out
-SHIFTS = (0.25, 0.5, 0.75)  # of the interval between two beats
 KEPT = (1, 5)  # frames of each guess: the paper's, and half of them
 COLUMNS = ["dances", "MMC", "beats shifted", "motion beats a second", "joint speed, m/s"]
 
@@ -115,12 +112,9 @@ def beats_of(dance: Motion, take: DanceTake, history: int) -> list[float]:
     first = (START + history) / FPS
     beats = beat_times(take.M) - first
     beats = beats[(beats >= 0) & (beats < dance.num_frames / FPS)]
-    step = np.median(np.diff(beats))
-    score = partial(beat_alignment, joints, direction="motion")
-    shifted = np.mean([score(beats + share * step) for share in SHIFTS])
     often = len(motion_beats(joints[0])) / (dance.num_frames / FPS)
     speed = joints.diff(dim=1).norm(dim=-1).mean().item() * FPS
-    return [score(beats), float(shifted), often, speed]
+    return [*heard(joints, beats), often, speed]
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """The packaged models of the earlier systems, from a run of `dancediff bench-models`.
 
-    python benchmarks/package_systems.py runs/bench --minutes 4   # after benchmarks/bench_tables.py
+    python benchmarks/package_systems.py runs/bench --minutes 10  # after bench_tables.py
 
 Writes src/dancediff/assets/models/NAME for each of them, with a card that has the run's scores.
 """

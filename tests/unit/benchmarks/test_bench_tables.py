@@ -65,6 +65,20 @@ def test_tables_have_the_values_and_say_how_many_seeds(runs, tmp_path):
     assert beside["rows"] == [["FID: 1 of 1", "EDGE", 31.4, 1, 20.1, 1]]
 
 
+def test_a_run_by_windows_has_a_table_of_its_own(runs, tmp_path):
+    (tmp_path / "results").mkdir()
+    bench_tables.BenchTables(runs, windows=8000, results=tmp_path / "results").run()
+    (file,) = (tmp_path / "results").iterdir()
+    table = json.loads(file.read_text())
+    assert file.name == "bench_windows.json" and table["rows"][0] == [
+        "edge_tiny",
+        [20.1, 18, 22],
+        20.1,
+    ]
+    assert "--minutes --windows 8000 " in table["command"]
+    assert table["command"].endswith("--out runs/bench_windows")
+
+
 def test_a_packaged_system_is_the_run_s_network_with_its_scores(tmp_path, monkeypatch):
     torch.manual_seed(0)
     model = build(EDGE, EDGEConfig(d_model=16, num_heads=2, num_layers=1, ff_dim=32))
