@@ -31,5 +31,5 @@ class TCDiffObjective(GroupObjective):
         return body_losses(c)
 
     def own_terms(self, model: Any, batch: Batch, noised: Noised, c: Conditions) -> dict:
-        """Those of the paths."""
-        return path_losses(*model.guessed_paths(c.path, c.music))
+        """Those of the paths; where in a roll-out follows from the noise level, drawn before."""
+        return path_losses(*model.guessed_paths(c.path, c.music, noised.t % model.path_parts))

@@ -124,27 +124,29 @@ class TCDiff(DanceNetwork):
         path = roll_out(self.navigator, start, music, history=c.history, stride=c.stride)
         return smoothed(path.transpose(2, 3)).transpose(2, 3)
 
-    def guessed_paths(self, path: Tensor, music: Tensor) -> tuple[Tensor, Tensor]:
+    @property
+    def path_parts(self) -> int:
+        """Of a roll-out, until the navigator knows ``history`` frames of it."""
+        return -(-self.config.history // self.config.stride) + 1
+
+    def guessed_paths(self, path: Tensor, music: Tensor, part: Tensor) -> tuple[Tensor, Tensor]:
         """The navigator's guess and its target, of true paths: both (b, n, history, 2).
 
-        Row by row another part of a roll-out, from its first guess, made of dancers who have stood
-        still without music, to one that knows ``history`` frames. Differs: TCDiff learns from the
-        latter alone; with ten minutes of training, paths from a standing start then ran away.
+        ``part`` (b,), from 0 to `path_parts` - 1: where in a roll-out. 0 is its first guess, made of
+        dancers who have stood still without music; the last one knows ``history`` frames. Differs:
+        TCDiff learns from the latter alone; with ten minutes of training, paths from a standing
+        start then ran away.
         """
         h, s = self.config.history, self.config.stride
         path = torch.cat([path[:, :, :1].expand(-1, -1, h, -1), path], dim=2)
         music = torch.cat([music.new_zeros(len(music), h, music.shape[-1]), music], dim=1)
-        parts = -(-h // s) + 1
-        begins = [min(s * (row % parts), h) for row in range(len(path))]
-        known, target = (
-            torch.stack([p[:, k : k + h] for p, k in zip(path, first, strict=True)])
-            for first in (begins, [k + s for k in begins])
+        rows = torch.arange(len(path), device=path.device)[:, None]
+        known = (s * part).clamp(max=h)[:, None] + torch.arange(h, device=path.device)  # (b, h)
+        (before, heard), (target, later) = (
+            (path[rows, :, frames].transpose(1, 2), music[rows, frames])
+            for frames in (known, known + s)
         )
-        heard, later = (
-            torch.stack([m[k : k + h] for m, k in zip(music, first, strict=True)])
-            for first in (begins, [k + s for k in begins])
-        )
-        return self.navigator(known, heard, later), target
+        return self.navigator(before, heard, later), target
 
     def with_draws(self, conditions: Conditions, generator: Generators = None) -> Conditions:
         """The conditions with the navigator's paths, unless they have some."""

@@ -94,7 +94,7 @@ def test_every_weight_learns(model):
     """Those of the footwork get no gradient in the released code."""
     x_t, t, conditions = inputs(f=40)
     conditions = conditions.with_mask(torch.tensor([True, False]))
-    guess, target = model.guessed_paths(conditions.path, conditions.music)
+    guess, target = model.guessed_paths(conditions.path, conditions.music, torch.arange(2))
     (model(x_t, t, conditions).square().mean() + (guess - target).square().mean()).backward()
     assert [name for name, p in model.named_parameters() if p.grad is None] == []
     assert all(layer.footwork.first.linear.weight.grad.any() for layer in model.decoder.layers)
@@ -113,11 +113,24 @@ def test_the_navigator_learns_every_part_of_a_roll_out(model):
 
     assert torch.equal(roll_out(truth, path[:, :, 0], music, history=h, stride=s), path)
     model.navigator.forward = lambda *inputs: given.extend(inputs) or inputs[0]
-    rows = h // s + 2  # all parts until one knows h true frames, and the first again
-    _, target = model.guessed_paths(*(x.expand(rows, *x.shape[1:]) for x in (path, music)))
-    for row, part in enumerate([*range(rows - 1), 0]):
-        assert all(torch.equal(x[row], y[0]) for x, y in zip(given, calls[part], strict=True))
-        assert torch.equal(target[row], whole[0, :, s * (part + 1) :][:, :h])
+    part = torch.tensor([2, 0, 3, 1])
+    assert len(part) == model.path_parts
+    _, target = model.guessed_paths(*(x.expand(4, *x.shape[1:]) for x in (path, music)), part)
+    for row, k in enumerate(part):
+        assert all(torch.equal(x[row], y[0]) for x, y in zip(given, calls[k], strict=True))
+        assert torch.equal(target[row], whole[0, :, s * (k + 1) :][:, :h])
+    assert TCDiff(TCDiffConfig(**TINY, **SHORT | {"stride": 9})).path_parts == 4  # 0, 9, 18, 24
+
+
+def test_training_meets_every_part_whatever_the_size_of_the_groups(takes, monkeypatch):
+    model = TCDiff(TCDiffConfig(**TINY, **SHORT))
+    objective = TCDiffObjective(model, TrainConfig(weights=TCDiffWeights()))
+    windows, met = WindowSampler(takes, GroupCut(40), dancers_per_batch=3), set()
+    plain = model.guessed_paths
+    monkeypatch.setattr(model, "guessed_paths", lambda *x: met.update(x[2].tolist()) or plain(*x))
+    for number in range(20):
+        objective.losses(model, windows.batch(number), number)
+    assert met == set(range(model.path_parts))
 
 
 def test_paths_are_drawn_once_and_need_a_number_of_dancers(model):
