@@ -20,7 +20,7 @@ SYSTEMS = {
     "mnet": "MNET, dancer by dancer: a generator of the next second in a genre, and a critic.",
     "bailando": "Bailando, dancer by dancer: dances as units of a codebook, chosen in turn.",
     "gcd": "GCD: group dance by diffusion and contrast.",
-    "codancers": "CoDancers: a group dance as units of single dancers, chosen in turn.",
+    "codancers": "CoDancers: a group dance as units of single dancers, all of whom choose at once.",
     "tcdiff": "TCDiff: group dance in two stages, paths over the floor first, bodies second.",
 }
 METRICS = ("FID_k", "FID_g", "Div_k", "GMR", "TIF", "MMC", "FSR", "PFC")

@@ -13,10 +13,10 @@ import torch
 from torch import Tensor
 
 from dancediff.diffusion.conditions import Conditions
-from dancediff.diffusion.samplers import sample
+from dancediff.diffusion.samplers import GuessHook, sample
+from dancediff.extensions.foot_contact_projection import foot_contact_hook
 from dancediff.generation.group_dance import (
     binder,
-    foot_contact_hooks,
     in_parts,
     music_of,
     sampler_options,
@@ -27,13 +27,14 @@ from dancediff.generation.group_dance import (
 from dancediff.generation.group_request import TCDiffRequest
 from dancediff.generation.segments import SegmentPlan
 from dancediff.motion.order import left_to_right
+from dancediff.motion.representation import TCDIFFPP
 from dancediff.papers.edge.naive_long_sampling import Consistency, join
 from dancediff.papers.tcdiff.trajectory_diffusion import on_path
 
 
 @dataclass(frozen=True)
 class OnPath:
-    """A hook on guesses: whatever else changed a guess, everybody stands on the path."""
+    """A hook on guesses: everybody stands on the path. Rules after it leave the root there."""
 
     path: Tensor
 
@@ -65,13 +66,19 @@ def tcdiff_dance(model, song, request: TCDiffRequest, *, report=None, dtype=None
     def denoise(x_t: Tensor, t: int) -> Tensor:
         return reordered(by_rank(reordered(x_t, order), t), order.argsort(1))
 
+    shape = (k, n, segments.window, model.config.motion_dim)
+    hooks: list[GuessHook] = [OnPath(path.cpu())]
+    if request.foot_contact:
+        fixed = torch.zeros(shape, dtype=torch.bool)
+        fixed[..., TCDIFFPP.floor] = True
+        hooks.append(foot_contact_hook(model.normalizer.on_cpu(), fixed))
     x = sample(
         denoise,
-        (k, n, segments.window, model.config.motion_dim),
+        shape,
         sampler_options(model, request),
         generator=generator,
         pin=Consistency(overlap),
-        hooks=[OnPath(path.cpu()), *foot_contact_hooks(model, request)],
+        hooks=hooks,
         callback=report and (lambda i, total, _: report(i + 1, total)),
     )
     return join(model.normalizer.unnormalize(x), overlap)[:, : request.frames].cpu()

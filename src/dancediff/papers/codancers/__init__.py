@@ -1,1 +1,1 @@
-"""CoDancers: a group dance as units of single dancers, chosen in turn."""
+"""CoDancers: a group dance as units of single dancers, all of whom choose at once."""

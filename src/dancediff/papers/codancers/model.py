@@ -1,4 +1,4 @@
-r"""CoDancers: dancers' units, chosen in turn from music, places and the units of those before.
+r"""CoDancers: the next units of all dancers, from music, places and what those before have done.
 
 Read first: `dancediff.nn.motion_units`, transformer.py and choice.py here.
 
@@ -24,6 +24,7 @@ from dancediff.autoregression.roll_out import music_window
 from dancediff.axes import FPS
 from dancediff.data.windows import Batch
 from dancediff.motion.halves import LOWER, UPPER, assemble, split
+from dancediff.motion.order import left_to_right
 from dancediff.motion.representation import TCDIFFPP
 from dancediff.nn.motion_units import COMMITMENT, FRAMES, REACH, Units, l_motion
 from dancediff.papers.codancers.choice import focal_loss, reweighted
@@ -199,8 +200,9 @@ class CoDancers(AutoregressiveNetwork):
                 codes = torch.cat([codes, new], dim=-1)
                 places = torch.cat([places, self.next_place(codes, places)], dim=2)
             first = max(done - REACH, 0)
-            made = self.motion(codes[..., first : end + REACH], place, slice(done - first,
-                               end - first))  # fmt: skip
+            part = slice(done - first, end - first)
+            made = self.motion(codes[..., first : end + REACH], place, part)
+            places = corrected(places, made, done)
             place, done = made[:, :, -1, TCDIFFPP.floor], end
             yield made[0]
 
@@ -216,11 +218,13 @@ class CoDancers(AutoregressiveNetwork):
 
         Shapes: codes (1, n, 3, u), places (1, n, u, 3), M (f, m) -> (1, n, 3, 1).
         """
-        seen = codes[..., -self.config.length :]
+        seen, places = codes[..., -self.config.length :], places[:, :, -self.config.length :]
+        order = left_to_right(places[:, :, 0, 0])[0]  # as windows of training are ranked
         length, at = seen.shape[-1], codes.shape[-1] - HISTORY
         music = music_window(M, FRAMES * (at - length + 1), FRAMES * length)
         music = music.unflatten(0, (length, FRAMES)).flatten(1)[None]
-        p = self.gpt(seen, places[:, :, -length:], music)[0, :, :, -1].softmax(-1)
+        logits = self.gpt(seen[:, order], places[:, order], music)[0, order.argsort(), :, -1]
+        p = logits.softmax(-1)
         if request.reweight:
             p = reweighted(p, self.shares, request.reweight)
         how = {"temperature": request.temperature, "top_k": request.top_k}
@@ -232,3 +236,23 @@ class CoDancers(AutoregressiveNetwork):
         roots = self.parts[2].motion(codes[0, :, 2, -REACH:])[:, -FRAMES:]
         floor = places[0, :, -1, ::2] + roots[..., :2].sum(1) / FPS
         return torch.stack([floor[:, 0], roots[:, -1, 2], floor[:, 1]], dim=-1)[None, :, None]
+
+
+def corrected(places: Tensor, made: Tensor, done: int) -> Tensor:
+    """Places of units that are motion now; those of later units move along.
+
+    They were guessed before the units after them were known, which change the motion a little.
+
+    Shapes: places (b, n, u, 3), made (b, n, 8 k, d), the motion of units from ``done`` on -> like
+    places.
+
+    >>> made = torch.zeros(1, 1, 8, 151)
+    >>> made[..., 4:7] = torch.tensor([1.0, 0.5, 2.0])
+    >>> corrected(torch.zeros(1, 1, 3, 3), made, done=1)[0, 0].tolist()
+    [[0.0, 0.0, 0.0], [1.0, 0.5, 2.0], [1.0, 0.0, 2.0]]
+    """
+    places, true = places.clone(), made[:, :, FRAMES - 1 :: FRAMES, TCDIFFPP.root]
+    end = done + true.shape[2]
+    places[:, :, end:, ::2] += (true - places[:, :, done:end])[:, :, -1:, ::2]
+    places[:, :, done:end] = true
+    return places

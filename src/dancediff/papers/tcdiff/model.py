@@ -132,10 +132,10 @@ class TCDiff(DanceNetwork):
     def guessed_paths(self, path: Tensor, music: Tensor, part: Tensor) -> tuple[Tensor, Tensor]:
         """The navigator's guess and its target, of true paths: both (b, n, history, 2).
 
-        ``part`` (b,), from 0 to `path_parts` - 1: where in a roll-out. 0 is its first guess, made of
-        dancers who have stood still without music; the last one knows ``history`` frames. Differs:
-        TCDiff learns from the latter alone; with ten minutes of training, paths from a standing
-        start then ran away.
+        ``part`` (b,), below `path_parts`: where in a roll-out. 0 is its first guess, from dancers
+        who have stood still without music; the last one knows ``history`` frames. Differs: TCDiff
+        learns from the latter alone; with ten minutes of training, paths from a standing start then
+        ran away.
         """
         h, s = self.config.history, self.config.stride
         path = torch.cat([path[:, :, :1].expand(-1, -1, h, -1), path], dim=2)

@@ -1,5 +1,7 @@
 """CoDancers: who sees whom, rare units, and a group dance."""
 
+from types import SimpleNamespace
+
 import pytest
 import torch
 
@@ -9,8 +11,9 @@ from dancediff.data.choreographed import choreographed_takes
 from dancediff.data.windows import Batch
 from dancediff.generation.pipeline import pipeline_of
 from dancediff.motion.representation import TCDIFFPP
+from dancediff.nn.motion_units import REACH
 from dancediff.papers.codancers.choice import focal_loss, reweighted
-from dancediff.papers.codancers.model import CoDancers, CoDancersConfig
+from dancediff.papers.codancers.model import BLOCK, CoDancers, CoDancersConfig
 from dancediff.training.run import train_from_config
 from places import CONFIGS
 
@@ -140,6 +143,51 @@ def test_a_group_dance_can_be_repeated(model):
     assert plain.meta["reweight"] == 0 and plain.num_dancers == 3
     with pytest.raises(ValueError, match="dancers=6 must lie in 1"):
         dance(model, dancers=6)
+
+
+def test_whoever_stands_left_is_the_first_in_a_dance_too(model):
+    """Training ranks windows; so the network must not see that dancers changed places."""
+    g = torch.Generator().manual_seed(7)
+    codes, places = torch.randint(16, (1, 3, 3, 6), generator=g), torch.randn(1, 3, 6, 3)
+    places[0, :, 0, 0] = torch.tensor([0.5, -1.0, 2.0])
+    M, request = torch.randn(90, 35), SimpleNamespace(reweight=0.0, temperature=1.0, top_k=1)
+    rank = torch.tensor([1, 0, 2])
+
+    def chosen(order):
+        how = (codes[:, order], places[:, order], M, request, [None] * 3)
+        return model.next_units(*how)
+
+    assert torch.equal(chosen(rank), chosen(torch.arange(3))[:, rank])
+    moved = places.clone()
+    moved[0, :, 0, 0] = torch.tensor([2.0, -1.0, 0.5])
+    seen = []
+    model.gpt.register_forward_pre_hook(lambda gpt, given: seen.append(given))
+    for where in (places, moved):
+        model.next_units(codes, where, M, request, [None] * 3)
+    assert torch.equal(seen[0][0], codes[:, [1, 0, 2]])
+    assert torch.equal(seen[1][0], codes[:, [1, 2, 0]]) and torch.equal(
+        seen[1][1], moved[:, [1, 2, 0]]
+    )
+
+
+def test_dancers_know_where_they_have_danced(model, monkeypatch):
+    known = []
+    plain = model.next_units
+
+    def next_units(codes, places, *rest):
+        known.append(places)
+        return plain(codes, places, *rest)
+
+    monkeypatch.setattr(model, "next_units", next_units)
+    request = SimpleNamespace(frames=600, reweight=50.0, temperature=1.0, top_k=16)
+    M = model.music_normalizer.normalize(dd.packaged_song().features())
+    history = model.standing.expand(2, model.history_frames, -1) + torch.randn(2, 1, 151) * 0.1
+    generators = [torch.Generator().manual_seed(k) for k in range(2)]
+    made = torch.cat(list(model.dance(history, M, request, generators)), dim=1)
+    true = made[:, 7::8, TCDIFFPP.root]
+    last = known[-1][0, :, 4:]  # after the units before the song
+    finished = true.shape[1] - REACH - BLOCK  # at least so many were motion by then
+    assert torch.equal(last[:, :finished], true[:, :finished])
 
 
 def test_from_a_config_to_a_dance(tmp_path):

@@ -193,6 +193,9 @@ def test_the_same_seed_gives_the_same_dance_on_its_paths():
     music = torch.cat([music, music])[: 40 + 20 * 4][None]
     paths = model.paths(music, 3, torch.Generator().manual_seed(5))[0, :, :120]
     assert torch.allclose(first.root[..., [0, 2]], paths, atol=1e-5)
+    packaged = pipeline.generate(song, seed=5, **options | {"preset": "packaged"})
+    assert packaged.meta["foot_contact"] and not torch.allclose(packaged.pose, first.pose)
+    assert torch.allclose(packaged.root[..., [0, 2]], paths, atol=1e-5)  # feet move it nowhere
 
 
 @pytest.fixture(scope="module")
