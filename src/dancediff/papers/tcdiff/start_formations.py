@@ -39,6 +39,14 @@ class StartFormations(nn.Module):
             self.std[n - 1, :n] = here.std(0, correction=0)
 
     def forward(self, n: int, rows: int, generator: Generators = None) -> Tensor:
-        """Groups of n dancers at random, (rows, n, 2)."""
+        """Groups of n dancers at random, (rows, n, 2).
+
+        Raises: ValueError for a size that other sizes were fitted without: all would be at one
+        point, and stay there.
+        """
+        fitted = torch.cat([self.place, self.std], dim=1).flatten(1).any(1)
+        known = [k + 1 for k, one in enumerate(fitted.tolist()) if one]
+        if n > 1 and known and n not in known:
+            raise ValueError(f"dancers={n}: no such group was learned from; ask for {known}")
         noise = gaussian((rows, n, 2), generator=generator, device=self.place.device)
         return self.place[n - 1, :n] + self.std[n - 1, :n] * noise

@@ -103,4 +103,6 @@ def test_starts_have_the_mean_and_the_spread_of_the_groups():
     drawn = start(2, 4000, torch.Generator().manual_seed(0))
     assert torch.allclose(drawn.mean(0), groups.mean(0), atol=0.03)
     assert torch.allclose(drawn.std(0), groups.std(0), atol=0.03)
-    assert not start(3, 1).any()  # nobody has seen a trio
+    with pytest.raises(ValueError, match=r"dancers=3: no such group.*ask for \[2\]"):
+        start(3, 1)
+    assert not start(1, 1).any() and not StartFormations(3)(3, 1).any()  # nothing is learned yet
