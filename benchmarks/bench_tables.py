@@ -44,7 +44,12 @@ class BenchTables:
     results: Path = Path("docs/results")
 
     def run(self) -> None:
-        """All of them."""
+        """All of them.
+
+        Raises: ValueError without a budget, or with two.
+        """
+        if bool(self.minutes) == bool(self.windows):
+            raise ValueError("name one budget of the run: --minutes or --windows")
         found = json.loads((self.runs / "results.json").read_text(encoding="utf-8"))
         rows, seeds = found["rows"], sorted({point["seed"] for point in found["points"]})
         metrics, seeds = list(rows[0]["scores"]), " ".join(map(str, seeds))

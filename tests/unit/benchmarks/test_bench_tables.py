@@ -70,13 +70,13 @@ def test_a_run_by_windows_has_a_table_of_its_own(runs, tmp_path):
     bench_tables.BenchTables(runs, windows=8000, results=tmp_path / "results").run()
     (file,) = (tmp_path / "results").iterdir()
     table = json.loads(file.read_text())
-    assert file.name == "bench_windows.json" and table["rows"][0] == [
-        "edge_tiny",
-        [20.1, 18, 22],
-        20.1,
-    ]
+    assert file.name == "bench_windows.json"
+    assert table["rows"][0] == ["edge_tiny", [20.1, 18, 22], 20.1]
     assert "--minutes --windows 8000 " in table["command"]
     assert table["command"].endswith("--out runs/bench_windows")
+    for both in ({}, {"minutes": 10, "windows": 8000}):
+        with pytest.raises(ValueError, match="name one budget"):
+            bench_tables.BenchTables(runs, **both).run()
 
 
 def test_a_packaged_system_is_the_run_s_network_with_its_scores(tmp_path, monkeypatch):

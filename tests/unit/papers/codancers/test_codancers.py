@@ -165,9 +165,8 @@ def test_whoever_stands_left_is_the_first_in_a_dance_too(model):
     for where in (places, moved):
         model.next_units(codes, where, M, request, [None] * 3)
     assert torch.equal(seen[0][0], codes[:, [1, 0, 2]])
-    assert torch.equal(seen[1][0], codes[:, [1, 2, 0]]) and torch.equal(
-        seen[1][1], moved[:, [1, 2, 0]]
-    )
+    assert torch.equal(seen[1][0], codes[:, [1, 2, 0]])
+    assert torch.equal(seen[1][1], moved[:, [1, 2, 0]])
 
 
 def test_dancers_know_where_they_have_danced(model, monkeypatch):
