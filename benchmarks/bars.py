@@ -193,39 +193,51 @@ def _kinetic(motions: Iterable[Motion]) -> torch.Tensor:
 
 @dataclass
 class Swaps:
-    """Ask three dancers for every order equally often."""
+    """Ask dancers for every order equally often."""
 
     model: tyro.conf.Positional[str]
     held: tyro.conf.Positional[str]
+    dancers: int = 3
     each: int = 20
     seed: int = 0
     sampling: Sampling = field(default_factory=Sampling)
     workers: int = 2
 
     def run(self) -> None:
-        """Print how many end in the order that was asked for, for every kind of order."""
-        songs = chosen(list(windows(self.held, SEGMENT, ("synthetic",))), 6 * self.each)
-        orders = list(permutations(range(3)))
+        """Print how many end in the order that was asked for; of three by kind of order, too."""
+        orders = list(permutations(range(self.dancers)))
+        songs = chosen(list(windows(self.held, SEGMENT, ("synthetic",))), len(orders) * self.each)
+        asked = [orders[k % len(orders)] for k in range(len(songs))]
         jobs = [
-            joblib.delayed(_obeys)(self.model, song, orders[k % 6], self.seed + k, self.sampling)
-            for k, song in enumerate(songs)
+            joblib.delayed(_obeys)(self.model, song, order, self.seed + k, self.sampling)
+            for k, (song, order) in enumerate(zip(songs, asked, strict=True))
         ]
         hits = _in_processes(jobs, self.workers, "swapping")
-        kinds = np.array([permutation_kind(orders[k % 6]) for k in range(len(hits))])
-        shown = {"all": np.ones(len(hits), bool)}
-        shown |= {
-            " ".join(map(str, o)): np.arange(len(hits)) % 6 == k for k, o in enumerate(orders)
-        }
-        shown |= {kind: kinds == kind for kind in dict.fromkeys(kinds)}
-        for name, which in shown.items():
-            print(f"| {name} | {100 * np.mean(np.array(hits)[which]):.1f} % | {which.sum()} |")
+        for name, kept in by_order(asked, hits).items():
+            print(f"| {name} | {sum(kept)} | {len(kept)} |")
+
+
+def by_order(orders: list[tuple[int, ...]], hits: list[bool]) -> dict[str, list[bool]]:
+    """Hits of all dances, and of trios by order and by kind of order.
+
+    >>> by_order([(0, 1), (1, 0), (0, 1)], [True, False, True])
+    {'all': [True, False, True]}
+    >>> {name: sum(kept) for name, kept in by_order([(0, 1, 2), (2, 0, 1)], [True, True]).items()}
+    {'all': 2, '0 1 2': 1, 'identity': 1, '2 0 1': 1, 'rotation': 1}
+    """
+    found: dict[str, list[bool]] = {"all": [*hits]}
+    for order, hit in zip(orders, hits, strict=True):
+        if len(order) == 3:
+            for name in (" ".join(map(str, order)), permutation_kind(order)):
+                found.setdefault(name, []).append(hit)
+    return found
 
 
 def _obeys(model: str, song: Window, order, seed: int, sampling: Sampling) -> bool:
     torch.set_num_threads(1)
     loaded = _loaded(model)
     options = {"seed": seed, "swap": order} | sampling.of(loaded)
-    return obeys(loaded.generate(song, dancers=3, **options).root, order)
+    return obeys(loaded.generate(song, dancers=len(order), **options).root, order)
 
 
 @dataclass

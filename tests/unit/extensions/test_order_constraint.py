@@ -9,7 +9,14 @@ import dancediff as dd
 from dancediff.diffusion.long_sampling import Segment
 from dancediff.extensions.collision_avoidance import SLACK
 from dancediff.extensions.constraint import Constraint, ConstraintHook
-from dancediff.extensions.order_constraint import GAP, OrderConstraint, X, in_order
+from dancediff.extensions.order_constraint import (
+    GAP,
+    HOLD,
+    START_GAP,
+    OrderConstraint,
+    X,
+    in_order,
+)
 from dancediff.generation.pipeline import pipeline_of
 from dancediff.motion.representation import Normalizer
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
@@ -59,6 +66,31 @@ def test_a_noisy_guess_ends_in_order_and_its_path_turns_slowly():
     assert steps.abs().max() < 0.12, "nobody is pasted to the other side in a frame"
     others = [c for c in range(151) if c != X]
     assert torch.equal(conditioned[..., others], x[..., others])
+
+
+def test_they_start_as_they_are_numbered_in_the_first_segment_only():
+    norm, shape = Normalizer(-torch.ones(151), torch.ones(151)), (3, F, 151)
+    S, given = torch.tensor([0, 2, 1]), torch.zeros(shape)
+    first = Segment(0, 0, shape, order=torch.arange(3), mask=given, target=S)
+    guess = ending_at(-1.0, 0.3, 0.2)[0]  # the second and the third stand in each other's place
+    asked = OrderConstraint(norm).for_segment(first).at(guess, 0.5)
+    assert asked.mask[:, 0, X].all() and not asked.mask[:, 1 : F // 2].any()
+    start = asked.value[:, 0, X]
+    assert torch.allclose(start, torch.tensor([-1.0, 0.25 - START_GAP / 2, 0.25 + START_GAP / 2]))
+    later = replace(first, number=1, start=75, context=given[:, :10])
+    asked = OrderConstraint(norm).for_segment(later).at(guess, 0.5)
+    assert asked is None or not asked.mask[:, 0].any()
+
+
+def test_the_order_is_held_in_the_last_frames_but_at_most_a_third():
+    rule = OrderConstraint(Normalizer(-torch.ones(151), torch.ones(151)), torch.tensor([1, 0]))
+    for frames, hold in ((150, HOLD), (60, 20)):
+        guess = torch.zeros(2, frames, 151)
+        guess[:, :, X] = torch.tensor([-1.0, 1.0])[:, None]
+        asked = rule.at(guess, 0.5)
+        assert asked.mask[:, -hold:, X].all() and asked.mask.sum() == 2 * hold
+        held = asked.value[:, -hold:, X]
+        assert (held[0] - held[1] - GAP).abs().max() < 1e-6
 
 
 def test_pure_noise_and_a_sure_guess_are_not_moved():
