@@ -17,11 +17,12 @@ will do; else number k must be the k-th from the left at the start.
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
 
+from dancediff.diffusion.long_sampling import Segment
 from dancediff.extensions.constraint import Constraint
 from dancediff.motion.motion import Motion
 from dancediff.motion.order import left_to_right
@@ -33,6 +34,8 @@ LOWER = "root {}hip {}knee {}ankle {}toe"
 CLOSE = 0.3  # metres between two dancers, below which bodies overlap
 STAGE = 3.0  # metres from its middle; only the outermost of five dancers go farther in training
 SAME = 1e-3  # two constraints may say the same twice
+HOLD = 60  # frames that move as one with a given place; 30 leave steps of 24 cm, 60 of 4
+HELD_SLACK = 0.01  # of them, normalised: about a centimetre or two
 
 
 @dataclass(frozen=True)
@@ -193,6 +196,52 @@ def normalized(constraint: Constraint, normalizer: Normalizer) -> Constraint:
     value = normalizer.normalize(constraint.value.to(normalizer.low))
     slack = constraint.slack.to(value) / normalizer.scale
     return Constraint(constraint.mask.to(value.device), value, slack)
+
+
+@dataclass(frozen=True)
+class HeldPlaces:
+    """A `Source`: frames around a single frame with a given place move as that frame does.
+
+    Else a dancer who is told to start far outside leaves that place within a few frames: the guess
+    has all the other frames where the network would rather have them, and feet stand there.
+
+    ``told``: in normalised features. Two such frames share the frames between them in thirds, and
+    the middle one is free.
+
+    >>> mask, value = _nothing(1, 150)
+    >>> mask[0, 0, X], value[0, 0, X] = True, 2.0
+    >>> asked = HeldPlaces(Constraint(mask, value)).at(torch.zeros(1, 150, TCDIFFPP.dim), 0.5)
+    >>> asked.mask[0, :, X].sum().item() - 1 == HOLD, asked.value[0, [0, HOLD], X].tolist()
+    (True, [2.0, 2.0])
+    """
+
+    told: Constraint
+
+    def for_segment(self, segment: Segment) -> "HeldPlaces | None":
+        """The same for a segment; None where nothing is told of a single frame."""
+        part = replace(self, told=self.told.for_segment(segment))
+        return part if any(part.frames(n, X) for n in range(segment.shape[0])) else None
+
+    def frames(self, dancer: int, feature: int) -> list[int]:
+        """Frames of which a feature is told, but not of their neighbours."""
+        told = self.told.mask[dancer, :, feature].tolist()
+        before, after = [False, *told], [*told[1:], False]
+        return [f for f, one in enumerate(told) if one and not before[f] and not after[f]]
+
+    def at(self, guess: Tensor, abar: float) -> Constraint:
+        """The guess (n, f, d), moved near those frames."""
+        mask, value = torch.zeros_like(guess, dtype=torch.bool), guess.clone()
+        for n in range(len(guess)):
+            for feature in (X, Z):
+                frames = self.frames(n, feature)
+                for k, f in enumerate(frames):
+                    others = [abs(f - g) // 3 for g in frames[max(0, k - 1) : k + 2] if g != f]
+                    reach = min(HOLD, *others) if others else HOLD
+                    near = slice(max(0, f - reach), f + reach + 1)
+                    mask[n, near, feature] = True
+                    step = self.told.value[n, f, feature].to(guess) - guess[n, f, feature]
+                    value[n, near, feature] += step
+        return Constraint(mask, value, torch.full_like(value, HELD_SLACK))
 
 
 def initial_order(constraint: Constraint) -> Tensor | None:

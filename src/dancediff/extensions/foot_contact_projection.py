@@ -109,14 +109,10 @@ def project_foot_contact(
     # 1. how far either foot has to move, and how far the root follows them
     feet = joints[..., FOOT_JOINTS, :]  # left and right ankle, left and right toe
     apart = legs_apart(joints, fixed)
-    held = fixed
-    if rooted is not None:  # who is told where to start or to end stands there, not where it slid
-        told = alone(rooted[..., 0])
-        held = told if fixed is None else fixed | told
     u = []
     for k, aside in enumerate((apart, -apart)):
         foot = feet[..., k::2, :] + aside[..., None, :]
-        u.append(aside + foot_contact_shift(foot, contact[..., k::2], held))
+        u.append(aside + foot_contact_shift(foot, contact[..., k::2], fixed))
     if rooted is None and fixed is not None:
         rooted = fixed[..., None].expand(*fixed.shape, 3)
     v = root_shift(torch.stack(u, -2), contact, rooted)
@@ -133,16 +129,6 @@ def project_foot_contact(
     if fixed is not None:
         planted = torch.where(fixed[..., None], x, planted)
     return planted
-
-
-def alone(frames: Tensor) -> Tensor:
-    """Frames of (..., f) bool whose neighbours are not among them.
-
-    >>> alone(torch.tensor([True, False, True, True, False, True])).tolist()
-    [True, False, False, False, False, True]
-    """
-    before, after = pad(frames, (1, 0))[..., :-1], pad(frames, (0, 1))[..., 1:]
-    return frames & ~before & ~after
 
 
 def legs_apart(joints: Tensor, fixed: Tensor | None = None) -> Tensor:

@@ -37,10 +37,11 @@ from dancediff.generation.genre_mix import mix_weights
 from dancediff.generation.group_request import GroupDanceRequest, SegmentedRequest
 from dancediff.generation.segments import SegmentPlan
 from dancediff.motion.motion import Motion
-from dancediff.motion.representation import cut_to_range
+from dancediff.motion.representation import TCDIFFPP, cut_to_range
 from dancediff.papers.edge.naive_long_sampling import Consistency, join
 from dancediff.papers.tcdiffpp.long_group_sampling import LongGroupSampler
 
+WIDER = 3  # times as wide a cut for places on the floor, where the caller tells some
 AT_ONCE = 8  # segments that go through the network together in naive long sampling: memory of 20 s
 
 
@@ -136,7 +137,8 @@ def hooks_of(
         sources.append(InitialFrames())
     sources += more
     if constraint is not None:
-        sources.append(control.normalized(constraint, normalizer))
+        told = control.normalized(constraint, normalizer)
+        sources += [told, control.HeldPlaces(told)]
     if request.order_constraint:
         sources.append(OrderConstraint(normalizer))
     if request.collision_avoidance:
@@ -252,7 +254,12 @@ def largest_guess(model, request: SegmentedRequest) -> Callable[[Tensor], Tensor
         return cut_to_range
     preconditioning = preconditioning_of(model)
     assert preconditioning is not None  # `resolve` has looked
-    return FrequencyClip(preconditioning.mean, preconditioning.std)
+    std = preconditioning.std
+    told = request.constraint() if isinstance(request, GroupDanceRequest) else None
+    if told is not None and told.mask[..., TCDIFFPP.floor].any():
+        std = std.clone()
+        std[:, TCDIFFPP.floor] *= WIDER  # where to be is the caller's to say
+    return FrequencyClip(preconditioning.mean, std)
 
 
 def sampler_options(model, request: SegmentedRequest) -> SamplerOptions:

@@ -3,8 +3,12 @@ import pytest
 import torch
 
 from dancediff.data.choreographer import choreograph
+from dancediff.diffusion.long_sampling import Segment
+from dancediff.extensions.constraint import Constraint
 from dancediff.extensions.control import (
+    HOLD,
     EndAt,
+    HeldPlaces,
     Keep,
     StartAt,
     WalkAlong,
@@ -151,3 +155,25 @@ def test_two_bodies_in_one_place_are_refused(control, name):
     with pytest.raises(ValueError, match=rf"{name} has dancers 1 and 2 0\.10 m apart"):
         known(control([(-1, 0), (0, 0), (0.1, 0)]), n=3)
     assert known(control([(0, 0), (0, 0.4)])).mask.any()
+
+
+def held(*places, frames=150):
+    """What `HeldPlaces` asks of a guess of zeros, where one dancer is told {frame: x}."""
+    mask = torch.zeros(1, frames, TCDIFFPP.dim, dtype=torch.bool)
+    value = torch.zeros(mask.shape)
+    for frame, x in places:
+        mask[0, frame, X], value[0, frame, X] = True, x
+    segment = Segment(0, 0, tuple(mask.shape), order=torch.arange(1), mask=mask)
+    rule = HeldPlaces(Constraint(mask, value)).for_segment(segment)
+    return None if rule is None else rule.at(torch.zeros(mask.shape), 0.5)
+
+
+def test_frames_around_a_given_place_move_with_it():
+    asked = held((0, 2.0))
+    assert asked.mask[0, : HOLD + 1, X].all() and asked.mask.sum() == HOLD + 1
+    assert (asked.value[0, : HOLD + 1, X] == 2).all()
+    asked = held((0, 2.0), (60, -1.0))
+    assert asked.value[0, :21, X].tolist() == [2.0] * 21
+    assert asked.value[0, 40:81, X].tolist() == [-1.0] * 41, "up to a third of the way, both ways"
+    assert not asked.mask[0, 21:40].any()
+    assert held((5, 1.0), (6, 1.0)) is None, "a path is not held"

@@ -46,20 +46,6 @@ def sliding(dance):
     return x
 
 
-def test_who_is_told_where_to_start_stands_there():
-    """Else the foot stands in the middle of its slide, and the root leaps there from its place."""
-    slide = torch.zeros(40, 3)
-    slide[:, 0], slide[:, 1] = torch.linspace(3, 2, 40), 0.93
-    x = pack(torch.ones(40, 4), slide, torch.eye(3).expand(40, 24, 3, 3))
-    rooted = torch.zeros(40, 3, dtype=torch.bool)
-    rooted[0, [0, 2]] = True
-    for fixed in (None, torch.zeros(40, dtype=torch.bool)):
-        root = unpack(project_foot_contact(x, fixed, rooted=rooted))[1]
-        assert (root[:, 0] - 3).abs().max() < 0.04
-    rooted[:, [0, 2]] = True  # a path: the root keeps to it, whatever the feet do
-    assert torch.equal(unpack(project_foot_contact(x, rooted=rooted))[1][:, 0], slide[:, 0])
-
-
 def test_the_shift_minimises_its_equation():
     """The closed form against a general least-squares solver."""
     g = torch.Generator().manual_seed(0)

@@ -1,0 +1,17 @@
+"""Who is told to start, or to end, far outside comes and goes in steps, not in leaps."""
+
+import pytest
+import torch
+
+import dancediff as dd
+
+
+@pytest.mark.parametrize(("name", "frame"), [("start", 0), ("end", -1)])
+def test_no_leap_from_a_place_far_outside(name, frame):
+    """When only the frame itself was given, outer dancers left it by 34 cm a frame."""
+    places = [(-3.0, 0.0), (0.0, 0.0), (3.0, 0.0)]
+    ask = {"dancers": 3, "seconds": 5, "seed": 0, name: places}
+    dance = dd.load("tcdiffpp").generate(dd.packaged_song(), **ask)
+    off = dance.root[:, frame, [0, 2]] - torch.tensor(places)
+    assert off.abs().max() < 0.01
+    assert dance.root.diff(dim=1).norm(dim=-1).max() < 0.08
