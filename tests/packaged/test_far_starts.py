@@ -15,3 +15,15 @@ def test_no_leap_from_a_place_far_outside(name, frame):
     off = dance.root[:, frame, [0, 2]] - torch.tensor(places)
     assert off.abs().max() < 0.01
     assert dance.root.diff(dim=1).norm(dim=-1).max() < 0.08
+
+
+def test_no_leap_to_and_from_a_formation_while_dancing():
+    """When only the last frame was given, steps reached 15 cm."""
+    stream = dd.load("tcdiffpp").stream(dd.packaged_song(), dancers=3, seed=1, seconds=15)
+    pieces = []
+    for piece in stream:
+        pieces.append(piece.root)
+        if len(pieces) in (2, 4):
+            far = [(-3.0, 0.0), (0.0, 0.5), (3.0, 0.0)]
+            stream.set(formation=far if len(pieces) == 2 else None)
+    assert torch.cat(pieces, 1).diff(dim=1).norm(dim=-1).max() < 0.1

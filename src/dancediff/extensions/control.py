@@ -205,8 +205,8 @@ class HeldPlaces:
     Else a dancer who is told to start far outside leaves that place within a few frames: the guess
     has all the other frames where the network would rather have them, and feet stand there.
 
-    ``told``: in normalised features. Two such frames share the frames between them in thirds, and
-    the middle one is free.
+    ``told``: in normalised features; ``hold``: how many frames to either side. Two such frames
+    share the frames between them in thirds, and the middle one is free.
 
     >>> mask, value = _nothing(1, 150)
     >>> mask[0, 0, X], value[0, 0, X] = True, 2.0
@@ -216,6 +216,7 @@ class HeldPlaces:
     """
 
     told: Constraint
+    hold: int = HOLD
 
     def for_segment(self, segment: Segment) -> "HeldPlaces | None":
         """The same for a segment; None where nothing is told of a single frame."""
@@ -236,7 +237,7 @@ class HeldPlaces:
                 frames = self.frames(n, feature)
                 for k, f in enumerate(frames):
                     others = [abs(f - g) // 3 for g in frames[max(0, k - 1) : k + 2] if g != f]
-                    reach = min(HOLD, *others) if others else HOLD
+                    reach = min([self.hold, *others])
                     near = slice(max(0, f - reach), f + reach + 1)
                     mask[n, near, feature] = True
                     step = self.told.value[n, f, feature].to(guess) - guess[n, f, feature]

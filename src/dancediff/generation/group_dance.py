@@ -96,7 +96,7 @@ def sampler_of(
         hooks=hooks_of(model, request, constraint),
         mask=None if constraint is None else constraint.mask,
         initial_order=None if constraint is None else control.initial_order(constraint),
-        options=sampler_options(model, request),
+        options=sampler_options(model, request, constraint),
         generator=torch.Generator().manual_seed(request.seed),
     )
 
@@ -248,28 +248,34 @@ def binder(
     return bind
 
 
-def largest_guess(model, request: SegmentedRequest) -> Callable[[Tensor], Tensor]:
-    """Where guesses are cut: at the training range, as published, or frequency by frequency."""
+def largest_guess(
+    model, request: SegmentedRequest, told: Constraint | None = None
+) -> Callable[[Tensor], Tensor]:
+    """Where guesses are cut: at the training range, as published, or frequency by frequency.
+
+    ``told``: what the caller fixed; where that says where to be, places are cut wider.
+    """
     if not request.frequency_clip:
         return cut_to_range
     preconditioning = preconditioning_of(model)
     assert preconditioning is not None  # `resolve` has looked
     std = preconditioning.std
-    told = request.constraint() if isinstance(request, GroupDanceRequest) else None
     if told is not None and told.mask[..., TCDIFFPP.floor].any():
         std = std.clone()
-        std[:, TCDIFFPP.floor] *= WIDER  # where to be is the caller's to say
+        std[:, TCDIFFPP.floor] *= WIDER
     return FrequencyClip(preconditioning.mean, std)
 
 
-def sampler_options(model, request: SegmentedRequest) -> SamplerOptions:
-    """How a resolved request is sampled."""
+def sampler_options(
+    model, request: SegmentedRequest, told: Constraint | None = None
+) -> SamplerOptions:
+    """How a resolved request is sampled; ``told``: see `largest_guess`."""
     return SamplerOptions(
         model.abar,
         request.sampler,
         request.steps,
         request.eta,
-        clamp=largest_guess(model, request),
+        clamp=largest_guess(model, request, told),
         sigma_min=request.sigma_min,
     )
 

@@ -18,7 +18,7 @@ from dancediff.axes import FPS
 from dancediff.diffusion.long_sampling import Segment
 from dancediff.diffusion.pinning import NOISY_CONTEXT
 from dancediff.extensions import control
-from dancediff.extensions.constraint import Constraint
+from dancediff.extensions.constraint import Constraint, Source
 from dancediff.extensions.genre_condition import genres_of
 from dancediff.extensions.preconditioning import preconditioning_of
 from dancediff.generation.energy_request import energy_for
@@ -27,6 +27,7 @@ from dancediff.generation.group_dance import (
     StyledGroupSampler,
     hooks_of,
     sampler_of,
+    sampler_options,
     standardised,
 )
 from dancediff.generation.group_request import GroupDanceRequest
@@ -41,11 +42,11 @@ JOIN = 15  # frames of the dance so far that a dance goes on from elsewhere in t
 class AtEnd:
     """A source for `ConstraintHook`: what holds in the last frame of a segment."""
 
-    constraint: Constraint  # of a segment, not of the dance
+    source: Source  # of a segment, not of the dance
 
-    def for_segment(self, segment: Segment) -> Constraint:
+    def for_segment(self, segment: Segment) -> Source | None:
         """In the segment's rows."""
-        return self.constraint.for_segment(replace(segment, start=0))
+        return self.source.for_segment(replace(segment, start=0))
 
     def at(self, guess: Tensor, abar: float) -> None:
         """As a `Source`: nothing before the segment is known."""
@@ -62,6 +63,7 @@ class SteeredDance:
         self.model, self.song, self.request = model, song, request
         self.over = False  # the song's end was reached
         self._formation: Constraint | None = None
+        self._placed: Constraint | None = None  # the last one: who is far out walks back later
         self._order: Sequence[int] | None = None  # asked for since the dance began
         self._ordered = False  # an order was asked for, or given up, since then
         self._start = self._skip = 0  # of the next segment: first frame in the song, frames danced
@@ -99,6 +101,7 @@ class SteeredDance:
         Raises: ValueError for places that do not fit the dancers, or a model that cannot do it.
         """
         self._formation = None if places is None else self.formation(places, self._shape[0])
+        self._placed = self._formation or self._placed
         self._ordered, self._order = True, None
         if places is not None:
             order = control.final_order(control.EndAt(places).constraint(*self._shape, FPS))
@@ -203,7 +206,11 @@ class SteeredDance:
             model, request, self._window(music), style, self._targets(), dtype=dtype
         )
         if self._formation is not None:
-            sampler = replace(sampler, hooks=hooks_of(model, request, None, AtEnd(self._formation)))
+            held = control.HeldPlaces(self._formation, self._stride // 3)  # two thirds to walk in
+            told = AtEnd(self._formation), AtEnd(held)
+            sampler = replace(sampler, hooks=hooks_of(model, request, None, *told))
+        if self._placed is not None:
+            sampler = replace(sampler, options=sampler_options(model, request, self._placed))
         return replace(sampler, generator=self._generator)
 
     def _heard(self) -> tuple[Tensor, Tensor]:
