@@ -34,8 +34,9 @@ LOWER = "root {}hip {}knee {}ankle {}toe"
 CLOSE = 0.3  # metres between two dancers, below which bodies overlap
 STAGE = 3.0  # metres from its middle; only the outermost of five dancers go farther in training
 SAME = 1e-3  # two constraints may say the same twice
-HOLD = 60  # frames that move as one with a given place; 30 leave steps of 24 cm, 60 of 4
-HELD_SLACK = 0.01  # of them, normalised: about a centimetre or two
+HOLD = 60  # frames that move as one with a given place: from 3 m out 30 left steps of 24 cm, 60 of
+# 14, and of 3 where places are cut wider, too (two or three seeds)
+HELD_SLACK = 0.01  # of them, normalised: a centimetre with the packaged weights
 
 
 @dataclass(frozen=True)
@@ -205,8 +206,8 @@ class HeldPlaces:
     Else a dancer who is told to start far outside leaves that place within a few frames: the guess
     has all the other frames where the network would rather have them, and feet stand there.
 
-    ``told``: in normalised features; ``hold``: how many frames to either side. Two such frames
-    share the frames between them in thirds, and the middle one is free.
+    ``told``: in normalised features; ``hold``: how many frames to either side, but at most a third
+    of the way to the next frame of which a place is told.
 
     >>> mask, value = _nothing(1, 150)
     >>> mask[0, 0, X], value[0, 0, X] = True, 2.0
@@ -218,30 +219,26 @@ class HeldPlaces:
     told: Constraint
     hold: int = HOLD
 
-    def for_segment(self, segment: Segment) -> "HeldPlaces | None":
-        """The same for a segment; None where nothing is told of a single frame."""
-        part = replace(self, told=self.told.for_segment(segment))
-        return part if any(part.frames(n, X) for n in range(segment.shape[0])) else None
+    def for_segment(self, segment: Segment) -> "HeldPlaces":
+        """The same for a segment."""
+        return replace(self, told=self.told.for_segment(segment))
 
-    def frames(self, dancer: int, feature: int) -> list[int]:
-        """Frames of which a feature is told, but not of their neighbours."""
-        told = self.told.mask[dancer, :, feature].tolist()
-        before, after = [False, *told], [*told[1:], False]
-        return [f for f, one in enumerate(told) if one and not before[f] and not after[f]]
-
-    def at(self, guess: Tensor, abar: float) -> Constraint:
-        """The guess (n, f, d), moved near those frames."""
+    def at(self, guess: Tensor, abar: float) -> Constraint | None:
+        """The guess (n, f, d), moved near those frames; None where there is none."""
         mask, value = torch.zeros_like(guess, dtype=torch.bool), guess.clone()
         for n in range(len(guess)):
             for feature in (X, Z):
-                frames = self.frames(n, feature)
+                frames = self.told.mask[n, :, feature].nonzero()[:, 0].tolist()
                 for k, f in enumerate(frames):
-                    others = [abs(f - g) // 3 for g in frames[max(0, k - 1) : k + 2] if g != f]
-                    reach = min([self.hold, *others])
-                    near = slice(max(0, f - reach), f + reach + 1)
-                    mask[n, near, feature] = True
-                    step = self.told.value[n, f, feature].to(guess) - guess[n, f, feature]
-                    value[n, near, feature] += step
+                    next_to_it = frames[max(0, k - 1) : k] + frames[k + 1 : k + 2]
+                    reach = min([self.hold, *(abs(f - g) // 3 for g in next_to_it)])
+                    if reach > 0:  # else a neighbour is told, too: a path, or a part of a dance
+                        near = slice(max(0, f - reach), f + reach + 1)
+                        mask[n, near, feature] = True
+                        step = self.told.value[n, f, feature].to(guess) - guess[n, f, feature]
+                        value[n, near, feature] += step
+        if not mask.any():
+            return None
         return Constraint(mask, value, torch.full_like(value, HELD_SLACK))
 
 

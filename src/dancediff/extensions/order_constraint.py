@@ -57,8 +57,8 @@ def in_order(x: Tensor, S: Tensor, gap: float = GAP) -> Tensor:
 class OrderConstraint:
     """A `Source` of `ConstraintHook`: dancers are asked to stand in the order S in the last frames.
 
-    In the first segment of a dance they also start as they are numbered: two who start in each
-    other's place each end where the other should. All frames near an end move alike.
+    Where a dance begins, unless its start is told, they also stand as they are numbered: two who
+    start in each other's place each end where the other should. All frames near an end move alike.
 
     >>> rule = OrderConstraint(Normalizer(-torch.ones(151), torch.ones(151)), torch.tensor([1, 0]))
     >>> asked = rule.at(torch.zeros(2, 30, 151), 0.5)
@@ -69,13 +69,14 @@ class OrderConstraint:
 
     normalizer: Normalizer
     S: Tensor = None  # type: ignore[assignment] # that of a segment, see `for_segment`
-    starts: bool = False  # the segment is the first of a dance
+    starts: bool = False  # the segment is the first of a dance, and nobody's start is told
 
     def for_segment(self, segment: Segment) -> "OrderConstraint | None":
         """With the S of a segment; None where no order was asked for."""
         if segment.target is None:
             return None
-        return replace(self, S=segment.row[segment.target], starts=segment.context is None)
+        free = segment.context is None and not segment.mask[:, 0, X].any()
+        return replace(self, S=segment.row[segment.target], starts=free)
 
     def at(self, guess: Tensor, abar: float) -> Constraint | None:
         """Where everybody is asked to start and to end (n, f, d), or None if they are in order."""

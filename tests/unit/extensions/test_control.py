@@ -165,7 +165,7 @@ def held(*places, frames=150):
         mask[0, frame, X], value[0, frame, X] = True, x
     segment = Segment(0, 0, tuple(mask.shape), order=torch.arange(1), mask=mask)
     rule = HeldPlaces(Constraint(mask, value)).for_segment(segment)
-    return None if rule is None else rule.at(torch.zeros(mask.shape), 0.5)
+    return rule.at(torch.zeros(mask.shape), 0.5)
 
 
 def test_frames_around_a_given_place_move_with_it():
@@ -177,3 +177,5 @@ def test_frames_around_a_given_place_move_with_it():
     assert asked.value[0, 40:81, X].tolist() == [-1.0] * 41, "up to a third of the way, both ways"
     assert not asked.mask[0, 21:40].any()
     assert held((5, 1.0), (6, 1.0)) is None, "a path is not held"
+    asked = held((0, 2.0), (30, 1.0), (31, 1.0))
+    assert asked.mask.sum() == 11, "nor are the frames before a path"

@@ -77,6 +77,9 @@ def test_they_start_as_they_are_numbered_in_the_first_segment_only():
     assert asked.mask[:, : F // 3, X].all() and not asked.mask[:, F // 3 : F // 2].any()
     start = asked.value[:, 0, X]
     assert torch.allclose(start, torch.tensor([-1.0, 0.25 - START_GAP / 2, 0.25 + START_GAP / 2]))
+    told = replace(first, mask=given.clone())
+    told.mask[0, 0, X] = 1
+    assert not OrderConstraint(norm).for_segment(told).starts, "the caller says where"
     later = replace(first, number=1, start=75, context=given[:, :10])
     asked = OrderConstraint(norm).for_segment(later).at(guess, 0.5)
     assert asked is None or not asked.mask[:, 0].any()
