@@ -58,7 +58,7 @@ class FewSteps:
         reference = [one for batch in batches[half:] for one in measured(batch)]
         truth = [one for batch in batches[:half] for one in measured(batch)]
         rows = [["as they were danced", "", *scores(truth, reference)]]
-        print("sampler | guesses | " + " | ".join(METRICS))
+        print(f"| sampler | guesses | {' | '.join(METRICS)} |")
         for name in self.samplers:
             options = options_of(name, model)
             dances: list[Measured] = []
@@ -68,7 +68,8 @@ class FewSteps:
             times = sampling_times(options.sampler, options.steps, model.abar, options.sigma_min)
             rows.append([f"`{name}`", len(times) - 1, *scores(dances, reference)])
         for row in rows:
-            print(" | ".join(str(cell[0] if isinstance(cell, list) else cell) for cell in row))
+            cells = (str(cell[0] if isinstance(cell, list) else cell) for cell in row)
+            print(f"| {' | '.join(cells)} |")
         if self.json_file is not None:
             text = json.dumps(self.table(rows, len(truth)), indent=1, ensure_ascii=False)
             self.json_file.write_text(text + "\n", encoding="utf-8")
