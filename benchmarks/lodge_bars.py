@@ -18,6 +18,7 @@ held-out take and asked for that take's genre.
 import time
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field, replace
+from unittest import mock
 
 import joblib
 import numpy as np
@@ -36,9 +37,11 @@ from dancediff.metrics.report import evaluate_dances
 from dancediff.metrics.rhythm import beat_alignment
 from dancediff.motion.beats import motion_beats
 from dancediff.motion.motion import Motion
-from dancediff.motion.representation import LODGE
+from dancediff.motion.representation import LODGE, unpack
+from dancediff.papers.lodge.choreography import Arrangement
 from dancediff.papers.lodge.foot_refine import NoFootRefine
 from dancediff.papers.lodge.model import Lodge
+from dancediff.papers.lodge.segments import Segments
 from dancediff.training.lodge_data import prepared_solos
 
 FPS, LOCAL = 30, 256
@@ -181,24 +184,58 @@ class Soft(Common):
     shares: tuple[float, ...] = (0.0, 0.5, 1.0)
 
     def run(self) -> None:
-        """Print beat alignment and motion beats for every share of guided steps."""
+        """Print beats, speed and distance to the cues for every share of guided steps."""
         some = held_out(self.held, 1024, self.count)
-        print(f"| held-out | {_rhythm((w.motion, w.beats) for w in some)} |")
+        print("| s | BAS | motion beats a second | joint speed, m/s | off the cues, degrees |")
+        print(f"| held-out | {_rhythm((w.motion, w.beats) for w in some)} | |")
         for share in self.shares:
             how = self.how | {"soft": share}
-            jobs = [joblib.delayed(danced)(self.model, w, k, how) for k, w in enumerate(some)]
-            made = in_processes(jobs, self.workers)
-            pairs = ((dance, w.beats) for dance, w in zip(made, some, strict=True))
-            print(f"| {share:g} | {_rhythm(pairs)} |")
+            jobs = [joblib.delayed(near_cues)(self.model, w, k, how) for k, w in enumerate(some)]
+            dances, off = zip(*in_processes(jobs, self.workers), strict=True)
+            beats = (w.beats for w in some)
+            print(f"| {share:g} | {_rhythm(zip(dances, beats, strict=True))} | {interval(off)} |")
+
+
+def near_cues(name: str, window: Window, seed: int, how: dict) -> tuple[Motion, float]:
+    """A dance, and how far its joints are turned from those of its soft cues: mean, degrees.
+
+    Cues depend on the seed and not on how long they are held: every share is asked for the same.
+    """
+    found: list[tuple[Arrangement, Segments]] = []
+
+    def keep(sampler, primitives, M, segments):
+        found.append((arrange(sampler, primitives, M, segments), segments))
+        return found[-1][0]
+
+    arrange = LodgeSampler.arrange
+    with mock.patch.object(LodgeSampler, "arrange", keep):
+        dance = danced(name, window, seed, how)
+    return dance, off_cues(dance.pose[0], *found[0])
+
+
+def off_cues(pose: torch.Tensor, arrangement: Arrangement, segments: Segments) -> float:
+    """Mean angle in degrees between the joints of a dance (f, 24, 3, 3) and of its soft cues.
+
+    The root is left out: where a segment faces is decided when segments are joined.
+    """
+    cues = arrangement.cues()
+    parts, frames = cues.soft.nonzero(as_tuple=True)
+    at = frames + torch.tensor(segments.locals)[parts]
+    parts, frames, at = (k[at < len(pose)] for k in (parts, frames, at))
+    asked = unpack(cues.value[parts, frames], LODGE)[2]
+    turn = pose[at, 1 : asked.shape[-3]].mT @ asked[:, 1:]
+    cosine = (turn.diagonal(dim1=-2, dim2=-1).sum(-1) - 1) / 2
+    return torch.rad2deg(cosine.clamp(-1, 1).arccos()).mean().item()
 
 
 def _rhythm(dances) -> str:
-    bas, rate = [], []
+    bas, rate, speed = [], [], []
     for dance, beats in dances:
         joints = dance.joints()
         bas.append(beat_alignment(joints, beats))
         rate.append(len(motion_beats(joints[0])) / (dance.num_frames / FPS))
-    return f"{interval(bas)} | {interval(rate)}"
+        speed.append(joints.diff(dim=1).norm(dim=-1).mean().item() * FPS)
+    return " | ".join(map(interval, (bas, rate, speed)))
 
 
 @dataclass

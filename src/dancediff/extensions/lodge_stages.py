@@ -21,7 +21,7 @@ from torch import Tensor
 
 from dancediff.diffusion.conditions import Conditions
 from dancediff.extensions.aligned_attention import align_attention
-from dancediff.extensions.networks import Extended, parts_of
+from dancediff.extensions.networks import Extended, frame_tokens, parts_of
 from dancediff.extensions.parts import Pass
 from dancediff.papers.lodge.global_diffusion import GlobalDenoiser
 from dancediff.papers.lodge.local_diffusion import LocalConfig, LocalDenoiser
@@ -87,12 +87,13 @@ class ExtendedLocalDenoiser(Extended, LocalDenoiser):
     r"""The second stage with extensions; shapes as `LocalDenoiser`.
 
     With preconditioning the correction of the feet passes through it as well, so that it is as
-    smooth as dance is.
+    smooth as dance is. The Foot Refine Block sees every frame, with or without frame tokens.
     """
 
     def __init__(self, config: LocalConfig, extensions: Sequence[str]):
         super().__init__(config)
         self.parts = parts_of(config, extensions)
+        self.frame_tokens = frame_tokens(self.decoder, config, extensions)
         self.style_film = "style_film" in extensions
 
     def forward(self, x_t: Tensor, t: Tensor, conditions: Conditions) -> tuple[Tensor, Tensor]:
@@ -104,7 +105,15 @@ class ExtendedLocalDenoiser(Extended, LocalDenoiser):
         style = conditions.style.float()
         cond = cond + style if self.style_film else cond
         h = parts.tokens(parts.embed(decoder.embed(x_t), run), run)
-        h = decoder(h, [music, steps, style[:, None]], cond, self.frames)
+
+        def layers(h: Tensor) -> Tensor:
+            return decoder(h, [music, steps, style[:, None]], cond, self.frames[: h.shape[1]])
+
+        if self.frame_tokens is None:
+            h = layers(h)
+        else:
+            low = self.frame_tokens.pool(h)  # (b, f / 3, d_model)
+            h = self.frame_tokens.unpool(layers(low), h)
         x_raw = parts.read(decoder.read(h), h, run)
         delta = self.foot_refine(x_raw, self.feet(x_raw), steps, cond)
         return x_raw, parts.adapt(x_raw + delta, x_raw, run)

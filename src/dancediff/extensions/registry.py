@@ -72,7 +72,7 @@ _ALL = (
     Extension("non_local_filter", "network", "Frames that look alike are averaged.",
               "non_local_filter", ALL, needs=LINEAR),
     Extension("frame_tokens", "network", "Layers see three frames as one token.", "frame_tokens",
-              ("tcdiffpp", "edge")),
+              ("tcdiffpp", "edge", "lodge"), packaged=("tcdiffpp", "edge")),
     Extension("aligned_attention", "network", "Half of the heads start at their own frame.",
               "aligned_attention", ALL),
     Extension("ssd", "network", "State space models with one decay a head: matrix products.",

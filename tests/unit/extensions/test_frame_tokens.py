@@ -6,7 +6,9 @@ import torch
 from dancediff.diffusion.conditions import Conditions
 from dancediff.extensions.build import build
 from dancediff.extensions.frame_tokens import FRAMES, FrameTokens
+from dancediff.extensions.lodge_stages import ExtendedLocalDenoiser
 from dancediff.papers.edge.model import EDGE, EDGEConfig
+from dancediff.papers.lodge.local_diffusion import LocalConfig
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 
 SIZES = {"d_model": 16, "num_heads": 2, "num_layers": 1, "ff_dim": 32, "num_frames": 30}
@@ -56,3 +58,16 @@ def test_layers_have_a_third_of_the_tokens():
     conditions = Conditions(torch.randn(2, 30, 35), swap=torch.arange(3).expand(2, 3))
     model.denoise(torch.randn(2, 3, 30, 151), torch.tensor([10, 900]), conditions)
     assert seen == [(2, 3, 10, 16)]
+
+
+def test_lodges_local_stage_has_tokens_of_three_frames_too_and_its_foot_block_sees_each_frame():
+    config = LocalConfig(**SIZES | {"num_frames": 32})  # a last token that is not whole
+    model, seen = ExtendedLocalDenoiser(config, ["frame_tokens"]).eval(), []
+    for part in (model.decoder.layers[0], model.foot_refine):
+        part.register_forward_pre_hook(lambda _, args: seen.append(args[0].shape[:2]))
+    style = model.style(torch.tensor([0, 3]), torch.randn(2, config.style_noise))
+    conditions = Conditions(torch.randn(2, 32, 35), style=style)
+    guess = model.denoise(torch.randn(2, 32, 139), torch.tensor([10, 900]), conditions)
+    assert guess.shape == (2, 32, 139) and guess.isfinite().all()
+    assert seen == [(2, 11), (2, 32)]
+    assert model.decoder.music(conditions.music).shape == (2, 11, 16)
