@@ -4,9 +4,9 @@ import sys
 
 import pytest
 import torch
-from dancediff.motion.rotation import axis_angle_to_matrix
 
 from dancediff.motion.representation import LODGE, pack, unpack
+from dancediff.motion.rotation import axis_angle_to_matrix
 from dancediff.papers.lodge.choreography import arrange
 from dancediff.papers.lodge.segments import segments_of
 from places import BENCHMARKS
