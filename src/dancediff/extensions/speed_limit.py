@@ -91,11 +91,10 @@ def limit_turns(
         return x
     pick = wild.nonzero(as_tuple=True)  # dancer ..., joint
     q = roma.rotmat_to_unitquat(R.movedim(-3, -4)[pick])
-    alike = (q[:, 1:] * q[:, :-1]).sum(-1, keepdim=True).sign()
-    q[:, 1:] *= alike.where(alike != 0, torch.ones(())).cumprod(1)
     weight = _weights(times_too_fast.movedim(-1, -2)[pick])
     if fixed is not None:
         weight = weight.masked_fill(fixed.expand(x.shape[:-1])[pick[:-1]], FIXED)
+    q = torch.stack([_signs_alike(*row) for row in zip(q, weight, strict=True)])
     q = _through(q, weight)
     out = x.clone()
     rot6d = out[..., spec.rot6d].unflatten(-1, (spec.num_joints, 6)).movedim(-2, -3).clone()
@@ -113,6 +112,30 @@ def _weights(times_too_fast: Tensor) -> Tensor:
         reach = math.ceil(times_too_fast[row, at].item()) // 2 + 1
         weight[row, (frames > at - reach) & (frames <= at + reach)] = FREE
     return weight
+
+
+def _signs_alike(q: Tensor, weight: Tensor) -> Tensor:
+    """Of q and -q, which are the same rotation, the one like that of the last frame that counts.
+
+    So a jump is bridged the short way: two jumps beside each other may turn a body once around, and
+    between q before and -q behind them lies no rotation but zero.
+
+    Shapes: q (f, 4), weight (f,) -> (f, 4).
+    """
+    frames = torch.arange(len(q), device=q.device)
+    counts = (weight > FREE).nonzero()[:, 0]
+    if not len(counts):
+        counts = frames
+    known = q[counts]
+    alike = _sign((known[1:] * known[:-1]).sum(-1, keepdim=True))
+    known = torch.cat([known[:1], known[1:] * alike.cumprod(0)])
+    last = (torch.searchsorted(counts, frames, right=True) - 1).clamp_min(0)
+    return q * _sign((q * known[last]).sum(-1, keepdim=True))
+
+
+def _sign(x: Tensor) -> Tensor:
+    """1 or -1; 1 for 0."""
+    return 1 - 2 * (x < 0).to(x)
 
 
 def _through(q: Tensor, weight: Tensor) -> Tensor:

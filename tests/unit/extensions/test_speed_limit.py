@@ -60,6 +60,18 @@ def test_a_jump_is_spread_along_the_shorter_way(dance, angle):
     assert way.sum().item() == pytest.approx(1.2, abs=0.1) and way.max() < 1.5 * ROOT_LIMIT
 
 
+@pytest.mark.parametrize("apart", [3, 5, 8])
+def test_two_jumps_that_turn_a_body_once_around_leave_it_where_it_was(dance, apart):
+    """Once around, a quaternion has changed its sign: the way from q to -q leads through zero."""
+    twice = dance
+    for start, angle in ((75, 2.8), (75 + apart, 2.4)):
+        twice = turned(twice, 0, start, angle)
+    assert angles(twice)[1, :, 0].max() > 2
+    way = angles(limit_turns(twice))[1, :, 0]
+    assert way.max() < 1.5 * ROOT_LIMIT
+    assert way[60:100].sum() < 2 * math.pi - 5.2 + angles(dance)[1, 60:100, 0].sum() + 0.1
+
+
 def test_a_dance_keeps_its_bits(dance):
     assert limit_turns(dance) is dance
     assert steps(dance).max() < LONGEST
