@@ -107,11 +107,15 @@ def by_metric(table: dict, printed: str, columns: dict[str, int]) -> list[list]:
     >>> table = {"columns": ["metric", "old", "new"], "rows": [["GMR", 1.0, 2.0]]}
     >>> by_metric(table, "| FID_k | 5 |\n| GMR | 4 |", {"new": 1})
     [['GMR', 1.0, 4]]
+    >>> table = {"columns": ["metric", "new"], "rows": [["joint speed, m/s", 1.0]]}
+    >>> by_metric(table, "| joint speed | 0.4 |", {"new": 1})
+    [['joint speed, m/s', 0.4]]
     """
     found = {row[0]: row for row in cells_in(printed)}
     rows = []
     for row in table["rows"]:
-        cells = {name: number(found[row[0]][k]) for name, k in columns.items()}
+        printed_as = re.sub(r", .*| a (dance|second)$", "", row[0])  # a table has units, too
+        cells = {name: number(found[printed_as][k]) for name, k in columns.items()}
         rows.append([cells.get(n, old) for n, old in zip(table["columns"], row, strict=True)])
     return rows
 
@@ -133,14 +137,18 @@ def with_worst(printed: str) -> list[list]:
     return rows
 
 
-def by_window(printed: str) -> list[list]:
-    r"""Rows of posture, as drift_bars.py prints them: seconds and a column a metric.
+def by_window(table: dict, printed: str) -> list[list]:
+    r"""Rows of posture, as drift_bars.py prints them: those metrics that the table has.
 
-    >>> by_window("2 dances, mean:\n seconds  turning\n   0-5     3.25\n\n| bar | all |")
-    [['0-5', 3.25]]
+    >>> printed = "2 dances:\nseconds  turning  arms wide\n    0-5     3.25        0.1\n\n| bar |"
+    >>> by_window({"columns": ["seconds", "arms wide"]}, printed)
+    [['0-5', 0.1]]
     """
-    lines = (line.split() for line in printed.splitlines() if re.match(r"\s*\d+-\d+\s", line))
-    return [[seconds, *map(float, values)] for seconds, *values in lines]
+    lines = [re.split(r"\s{2,}", line.strip()) for line in printed.splitlines()]
+    head = next(line for line in lines if line[0] == "seconds")
+    wanted = [head.index(name) for name in table["columns"][1:]]
+    rows = (line for line in lines if re.fullmatch(r"\d+-\d+", line[0]))
+    return [[row[0], *(float(row[k]) for k in wanted)] for row in rows]
 
 
 def by_song(table: dict, printed: str) -> list[list]:
@@ -153,18 +161,22 @@ def by_song(table: dict, printed: str) -> list[list]:
     return [[old[0], *new] for old, new in zip(table["rows"], rounded, strict=True)]
 
 
-FILLED: dict[str, tuple[str, Callable[[dict, str], list[list]]]] = {
-    "tcdiffpp_dances": ("one_song", lambda table, text: whole(cells_in(text)[1:])),
-    "tcdiffpp_held_out": ("held_out", lambda table, text: by_metric(
-        table, text, {"dances": 1, "held-out": 2})),
-    "tcdiffpp_before": ("tuning", lambda table, text: by_metric(
-        table, text, {"now": 1, "held-out": 2})),
-    "tcdiffpp_music": ("music", by_song),
-    "tcdiffpp_minute": ("minute", lambda table, text: by_window(text)),
-    "tcdiffpp_minute_bars": ("minute", lambda table, text: cells_in(text)[1:]),
-    "few_steps": ("few_steps", lambda table, text: whole(cells_in(text)[1:])),
-    "control": ("control", lambda table, text: with_worst(text)),
-}  # fmt: skip
+FILLED: tuple[tuple[str, str, Callable[[dict, str], list[list]]], ...] = (  # table, step, rows
+    ("tcdiffpp_dances", "one_song", lambda table, text: whole(cells_in(text)[1:])),
+    (
+        "tcdiffpp_held_out",
+        "held_out",
+        lambda t, text: by_metric(t, text, {"dances": 1, "held-out": 2}),
+    ),
+    ("tcdiffpp_before", "tuning", lambda t, text: by_metric(t, text, {"now": 1, "held-out": 2})),
+    ("tcdiffpp_long", "long", lambda t, text: by_metric(t, text, {"LGDS": 1, "held-out": 2})),
+    ("tcdiffpp_long", "naive", lambda t, text: by_metric(t, text, {"naive": 1})),
+    ("tcdiffpp_music", "music", by_song),
+    ("tcdiffpp_minute", "minute", by_window),
+    ("tcdiffpp_minute_bars", "minute", lambda table, text: cells_in(text)[1:]),
+    ("few_steps", "few_steps", lambda table, text: whole(cells_in(text)[1:])),
+    ("control", "control", lambda table, text: with_worst(text)),
+)
 
 
 @dataclass
@@ -185,8 +197,8 @@ class Measure:
         for name in tqdm(self.only or COMMANDS, desc="measuring"):
             if not (self.out / f"{name}.txt").exists():
                 self.step(name)
-        for name in FILLED:
-            self.fill(name)
+        for table, step, rows_of in FILLED:
+            self.fill(table, step, rows_of)
 
     def words(self, name: str) -> list[str]:
         """The command of a step, ready to run with this Python."""
@@ -208,9 +220,8 @@ class Measure:
             subprocess.run(self.words(name), cwd=ROOT, stdout=file, check=True)
         part.rename(part.with_suffix(".txt"))
 
-    def fill(self, name: str) -> None:
+    def fill(self, name: str, step: str, rows_of: Callable[[dict, str], list[list]]) -> None:
         """One table, if its step has run."""
-        step, rows_of = FILLED[name]
         printed, path = self.out / f"{step}.txt", RESULTS / f"{name}.json"
         if not printed.exists():
             return

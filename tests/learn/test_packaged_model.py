@@ -89,7 +89,6 @@ def test_every_group_size(model, song, dancers):
     assert torch.equal(start, start.sort().values)
 
 
-@pytest.mark.xfail(strict=True, reason="82 % of the packaged Fusion Projection's units are dead")
 def test_no_part_of_the_fusion_projection_is_dead(model, song):
     """Units of its second layer that hear something: dances of all sizes, to music, five levels."""
     heard, model = [], model.model

@@ -62,7 +62,7 @@ PACKAGED: dict[str, Values] = {
         "sigma_min": 0.16,  # docs/results_tcdiffpp.md#few-steps
         "genre": "by tempo",
         "genre_guidance": 2.0,  # of a genre that is asked for
-        "autoguidance": 1.5,  # docs/drift.md
+        "autoguidance": 1.35,  # docs/log/run_14.md
         "frequency_clip": True,
         "collision_avoidance": True,
         "order_constraint": True,

@@ -14,6 +14,8 @@ sys.path.insert(0, str(BENCHMARKS))
 import measure_tcdiffpp
 from measure_tcdiffpp import COMMANDS, FILLED, RESULTS, Measure, by_song
 
+CONTROL = next(one for one in FILLED if one[0] == "control")
+
 
 def measure(tmp_path: Path, **options) -> Measure:
     return Measure(Path("shared"), Path("training"), out=tmp_path / "out", **options)
@@ -31,13 +33,13 @@ def test_every_command_names_a_program_and_no_place_is_left_open(tmp_path):
 
 
 def test_every_table_has_a_step_that_fills_it():
-    for table, (step, _) in FILLED.items():
+    for table, step, _ in FILLED:
         assert (RESULTS / f"{table}.json").exists() and step in COMMANDS
 
 
 def test_a_step_that_is_done_is_not_run_again(tmp_path, monkeypatch):
     ran = []
-    monkeypatch.setattr(measure_tcdiffpp, "FILLED", {})
+    monkeypatch.setattr(measure_tcdiffpp, "FILLED", ())
     one = measure(tmp_path, only=("control", "rules"))
     monkeypatch.setattr(one, "step", ran.append)
     one.out.mkdir()
@@ -61,11 +63,11 @@ def test_numbers_and_date_of_a_table_change_and_its_head_stays(tmp_path, monkeyp
     (tmp_path / "control.json").write_text(json.dumps(table))
     monkeypatch.setattr(measure_tcdiffpp, "RESULTS", tmp_path)
     one = measure(tmp_path)
-    one.fill("control")  # nothing was measured: nothing changes
+    one.fill(*CONTROL)  # nothing was measured: nothing changes
     assert json.loads((tmp_path / "control.json").read_text()) == table
     one.out.mkdir()
     (one.out / "control.txt").write_text("| control | error cm |\n| start | 0.5, at worst 1.25 |\n")
-    one.fill("control")
+    one.fill(*CONTROL)
     now = json.loads((tmp_path / "control.json").read_text())
     assert now["rows"] == [["start", 0.5, 1.25]]
     assert now["date"] > "2001-01-01" and now["about"] == "A"
