@@ -43,7 +43,7 @@ def test_legs_that_were_asked_for_are_kept(dance_with):
 def test_planted_feet_do_not_move_at_a_seam():
     """Known frames are held, so that a long dance takes over where the segment before ended."""
     jumps = []
-    for seed in range(1, 5):
+    for seed in range(1, 9):  # the median of four dances varies by a quarter
         ask = {"dancers": 2, "seconds": 10, "steps": 8, "seed": seed}
         dance = dd.load("tcdiffpp").generate(dd.packaged_song(), **ask)
         step = 100 * dance.joints()[:, :, FOOT_JOINTS].diff(dim=1).norm(dim=-1)
