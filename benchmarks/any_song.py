@@ -34,6 +34,7 @@ import tyro
 from dance_bars import hits
 from genre_judge import choreographed_solos, trained_judge, verdict
 from hard_songs import SECONDS, HardSong, hard_songs, liveliest
+from result_table import write_table
 from tqdm.auto import tqdm
 
 from dancediff import hub
@@ -451,7 +452,7 @@ class AnySong:
             "columns": ["bar", *columns],
             "rows": [[name, *(c.get(name) for c in columns.values())] for name in names],
         }
-        self.save(path, table)
+        write_table(path, table)
 
     def write_places(self, hard: list[Job], five: list[Job]) -> None:
         """A row for each hard song: three dancers, the mean of the seeds; the extremes of all."""
@@ -471,16 +472,7 @@ class AnySong:
                         "still", "largest root step, m", "nobody under 30 cm", "beats hit"],
             "rows": rows,
         }  # fmt: skip
-        self.save(self.results / "any_song_places.json", table)
-
-    def save(self, path: Path, table: dict) -> None:
-        """Whole, with a line for each row."""
-        rows = ",\n".join(f"    {json.dumps(row, ensure_ascii=False)}" for row in table["rows"])
-        head = json.dumps({k: v for k, v in table.items() if k != "rows"}, indent=2,
-                          ensure_ascii=False)  # fmt: skip
-        text = head.rstrip("}\n") + f',\n  "rows": [\n{rows}\n  ]\n}}\n'
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding="utf-8")
+        write_table(self.results / "any_song_places.json", table)
 
 
 def cells_of(found: list[Moves]) -> list:

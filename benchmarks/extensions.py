@@ -30,6 +30,7 @@ import numpy as np
 import torch
 import tyro
 from genre_judge import choreographed_solos, trained_judge, verdict
+from result_table import write_table
 from sklearn.pipeline import Pipeline
 from torch import Tensor
 from tqdm.auto import tqdm
@@ -354,8 +355,7 @@ class Extensions:
         table = self.table(found)
         print(markdown(table))
         if not (self.only or self.songs):
-            path = RESULTS / f"extensions_{self.setting}.json"
-            path.write_text(json.dumps(table, indent=1, ensure_ascii=False) + "\n")
+            write_table(RESULTS / f"extensions_{self.setting}.json", table)
 
     def table(self, found: dict[str, list[dict]]) -> dict:
         """What changes without each extension, in the form of docs/results/*.json."""

@@ -6,11 +6,11 @@ Held-out windows of a prepared folder are danced with the same noise by every sa
 guidance. They are compared with other held-out windows, and so is the truth.
 """
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 
 import tyro
+from result_table import write_table
 from tqdm.auto import tqdm
 
 from dancediff import hub
@@ -71,8 +71,7 @@ class FewSteps:
             cells = (str(cell[0] if isinstance(cell, list) else cell) for cell in row)
             print(f"| {' | '.join(cells)} |")
         if self.json_file is not None:
-            text = json.dumps(self.table(rows, len(truth)), indent=1, ensure_ascii=False)
-            self.json_file.write_text(text + "\n", encoding="utf-8")
+            write_table(self.json_file, self.table(rows, len(truth)))
 
     def table(self, rows: list[list], count: int) -> dict:
         """In the form of docs/results/*.json."""

@@ -8,13 +8,13 @@ Dances are the files of a folder; held-out ones are the choreographer's (synthet
 more, because formations are counted in 30 s. Writes docs/results/tcdiffpp_formations.json.
 """
 
-import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import tyro
+from result_table import write_table
 from torch import Tensor
 
 from dancediff.data.prepared import PreparedData
@@ -115,8 +115,7 @@ class FormationBars:
             "columns": columns,
             "rows": [row.cells() for row in rows],
         }
-        text = json.dumps(table, indent=1, ensure_ascii=False) + "\n"
-        (self.results / "tcdiffpp_formations.json").write_text(text, encoding="utf-8")
+        write_table(self.results / "tcdiffpp_formations.json", table)
 
 
 if __name__ == "__main__":

@@ -22,6 +22,7 @@ from unittest import mock
 
 import joblib
 import numpy as np
+import roma
 import torch
 import tyro
 from bars import Sampling
@@ -223,9 +224,8 @@ def off_cues(pose: torch.Tensor, arrangement: Arrangement, segments: Segments) -
     at = frames + torch.tensor(segments.locals)[parts]
     parts, frames, at = (k[at < len(pose)] for k in (parts, frames, at))
     asked = unpack(cues.value[parts, frames], LODGE)[2]
-    turn = pose[at, 1 : asked.shape[-3]].mT @ asked[:, 1:]
-    cosine = (turn.diagonal(dim1=-2, dim2=-1).sum(-1) - 1) / 2
-    return torch.rad2deg(cosine.clamp(-1, 1).arccos()).mean().item()
+    angle = roma.rotmat_geodesic_distance(pose[at, 1 : asked.shape[-3]], asked[:, 1:])
+    return torch.rad2deg(angle).mean().item()
 
 
 def _rhythm(dances) -> str:

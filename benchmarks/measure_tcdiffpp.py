@@ -1,12 +1,13 @@
-"""Measure the packaged TCDiff++ again: every table that speaks of its weights, one command.
+"""Measure the packaged TCDiff++ again: the tables of its page, of control and of its additions.
 
     python benchmarks/measure_tcdiffpp.py --shared DATA --training DATA/all --workers 2
 
 ``--shared`` holds recorded songs in music/ and motion capture in cmu/; ``--training`` is what the
 weights were trained on. Every step is a command that can be typed by hand; what it prints is kept
 in ``--out`` and a step that is done is not run again. Then the tables of docs/results that other
-programs only print are filled: head and rows stay, numbers and the date change.
-`python docs/site/tables.py` puts them into the pages. Two hours of two cores.
+programs only print are filled: head and rows stay, numbers and the date change. Words are left to
+people: the column of older weights, what looks wrong in a watched dance, and the prose of the
+pages, into which `python docs/site/tables.py` puts the tables. Takes hours.
 """
 
 import json
@@ -20,6 +21,7 @@ from datetime import date
 from pathlib import Path
 
 import tyro
+from result_table import write_table
 from tqdm.auto import tqdm
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -34,6 +36,7 @@ MINUTE = (
     *("Impulslogik-Zen", "Settel-InnerRecreation"),
     *("TameAnderson-MakeMe", "Thomasso-AxeFromThe80s"),
 )
+WATCHED = (*MINUTE, "hr-savino-ocean", "hr-savino-palace")
 CHOREOGRAPH = "dancediff prepare choreograph --workers {workers}"
 BARS = "python benchmarks/bars.py"
 WINDOWS = f"{BARS} dances tcdiffpp {{held}} {{other}} --workers {{workers}}"
@@ -57,6 +60,7 @@ COMMANDS = {
     " --seeds 0 --out runs/tuning --workers {workers}",
     "minute": "python benchmarks/drift_bars.py dances {held30} {eight} --workers {workers}",
     "formations": "python benchmarks/formation_bars.py runs/drift {held30}",
+    "watched": "python benchmarks/watched.py {ten}",
     "long": LONG,
     "naive": f"{LONG} --naive",
     "control": "python benchmarks/control_bars.py --seeds 4 --steps 8",
@@ -83,7 +87,7 @@ def cells_in(text: str) -> list[list[str]]:
     return [row for row in stripped if not set("".join(row)) <= set("-")]
 
 
-def number(text: str, digits: int = 3):
+def number(text: str):
     """A printed cell as a table has it: a number, one with its interval, None, or words.
 
     >>> number("0.12345"), number("2.1234 [1.9, 2.3001]"), number("8"), number("0.17, yes")
@@ -93,7 +97,7 @@ def number(text: str, digits: int = 3):
         return int(text)
     found = re.fullmatch(r"(\S+)(?: \[(\S+), (\S+)\])?", text)
     try:
-        values = [float(f"{float(part):.{digits}g}") for part in found.groups() if part]
+        values = [float(f"{float(part):.3g}") for part in found.groups() if part]
     except (AttributeError, ValueError):
         return text or None
     return values if len(values) == 3 else values[0]
@@ -120,9 +124,9 @@ def by_metric(table: dict, printed: str, columns: dict[str, int]) -> list[list]:
     return rows
 
 
-def whole(printed: list[list[str]], digits: int = 3) -> list[list]:
+def whole(table: dict, printed: str) -> list[list]:
     """All rows as they were printed, numbers as numbers; the first cell is a name."""
-    return [[row[0], *(number(cell, digits) for cell in row[1:])] for row in printed]
+    return [[row[0], *map(number, row[1:])] for row in cells_in(printed)[1:]]
 
 
 def with_worst(printed: str) -> list[list]:
@@ -154,7 +158,7 @@ def by_window(table: dict, printed: str) -> list[list]:
 def by_song(table: dict, printed: str) -> list[list]:
     """Rows of ``bars.py music``, under the songs' short names; the last is their mean."""
     rows = cells_in(printed)
-    values = [[None if not c else number(c, 3) for c in row[1:5]] for row in rows]
+    values = [[number(cell) for cell in row[1:5]] for row in rows]
     if len(values) != len(table["rows"]):
         raise ValueError(f"{len(values)} songs were printed; the table has {len(table['rows'])}")
     rounded = [[bpm, *(round(x, 2) for x in rest)] for bpm, *rest in values]
@@ -162,7 +166,7 @@ def by_song(table: dict, printed: str) -> list[list]:
 
 
 FILLED: tuple[tuple[str, str, Callable[[dict, str], list[list]]], ...] = (  # table, step, rows
-    ("tcdiffpp_dances", "one_song", lambda table, text: whole(cells_in(text)[1:])),
+    ("tcdiffpp_dances", "one_song", whole),
     (
         "tcdiffpp_held_out",
         "held_out",
@@ -174,7 +178,7 @@ FILLED: tuple[tuple[str, str, Callable[[dict, str], list[list]]], ...] = (  # ta
     ("tcdiffpp_music", "music", by_song),
     ("tcdiffpp_minute", "minute", by_window),
     ("tcdiffpp_minute_bars", "minute", lambda table, text: cells_in(text)[1:]),
-    ("few_steps", "few_steps", lambda table, text: whole(cells_in(text)[1:])),
+    ("few_steps", "few_steps", whole),
     ("control", "control", lambda table, text: with_worst(text)),
 )
 
@@ -205,10 +209,11 @@ class Measure:
         shared, training = self.shared.resolve(), self.training.resolve()
         music, folders = shared / "music", self.folders.resolve()
         places = {n: folders / n for n in ("held", "tuning", "other", "held30")}
-        songs = {"six": MUSIC, "eight": MINUTE}
-        lists = {n: " ".join(f"{music}/{s}.ogg" for s in some) for n, some in songs.items()}
-        known = {"shared": shared, "training": training, "workers": self.workers}
-        typed = COMMANDS[name].format(music=music, **places, **lists, **known)
+        songs = {"six": MUSIC, "eight": MINUTE, "ten": WATCHED}
+        known = {"shared": shared, "training": training, "music": music, **places}
+        known = {name: shlex.quote(str(path)) for name, path in known.items()}
+        lists = {n: shlex.join(f"{music}/{s}.ogg" for s in some) for n, some in songs.items()}
+        typed = COMMANDS[name].format(**known, **lists, workers=self.workers)
         first, *rest = shlex.split(typed)
         program = ["-m", "dancediff.cli.__main__"] if first == "dancediff" else []
         return [sys.executable, *program, *rest]
@@ -229,15 +234,6 @@ class Measure:
         table["rows"] = rows_of(table, printed.read_text(encoding="utf-8"))
         table["date"] = date.fromtimestamp(printed.stat().st_mtime).isoformat()
         write_table(path, table)
-
-
-def write_table(path: Path, table: dict) -> None:
-    """A table whole, with a line for each row."""
-    head = json.dumps({k: v for k, v in table.items() if k != "rows"}, indent=1, ensure_ascii=False)
-    rows = ",\n".join(f"  {json.dumps(row, ensure_ascii=False)}" for row in table["rows"])
-    part = path.with_suffix(".part")
-    part.write_text(f'{head.rstrip("}").rstrip()},\n "rows": [\n{rows}\n ]\n}}\n', encoding="utf-8")
-    part.replace(path)
 
 
 if __name__ == "__main__":

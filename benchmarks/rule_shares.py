@@ -14,7 +14,6 @@ Symbols (axes: b batch · n dancers · f frames · d motion features)
     before, after   a guess, normalised      (b, n, f, d)
 """
 
-import json
 import sys
 from collections import defaultdict
 from collections.abc import Callable, Iterator
@@ -27,6 +26,7 @@ from unittest import mock
 import numpy as np
 import roma
 import tyro
+from result_table import write_table
 from torch import Tensor
 from tqdm.auto import tqdm
 
@@ -150,8 +150,7 @@ class RuleShares:
         table = self.table(found)
         print(markdown(table))
         if self.model == "tcdiffpp":
-            text = json.dumps(table, indent=1, ensure_ascii=False)
-            self.results.write_text(text + "\n", encoding="utf-8")
+            write_table(self.results, table)
 
     def table(self, found: dict[str, list[tuple[float, float]]]) -> dict:
         """In the form of docs/results/*.json."""

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import torch
 import tyro
+from any_song import FPS, STILL, joint_speed
 from torch import Tensor
 from tqdm.auto import tqdm
 
@@ -25,9 +26,7 @@ from dancediff.music.song import Music
 from dancediff.viz.plots import save_filmstrip
 
 SIZES = (2, 3, 4, 5, 3)  # dancers, in turn
-FPS = 30
 MOVES = 0.1  # metres a second, mean over joints and dancers; below that a group stands still
-STANDS = 0.015  # metres a frame
 COLUMNS = ("dance", "legs crossed, s", "low feet still, %", "group still, s", "nearest, m", "fine")
 
 
@@ -46,14 +45,13 @@ def measured(joints: Tensor) -> list[float]:
     Crossed legs are those of the dancer who crosses them longest, as `legs_crossed` has it.
     """
     crossed = [[legs_crossed(p[None]) > 0 for p in one.split(1)] for one in joints]
-    still = foot_speed(joints)[feet_low(joints)] < STANDS
-    speed = FPS * joints.diff(dim=1).norm(dim=-1).mean((0, 2))
+    still = foot_speed(joints)[feet_low(joints)] < STILL
     floor = joints[:, :, 0, ::2].transpose(0, 1)  # (f, n, 2)
     apart = torch.cdist(floor, floor) + 1e3 * torch.eye(len(joints))
     return [
         max(map(longest, crossed)),
         100 * still.float().mean().item(),
-        longest((speed < MOVES).tolist()),
+        longest(joint_speed(joints) < MOVES),
         apart.min().item() if len(joints) > 1 else np.nan,
     ]
 

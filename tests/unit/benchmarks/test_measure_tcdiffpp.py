@@ -32,6 +32,14 @@ def test_every_command_names_a_program_and_no_place_is_left_open(tmp_path):
         assert not re.search("[{}]", " ".join(words)), name
 
 
+def test_a_place_may_have_spaces_in_its_name(tmp_path):
+    one = Measure(tmp_path / "my data", Path("training"))
+    assert one.words("data_cmu")[5] == str(tmp_path / "my data" / "cmu")
+    assert one.words("any_song")[-1] == str(tmp_path / "my data")
+    songs = [word for word in one.words("music") if word.endswith(".ogg")]
+    assert songs[0].startswith(str(tmp_path / "my data" / "music"))
+
+
 def test_every_table_has_a_step_that_fills_it():
     for table, step, _ in FILLED:
         assert (RESULTS / f"{table}.json").exists() and step in COMMANDS
