@@ -68,12 +68,13 @@ class Stream(Iterator[Motion]):
         if self._script and "stop" in self._script[0] and self._is_due(self._script[0]):
             self.stop()
         begun = time.perf_counter()
-        if self._made is None:
+        made = self._made  # once: another thread may stop the stream in between
+        if made is None:
             if self._stopped or self.is_over:
                 raise StopIteration
-            self._made = self._make()
+            made = self._made = self._make()
         try:
-            piece = next(self._made)
+            piece = next(made)
         except (StopIteration, _StoppedError):
             self._made = None
             raise StopIteration from None
@@ -139,9 +140,10 @@ class Stream(Iterator[Motion]):
         if not self._stopped:
             self._stopped = True
             self._taken.append({"piece": self.timing.pieces, "stop": True})
-        if self._made is not None:
+        made = self._made  # once: another thread may reach the end in between
+        if made is not None:
             with contextlib.suppress(ValueError):  # it runs in another thread, and looks itself
-                self._made.close()  # type: ignore[attr-defined] # a generator
+                made.close()  # type: ignore[attr-defined] # a generator
                 self._made = None
 
     close = stop  # as of a generator

@@ -210,6 +210,17 @@ def test_stop_leaves_a_segment_that_another_thread_makes(model):
     assert not model.model.training
 
 
+@pytest.mark.parametrize("call", [Stream.stop, next])
+def test_another_thread_may_end_a_stream_between_any_two_lines(model, call):
+    """What a stream is making may be gone at the second look."""
+    stream = model.stream(Tune(), dancers=1, seconds=5, steps=1)
+    looks = [stream._make()]
+    seen = property(lambda _: looks.pop() if looks else None, lambda *_: None)
+    stream.__class__ = type("Ending", (Stream,), {"_made": seen})
+    call(stream)
+    assert not looks
+
+
 def test_an_opening_is_enough_to_begin_with(model):
     song, _ = synth_song(2, seconds=40.0)
     stream = model.stream(song, opening=16.0, dancers=1, steps=1)
