@@ -275,14 +275,26 @@ def _ray(workers: int, scheduler: str | None) -> Iterator:
     if address:
         _knock("ray", address)
         how = {"address": address}
-    try:
-        ray.init(**how, log_to_driver=False, logging_level=logging.ERROR)
-    except (ConnectionError, RuntimeError, ValueError) as err:
-        raise _unreachable("ray", address, err) from err
+    _start(ray, address, how)
     try:
         yield ray
     finally:
         ray.shutdown()
+
+
+def _start(ray, address: str | None, how: dict, tries: int = 2) -> None:
+    """Start or join a Ray cluster; again when a busy computer had not started it in 30 s."""
+    try:
+        ray.init(**how, log_to_driver=False, logging_level=logging.ERROR)
+    except (ConnectionError, RuntimeError, ValueError) as err:
+        raise _unreachable("ray", address, err) from err
+    except Exception as err:
+        if type(err) is not Exception:  # Ray's own has no type when it waited in vain
+            raise
+        ray.shutdown()
+        if tries == 1:
+            raise _too_slow(err) from err
+        _start(ray, address, how, tries - 1)
 
 
 def _knock(backend: str, address: str) -> None:
@@ -296,6 +308,13 @@ def _knock(backend: str, address: str) -> None:
         socket.create_connection((host, int(port)), timeout=SECONDS).close()
     except (OSError, ValueError) as err:
         raise _unreachable(backend, address, err) from err
+
+
+def _too_slow(err: Exception) -> RuntimeError:
+    return RuntimeError(
+        f"backend='ray' did not start on this computer ({' '.join(str(err).split())}); end what "
+        "else is running, or take backend='loky'"
+    )
 
 
 def _unreachable(backend: str, address: str | None, err: Exception) -> ValueError:

@@ -13,6 +13,7 @@ from urllib.request import Request, urlopen
 import pytest
 from chromium_page import SLOW, changed, num_colors, picture, until
 
+from dancediff.live_dance import session
 from dancediff.live_dance.server import LiveServer
 from dancediff.music.live_song import LiveSong
 from dancediff.music.sound_sources import played
@@ -37,7 +38,13 @@ def song():
 
 
 @pytest.fixture
-def server(model, song, tmp_path):
+def nobody_leaves(monkeypatch):
+    """However slow this computer is, a session asks for no less; that has tests of its own."""
+    monkeypatch.setattr(session, "BUSY", float("inf"))
+
+
+@pytest.fixture
+def server(model, song, tmp_path, nobody_leaves):
     def save(session):
         return session.save(tmp_path, ["npz"])
 
@@ -60,6 +67,14 @@ def play(page):
     until(page, "window.dancediff.state().time > 0.3", 10 * SLOW)
 
 
+def until_changed(page, still, seconds):
+    """Wait until the stage shows something else than it did."""
+    end = time.monotonic() + seconds
+    while not changed(still, picture(page, "#stage")) > 0.0005:
+        assert time.monotonic() < end, f"in {seconds:g} s nobody moved"
+        page.wait_for_timeout(200)
+
+
 def test_it_appears_and_plays_while_it_is_made(live, server):
     still = picture(live, "#stage")
     assert num_colors(still) > 200
@@ -67,7 +82,7 @@ def test_it_appears_and_plays_while_it_is_made(live, server):
     until(live, f"{LIVE}.pieces.length > 4", 30 * SLOW)  # later ones come as it plays
     assert 0.001 < changed(still, picture(live, "#stage")) < 0.6
     assert live.evaluate(f"{LIVE}.ready()") > 0 and server.session.at > 0
-    assert "s ahead" in live.locator("#ahead").inner_text()
+    until(live, "document.getElementById('ahead').innerText.includes('s ahead')", 20 * SLOW)
     assert live.complaints == []
     assert {url.split("/")[2] for url in live.asked if "//" in url} == {server.host}
 
@@ -90,7 +105,8 @@ def test_sound_and_picture_are_in_step(live, server):
     )
     off.sort()
     assert len(off) > 4 * FOLLOWED / SLOW
-    assert off[int(0.95 * len(off))] < 0.05
+    assert off[len(off) // 2] < 0.05
+    assert off[int(0.95 * len(off))] < 0.05 * SLOW  # a picture is late where it is drawn slowly
     if SLOW == 1:  # a busy computer may stall
         assert live.evaluate(f"{LIVE}.stalls") == server.session.stalls == 0
 
@@ -183,7 +199,7 @@ def test_nobody_else_can_reach_it(server):
             socket.create_connection((other, server.port), timeout=2).close()
 
 
-def test_a_dance_to_sound_in_the_room_follows_its_clock(model, song, page):
+def test_a_dance_to_sound_in_the_room_follows_its_clock(model, song, page, nobody_leaves):
     """The page plays no sound; the picture is where the sound is, and pieces come in time."""
     room = LiveSong(played(song), song.rate, seconds=40.0, keep=True)
     server = LiveServer(model, room, dancers=2, steps=2, seed=1).start()
@@ -195,7 +211,7 @@ def test_a_dance_to_sound_in_the_room_follows_its_clock(model, song, page):
         off = abs(page.evaluate("window.dancediff.state().time") - room.now)
         assert off < 3.0 * SLOW  # it is put right with every piece, every 2.5 s
         until(page, f"window.dancediff.state().time > {room.now + 1}", 20 * SLOW)
-        assert changed(still, picture(page, "#stage")) > 0.0005
+        until_changed(page, still, 20 * SLOW)
         assert not [url for url in page.asked if url.endswith("song.wav")]
         assert page.complaints == []
     finally:

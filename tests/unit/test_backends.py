@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 import torch
 
-from dancediff.backends import TRIES, WorkerDied, check_backend, run_jobs
+from dancediff.backends import TRIES, WorkerDied, _start, check_backend, run_jobs
 
 
 def square(x):
@@ -125,3 +125,31 @@ def test_a_missing_backend_says_what_to_install(monkeypatch, backend, module):
     monkeypatch.setitem(sys.modules, module, None)
     with pytest.raises(ValueError, match=r'pip install "dancediff\[cluster\]"'):
         check_backend(1, backend)
+
+
+class SlowRay:
+    """Ray on a computer that starts it only when it is asked the n-th time."""
+
+    def __init__(self, starts_at):
+        self.starts_at, self.asked, self.ended = starts_at, 0, 0
+
+    def init(self, **how):
+        self.asked += 1
+        if self.asked < self.starts_at:
+            raise Exception("The current node timed out\nduring startup.")
+
+    def shutdown(self):
+        self.ended += 1
+
+
+def test_ray_is_started_again_when_it_was_late():
+    ray = SlowRay(2)
+    _start(ray, None, {"num_cpus": 1})
+    assert (ray.asked, ray.ended) == (2, 1)
+
+
+def test_a_computer_too_slow_for_ray_is_told_so():
+    ray = SlowRay(3)
+    with pytest.raises(RuntimeError, match=r"backend='ray' did not start .*timed out during"):
+        _start(ray, None, {"num_cpus": 1})
+    assert (ray.asked, ray.ended) == (2, 2)
