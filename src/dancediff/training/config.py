@@ -17,7 +17,7 @@ from dancediff.own import own_function
 from dancediff.papers.tcdiffpp.losses import LossWeights
 
 OPTIMIZERS = ("adamw", "adam", "adan", "muon")
-PRECISIONS = ("fp32", "bf16")
+PRECISIONS = ("fp32", "bf16", "fastest")
 LARGEST_SEED = 2**40  # the seed of a batch's noise is a million times as large
 SHORTEST_SONG = 3.0  # seconds in which every synthetic song has the beats a dance needs
 
@@ -125,7 +125,7 @@ class TrainConfig:
     weight_decay: float = 0.01  # of the optimiser
     clip: float = 1.0  # longest gradient; 0: any
     ema: float = 0.999  # share of the averaged weights that a step keeps
-    precision: str = "fp32"  # or "bf16": the network under autocast
+    precision: str = "fp32"  # or "bf16": the network under autocast; "fastest": one of the two
     accumulate: int = 1  # batches a step and process, whose gradients are averaged
     seed: int = 0  # of weights, windows and noise
     save_every: int = 500  # steps from checkpoint to checkpoint

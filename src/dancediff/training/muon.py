@@ -3,15 +3,73 @@ r"""Muon for matrices, AdamW for the rest, behind the face of one optimiser.
 Read first: Jordan et al. 2024 (Muon); Liu et al. 2025 (Muon is scalable) section 2.2.
 
 Symbols (one matrix)
-    G        gradient; B its moving sum
+    G        gradient; B its moving mean
     W        weights (a, b)
+    U, V     singular vectors of G + mu B, in the columns of a matrix each
 """
 
 from typing import Any
 
 import torch
+from torch import Tensor
+
+from dancediff.nn.precision import fastest_dtype
 
 SMALLEST = 32  # rows and columns of a matrix that Muon moves
+
+
+def orthogonalized(G: Tensor, *, ns_coefficients, ns_steps: int, eps: float, dtype) -> Tensor:
+    r"""A matrix with the singular vectors of G and singular values near 1.
+
+    $$X_0 = G / \lVert G \rVert_F, \qquad
+      X_{k+1} = a X_k + b\,(X_k X_k^\top) X_k + c\,(X_k X_k^\top)^2 X_k$$
+
+    Source: Jordan et al. 2024, five steps of Newton and Schulz; values end within 0.7 to 1.2.
+    Differs from `torch.optim.Muon`: it may compute with all digits.
+
+    Shapes: G (a, b) -> (a, b) in ``dtype``.
+
+    >>> G = torch.diag(torch.tensor([1.0, 0.1]))
+    >>> how = {"ns_coefficients": (3.4445, -4.775, 2.0315), "ns_steps": 5, "eps": 1e-7}
+    >>> orthogonalized(G, **how, dtype=torch.float32).diag()
+    tensor([0.7020, 0.7087])
+    """
+    a, b, c = ns_coefficients
+    wide = len(G) <= G.shape[1]
+    X = G.to(dtype) if wide else G.to(dtype).T  # fewer rows than columns: the smaller product
+    X = X / X.norm().clamp(min=eps)
+    for _ in range(ns_steps):
+        XXt = X @ X.T
+        X = torch.addmm(X, torch.addmm(XXt, XXt, XXt, beta=b, alpha=c), X, beta=a)
+    return X if wide else X.T
+
+
+class Muon(torch.optim.Muon):
+    """`torch.optim.Muon` that computes with the digits that are faster on this processor.
+
+    Torch's takes bfloat16 everywhere. A processor without it needs 45 times as long as with
+    float32: 19 of the 24 seconds of a step of TCDiff++. Only the scale "match_rms_adamw" is here.
+    """
+
+    def __init__(self, groups: list[dict], **options):
+        super().__init__(groups, adjust_lr_fn="match_rms_adamw", **options)
+        self.dtype = fastest_dtype(self.param_groups[0]["params"][0].device.type)
+
+    @torch.no_grad()
+    def step(self, closure: Any = None) -> Any:
+        """One update of all matrices that have a gradient."""
+        for group in self.param_groups:
+            how = {name: group[name] for name in ("ns_coefficients", "ns_steps", "eps")}
+            for W in group["params"]:
+                if W.grad is None:
+                    continue
+                if "momentum_buffer" not in self.state[W]:
+                    self.state[W]["momentum_buffer"] = torch.zeros_like(W.grad)
+                B = self.state[W]["momentum_buffer"].lerp_(W.grad, 1 - group["momentum"])
+                G = W.grad.lerp(B, group["momentum"])  # Nesterov's
+                scale = 0.2 * max(W.shape) ** 0.5
+                W.mul_(1 - group["lr"] * group["weight_decay"])
+                W.add_(orthogonalized(G, **how, dtype=self.dtype), alpha=-group["lr"] * scale)
 
 
 class MuonAdamW:
@@ -24,7 +82,7 @@ class MuonAdamW:
     the weak ones in noise; here each gets the same step. The factor makes the step as large as
     Adam's, so that both share one learning rate.
 
-    Source: Muon, with the scale of Liu et al. eq. 4; `torch.optim.Muon` does the work.
+    Source: Muon, with the scale of Liu et al. eq. 4.
     Differs from common use: matrices of input and output are included.
 
     >>> from torch import nn
@@ -53,8 +111,7 @@ class MuonAdamW:
         if rest:
             self.parts.append(torch.optim.AdamW(rest, betas=(0.9, 0.99), fused=True, **options))
         if matrices:
-            options |= {"momentum": 0.95, "adjust_lr_fn": "match_rms_adamw"}
-            self.parts.append(torch.optim.Muon(matrices, **options))
+            self.parts.append(Muon(matrices, momentum=0.95, **options))
 
     @property
     def param_groups(self) -> list[dict]:

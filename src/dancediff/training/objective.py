@@ -29,6 +29,7 @@ from dancediff.extensions.music_dropout import with_dropped_blocks
 from dancediff.extensions.own_overlap import OverlapDraw, draw_overlap, with_own_overlap
 from dancediff.nn.dance_network import DanceNetwork, NormalizedNetwork
 from dancediff.nn.losses import Comparison, compare
+from dancediff.nn.precision import fastest_dtype
 from dancediff.papers.tcdiffpp.losses import LossWeights, five_losses
 from dancediff.training.config import TrainConfig
 from dancediff.training.extended_losses import extended_losses
@@ -132,8 +133,11 @@ class BatchLosses(ABC, Generic[Network]):
 
     def autocast(self) -> torch.autocast:
         """Inside, networks compute in the precision of the config."""
-        half = self.config.precision == "bf16"
-        return torch.autocast(self.device.type, torch.bfloat16, enabled=half)
+        kind, precision = self.device.type, self.config.precision
+        half = precision == "bf16" or (
+            precision == "fastest" and fastest_dtype(kind) == torch.bfloat16
+        )
+        return torch.autocast(kind, torch.bfloat16, enabled=half)
 
     def seed(self, number: int) -> int:
         """Of what is random about a batch."""

@@ -3,10 +3,11 @@ import torch
 from torch import nn
 
 from dancediff.nn.decoder import FusionProjection
+from dancediff.training import muon
 from dancediff.training.checkpoint import Checkpointer
 from dancediff.training.config import TrainConfig
 from dancediff.training.ema import EMA
-from dancediff.training.muon import MuonAdamW
+from dancediff.training.muon import Muon, MuonAdamW, orthogonalized
 from dancediff.training.optimizer import make_optimizer
 
 
@@ -54,13 +55,13 @@ def test_step_is_as_large_as_adams():
 
 def test_small_matrices_and_vectors_stay_with_adam_and_groups_keep_their_share():
     model = nn.Sequential(network(), nn.LayerNorm(2), FusionProjection(3, 8, 64))
-    muon = make_optimizer(model, TrainConfig(optimizer="muon"))
-    assert isinstance(muon, MuonAdamW)
-    adam, matrices = muon.parts
+    optimizer = make_optimizer(model, TrainConfig(optimizer="muon"))
+    assert isinstance(optimizer, MuonAdamW)
+    adam, matrices = optimizer.parts
     shapes = {g["share"]: [tuple(p.shape) for p in g["params"]] for g in matrices.param_groups}
     assert shapes == {1.0: [(64, 40)], 0.2: [(64, 64)]}
     assert {g["share"] for g in adam.param_groups} == {1.0, 0.2}
-    count = sum(len(g["params"]) for g in muon.param_groups)
+    count = sum(len(g["params"]) for g in optimizer.param_groups)
     assert count == len(list(model.parameters()))
 
 
@@ -93,3 +94,45 @@ def test_state_of_other_weights_is_refused():
     run(model, optimizer, [0])
     with pytest.raises(KeyError, match="no weight has the numbers"):
         optimizer_of(nn.Linear(3, 2)).load_state_dict(optimizer.state_dict())
+
+
+NEWTON_SCHULZ = {"ns_coefficients": (3.4445, -4.7750, 2.0315), "ns_steps": 5, "eps": 1e-7}
+
+
+def weights_after(optimizer_of, shape, steps=3):
+    draw = torch.Generator().manual_seed(1)
+    W = nn.Parameter(torch.randn(shape, generator=draw))
+    optimizer = optimizer_of([{"params": [W]}], lr=0.02, weight_decay=0.1, momentum=0.95)
+    for _ in range(steps):
+        W.grad = torch.randn(shape, generator=draw)
+        optimizer.step()
+    return W.detach()
+
+
+def torchs(groups, **options):
+    return torch.optim.Muon(groups, adjust_lr_fn="match_rms_adamw", **options)
+
+
+@pytest.mark.parametrize("shape", [(40, 64), (64, 40), (48, 48)])
+def test_with_bfloat16_it_is_torchs_own_to_the_last_bit(shape, monkeypatch):
+    monkeypatch.setattr(muon, "fastest_dtype", lambda kind: torch.bfloat16)
+    assert torch.equal(weights_after(Muon, shape), weights_after(torchs, shape))
+
+
+@pytest.mark.parametrize("shape", [(40, 64), (64, 40)])
+def test_with_all_digits_it_is_torchs_but_for_the_last_ones(shape, monkeypatch):
+    monkeypatch.setattr(muon, "fastest_dtype", lambda kind: torch.float32)
+    ours, theirs = weights_after(Muon, shape), weights_after(torchs, shape)
+    begun = weights_after(Muon, shape, steps=0)
+    assert (ours - theirs).norm() < 0.02 * (theirs - begun).norm()
+    assert not torch.equal(ours, theirs)
+
+
+@pytest.mark.parametrize("shape", [(40, 64), (64, 40)])
+def test_orthogonalized_keeps_the_singular_vectors(shape):
+    G = torch.randn(shape, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
+    X = orthogonalized(G, **NEWTON_SCHULZ, dtype=torch.float64)
+    U, _, Vt = torch.linalg.svd(G, full_matrices=False)
+    values = U.T @ X @ Vt.T
+    assert (values - torch.diag(values.diag())).abs().max() < 1e-6
+    assert 0.6 < values.diag().min() and values.diag().max() < 1.25

@@ -124,6 +124,21 @@ def test_bf16_runs(takes, tmp_path):
     assert all(p.isfinite().all() and p.dtype == torch.float32 for p in ema.parameters())
 
 
+@pytest.mark.parametrize("faster", [torch.float32, torch.bfloat16])
+def test_fastest_takes_what_is_faster_here(takes, tmp_path, monkeypatch, faster):
+    monkeypatch.setattr("dancediff.training.objective.fastest_dtype", lambda kind: faster)
+    named = {torch.float32: "fp32", torch.bfloat16: "bf16"}[faster]
+
+    def weights(precision):
+        model, data = fresh(takes)
+        ema = Trainer(
+            model, data, TrainConfig(steps=2, precision=precision), tmp_path / precision
+        ).run()
+        return torch.cat([p.detach().flatten() for p in ema.parameters()])
+
+    assert torch.equal(weights("fastest"), weights(named))
+
+
 def test_config_mistakes_are_named(tmp_path):
     path = tmp_path / "c.toml"
     both = "[model]\n[train]\n"
