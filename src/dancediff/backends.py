@@ -78,7 +78,8 @@ def run_jobs(
     A job whose process dies is tried again in another one, `TRIES` times in all; then its result is
     a `WorkerDied`. What ``function`` raises ends the run.
 
-    Raises: ValueError as `check_backend`, and for a scheduler that cannot be reached.
+    Raises: ValueError as `check_backend`, and for a scheduler that cannot be reached; RuntimeError
+    when Ray does not start on a computer that is too busy.
 
     >>> sorted(run_jobs(abs, [-1, 2]))
     [(0, 1), (1, 2)]
@@ -282,19 +283,23 @@ def _ray(workers: int, scheduler: str | None) -> Iterator:
         ray.shutdown()
 
 
-def _start(ray, address: str | None, how: dict, tries: int = 2) -> None:
+def _start(ray, address: str | None, how: dict) -> None:
     """Start or join a Ray cluster; again when a busy computer had not started it in 30 s."""
-    try:
-        ray.init(**how, log_to_driver=False, logging_level=logging.ERROR)
-    except (ConnectionError, RuntimeError, ValueError) as err:
-        raise _unreachable("ray", address, err) from err
-    except Exception as err:
-        if type(err) is not Exception:  # Ray's own has no type when it waited in vain
-            raise
-        ray.shutdown()
-        if tries == 1:
-            raise _too_slow(err) from err
-        _start(ray, address, how, tries - 1)
+    for may_again in (True, False):
+        try:
+            ray.init(**how, log_to_driver=False, logging_level=logging.ERROR)
+            return
+        except (ConnectionError, RuntimeError, ValueError) as err:
+            raise _unreachable("ray", address, err) from err
+        except Exception as err:
+            if type(err) is not Exception:  # Ray's own has no type when it waited in vain
+                raise
+            ray.shutdown()
+            if not may_again:
+                raise RuntimeError(
+                    f"backend='ray' did not start here ({' '.join(str(err).split())}); end what "
+                    "else is running, or take backend='loky'"
+                ) from err
 
 
 def _knock(backend: str, address: str) -> None:
@@ -308,13 +313,6 @@ def _knock(backend: str, address: str) -> None:
         socket.create_connection((host, int(port)), timeout=SECONDS).close()
     except (OSError, ValueError) as err:
         raise _unreachable(backend, address, err) from err
-
-
-def _too_slow(err: Exception) -> RuntimeError:
-    return RuntimeError(
-        f"backend='ray' did not start on this computer ({' '.join(str(err).split())}); end what "
-        "else is running, or take backend='loky'"
-    )
 
 
 def _unreachable(backend: str, address: str | None, err: Exception) -> ValueError:

@@ -57,7 +57,7 @@ class Muon(torch.optim.Muon):
 
     @torch.no_grad()
     def step(self, closure: Any = None) -> Any:
-        """One update of all matrices that have a gradient."""
+        """One update of all matrices that have a gradient; a closure is not called."""
         for group in self.param_groups:
             how = {name: group[name] for name in ("ns_coefficients", "ns_steps", "eps")}
             for W in group["params"]:
