@@ -18,6 +18,7 @@ from dancediff.extensions.foot_cues import NUM_MOVING, FootCues
 from dancediff.extensions.formation_prior import FormationPrior
 from dancediff.extensions.frame_tokens import FrameTokens, pool_music
 from dancediff.extensions.genre_condition import GenreCondition
+from dancediff.extensions.genre_prior import GenrePrior
 from dancediff.extensions.non_local_filter import NonLocalFilter
 from dancediff.extensions.parts import Part, Parts, Pass
 from dancediff.extensions.preconditioning import LinearStart, preconditioning_of
@@ -244,6 +245,7 @@ def parts_of(
         "formation_prior": lambda: FormationPrior(
             c.max_dancers, f, use_swap="swap_mode" not in c.without
         ),
+        "genre_prior": lambda: GenrePrior(len(genres), f, c.motion_dim),
         "preconditioning": lambda: LinearStart(c.d_model, c.motion_dim, f),
         "foot_cues": lambda: FootCues(c.d_model),
         "beat_phase": lambda: BeatPhase(c.d_model),

@@ -19,6 +19,7 @@ from torch import Tensor, nn
 
 from dancediff.diffusion.conditions import Conditions
 from dancediff.extensions.group_modes import GroupModes
+from dancediff.extensions.spectrum import Spectrum
 from dancediff.motion.representation import Normalizer
 
 
@@ -31,6 +32,7 @@ class Pass:
     conditions: Conditions
     normalizer: Normalizer
     group: GroupModes | None = None
+    spectrum: Spectrum | None = None  # of the genre; `GenrePrior`
     guess: Tensor = None  # type: ignore[assignment] # the linear guess, like x_t; `LinearStart`
 
 

@@ -26,6 +26,7 @@ from torch import Tensor, nn
 
 from dancediff.extensions.group_modes import GroupModes
 from dancediff.extensions.parts import Part, Pass
+from dancediff.extensions.spectrum import Spectrum
 from dancediff.lookup import table
 
 LARGEST = 0.5  # of `scale`: the slow parts of F stay in the units of the motion
@@ -114,11 +115,21 @@ class Preconditioning(nn.Module):
         self.mean.copy_(mean)
         self.std.copy_(power.clamp_min(SMALLEST**2).sqrt())
 
-    def linear_guess(self, x_t: Tensor, abar: Tensor, group: GroupModes | None = None) -> Tensor:
-        """What can be said without a network (b, n, f, d); with a group, how it varies together."""
-        skip, _ = self._coefficients(_each_row(abar, x_t), x_t.shape[-2], group)
+    def linear_guess(
+        self,
+        x_t: Tensor,
+        abar: Tensor,
+        group: GroupModes | None = None,
+        known: Spectrum | None = None,
+    ) -> Tensor:
+        """What can be said without a network, like x_t.
+
+        ``group``: how its dancers vary together; ``known``: of each row, in place of mean and std.
+        """
+        skip, _ = self._coefficients(x_t, abar, group, known)
         C = table(dct_matrix, x_t.shape[-2], like=x_t)
-        mean = self.mean if group is None else group.placed(self.mean)
+        mean = self.mean if known is None else _each_row(known.mean, x_t)
+        mean = mean if group is None else group.placed(mean)
         noisy = x_t - _each_row(abar, x_t).sqrt() * mean
         with torch.autocast(x_t.device.type, enabled=False):  # millimetres need float32
             return mean + C.T @ _scaled(skip, C @ noisy, group)
@@ -137,10 +148,15 @@ class Preconditioning(nn.Module):
         return (x_t - abar.sqrt() * guess) / (1 - abar).sqrt()
 
     def forward(
-        self, F: Tensor, guess: Tensor, abar: Tensor, group: GroupModes | None = None
+        self,
+        F: Tensor,
+        guess: Tensor,
+        abar: Tensor,
+        group: GroupModes | None = None,
+        known: Spectrum | None = None,
     ) -> Tensor:
         """Add the network's part F to the linear guess."""
-        _, scale = self._coefficients(_each_row(abar, F), F.shape[-2], group)
+        _, scale = self._coefficients(F, abar, group, known)
         C = table(dct_matrix, F.shape[-2], like=F)
         with torch.autocast(F.device.type, enabled=False):
             return guess + C.T @ _scaled(scale.clamp_max(LARGEST), C @ F, group)
@@ -150,17 +166,18 @@ class Preconditioning(nn.Module):
 
         Shapes: abar (b,) -> (b,).
         """
-        return self._coefficients(abar[:, None, None], len(self.std))[1].square().mean((1, 2))
+        return linear_coefficients(abar[:, None, None], self.std)[1].square().mean((1, 2))
 
     def _coefficients(
-        self, abar: Tensor, f: int, group: GroupModes | None = None
+        self, x: Tensor, abar: Tensor, group: GroupModes | None, known: Spectrum | None
     ) -> tuple[Tensor, Tensor]:
         # A shorter window knows fewer frequencies: take those it has from the fitted ones.
-        rows = (torch.arange(f, device=abar.device) * len(self.std)) // f
-        std = self.std[rows]
+        rows = (torch.arange(x.shape[-2], device=x.device) * len(self.std)) // x.shape[-2]
+        std = self.std if known is None else _each_row(known.std, x)
+        std = std[..., rows, :]
         if group is not None:
             std = group.std_with_modes(std)
-        return linear_coefficients(abar, std)
+        return linear_coefficients(_each_row(abar, x), std)
 
 
 def _scaled(by: Tensor, coefficients: Tensor, group: GroupModes | None) -> Tensor:
@@ -169,9 +186,9 @@ def _scaled(by: Tensor, coefficients: Tensor, group: GroupModes | None) -> Tenso
     return group.turn_back(by * group.turn(coefficients))
 
 
-def _each_row(abar: Tensor, x: Tensor) -> Tensor:
-    """abar (b,) with as many axes as x."""
-    return abar.reshape(-1, *[1] * (x.ndim - 1))
+def _each_row(known: Tensor, x: Tensor) -> Tensor:
+    """What is known of each row, (b,), (b, d) or (b, k, d), with as many axes as x."""
+    return known.reshape(len(known), *[1] * (x.ndim - known.ndim), *known.shape[1:])
 
 
 class LinearStart(Part):
@@ -189,7 +206,7 @@ class LinearStart(Part):
 
     def prepare(self, run: Pass) -> None:
         """Make the linear guess."""
-        run.guess = self.preconditioning.linear_guess(run.x_t, run.abar, run.group)
+        run.guess = self.preconditioning.linear_guess(run.x_t, run.abar, run.group, run.spectrum)
 
     def embed(self, h: Tensor, run: Pass) -> Tensor:
         """The guess, and the noise that it leaves, beside the noisy motion."""
@@ -198,11 +215,11 @@ class LinearStart(Part):
 
     def read(self, x: Tensor, h: Tensor, run: Pass) -> Tensor:
         """What the decoder put out, added to the guess."""
-        return self.preconditioning(x, run.guess, run.abar, run.group)
+        return self.preconditioning(x, run.guess, run.abar, run.group, run.spectrum)
 
     def adapt(self, x_hat: Tensor, x_raw: Tensor, run: Pass) -> Tensor:
         """The adaptor's change, added to x_raw."""
-        return self.preconditioning(x_hat - x_raw, x_raw, run.abar, run.group)
+        return self.preconditioning(x_hat - x_raw, x_raw, run.abar, run.group, run.spectrum)
 
 
 def preconditioning_of(model: nn.Module) -> Preconditioning | None:

@@ -20,6 +20,7 @@ SHARED = (
     "parts",
     "projection",
     "registry",
+    "spectrum",
 )
 
 
@@ -59,6 +60,8 @@ _ALL = (
     # network
     Extension("formation_prior", "network", "The linear guess knows formations and swap modes.",
               "formation_prior", GROUP, needs=LINEAR, lesson=7),
+    Extension("genre_prior", "network", "The linear guess knows genres.", "genre_prior",
+              BY_SEGMENTS, packaged=(), needs=(*LINEAR, "genre_condition")),
     Extension("preconditioning", "network", "The network adds to the best linear guess.",
               "preconditioning", ALL, lesson=4),
     Extension("foot_cues", "network", "Heights and speeds of a guess's feet are an input.",

@@ -5,6 +5,7 @@ Read first: notebook 03 · `dancediff.motion.representation.Normalizer`.
 
 import warnings
 from collections.abc import Iterator
+from typing import TypeVar
 
 import torch
 from torch import Tensor, nn
@@ -12,8 +13,10 @@ from torch import Tensor, nn
 from dancediff.data.take import DanceTake
 from dancediff.data.windows import GroupCut, half_overlapping
 from dancediff.extensions.formation_prior import FormationPrior
+from dancediff.extensions.genre_condition import genres_of
+from dancediff.extensions.genre_prior import GenrePrior
 from dancediff.extensions.metre_unit import metre_unit_normalizer
-from dancediff.extensions.preconditioning import preconditioning_of
+from dancediff.extensions.preconditioning import Preconditioning, preconditioning_of
 from dancediff.motion.mirror import mirror_features
 from dancediff.motion.representation import TCDIFFPP, Normalizer
 from dancediff.music.features import MusicNormalizer
@@ -22,6 +25,7 @@ from dancediff.papers.tcdiff.model import TCDiff
 from dancediff.training.config import TrainingExtensions
 
 PLAIN = TrainingExtensions()
+Kind = TypeVar("Kind", bound=nn.Module)
 
 
 def fit_statistics(
@@ -53,9 +57,41 @@ def fit_statistics(
         model.start.fit(list(_first_places(model, takes)))
     preconditioning = preconditioning_of(model)
     if preconditioning is not None:
-        frames = [(take.real, take.num_dancers * take.num_frames) for take in takes]
-        windows = _around_the_mean(model, takes)
-        preconditioning.fit(windows, weights=window_weights(frames, real))
+        fit_linear_guess(model, preconditioning, takes, real)
+
+
+def fit_linear_guess(
+    model: NormalizedNetwork,
+    preconditioning: Preconditioning,
+    takes: list[DanceTake],
+    real: float | None,
+) -> None:
+    """Set what the linear guess knows: formations, the spectrum of all dances, that of genres."""
+    cut = GroupCut(model.config.num_frames)
+    formation = _part(model, FormationPrior)
+
+    def windows() -> Iterator[tuple[Tensor, Tensor]]:
+        for take in takes:
+            x, S = half_overlapping(take, cut)
+            yield model.normalizer.normalize(x), S
+
+    def around_the_mean() -> Iterator[Tensor]:
+        for x, S in windows():
+            if formation is not None:
+                x[..., TCDIFFPP.floor] -= formation.mean(S)
+            yield x.flatten(0, 1)
+
+    if formation is not None:
+        # cloned: a view would keep whole windows, gigabytes of them
+        formation.fit((x[..., TCDIFFPP.floor].clone(), S) for x, S in windows())
+    frames = [(take.real, take.num_dancers * take.num_frames) for take in takes]
+    preconditioning.fit(around_the_mean(), weights=window_weights(frames, real))
+    prior = _part(model, GenrePrior)
+    if prior is not None:
+        names = genres_of(model)
+        genres = [names.index(take.genre) if take.genre in names else None for take in takes]
+        known = preconditioning.mean, preconditioning.std
+        prior.fit(zip(around_the_mean(), genres, strict=True), *known)
 
 
 def _ends(takes: list[DanceTake], mirror: bool) -> Iterator[Tensor]:
@@ -73,24 +109,9 @@ def _first_places(model: TCDiff, takes: list[DanceTake]) -> Iterator[Tensor]:
         yield model.normalizer.normalize(x[:, :, 0])[..., TCDIFFPP.floor].clone()
 
 
-def _around_the_mean(model: NormalizedNetwork, takes: list[DanceTake]) -> Iterator[Tensor]:
-    """Normalised windows, around where the formation prior, if there is one, expects dancers."""
-    cut = GroupCut(model.config.num_frames)
-    formation = next((p for p in model.modules() if isinstance(p, FormationPrior)), None)
-
-    def windows() -> Iterator[tuple[Tensor, Tensor]]:
-        for take in takes:
-            x, S = half_overlapping(take, cut)
-            yield model.normalizer.normalize(x), S
-
-    if formation is not None:
-        # cloned: a view would keep whole windows, gigabytes of them
-        formation.fit((x[..., TCDIFFPP.floor].clone(), S) for x, S in windows())
-
-    for x, S in windows():
-        if formation is not None:
-            x[..., TCDIFFPP.floor] -= formation.mean(S)
-        yield x.flatten(0, 1)
+def _part(model: nn.Module, kind: type[Kind]) -> Kind | None:
+    """The part of a class that a model has; None where there is none."""
+    return next((part for part in model.modules() if isinstance(part, kind)), None)
 
 
 def window_weights(takes: list[tuple[bool, int]], real: float | None) -> list[float]:
