@@ -152,7 +152,7 @@ class Scaling:
         """The points as a table of the pages: a row each and length."""
         rows = [
             [
-                *(p["config"], p["seed"], p["minutes"], round(p["spent"]), p["windows"]),
+                *(p["config"], p["seed"], round(p["minutes"]), round(p["spent"]), p["windows"]),
                 *(int(frames), p["autoguidance"]),
                 *(rounded(scores[metric]) for metric in METRICS),
             ]
@@ -160,17 +160,27 @@ class Scaling:
             for frames, scores in p["scores"].items()
         ]
         table = {
-            "about": "Quality against computing, bare networks; autoguidance chosen for each on "
-            "other songs.",
+            "about": "Quality against computing: bare networks, not told the genre; autoguidance "
+            "chosen for each on other songs.",
             "data": "synthetic",
             "intervals": "95 % bootstrap intervals over dances",
-            "command": "python benchmarks/scaling.py CONFIGS",
+            "command": self.command(),
             "columns": ["config", "seed", "minutes", "seconds spent", "dancer windows", "frames",
                         "autoguidance", *METRICS],
             "rows": rows,
         }  # fmt: skip
         self.results.parent.mkdir(parents=True, exist_ok=True)
         self.results.write_text(json.dumps(table, indent=1, ensure_ascii=False) + "\n", "utf-8")
+
+    def command(self) -> str:
+        """What was called; folders as in the docstring of this file."""
+        listed = {"minutes": self.minutes, "seeds": self.seeds, "autoguidance": self.autoguidance}
+        options = {name: " ".join(f"{v:g}" for v in values) for name, values in listed.items()}
+        options |= {"count": self.count, "tuned": self.tuned}
+        return " ".join(
+            ["python benchmarks/scaling.py", *map(str, self.configs)]
+            + [f"--{name} {value}" for name, value in options.items()]
+        )
 
 
 def rounded(cell: list):

@@ -16,7 +16,7 @@ from torch import Tensor, nn
 
 from dancediff.diffusion.conditions import Conditions
 from dancediff.diffusion.schedule import send
-from dancediff.extensions.parts import Part, Pass
+from dancediff.extensions.parts import Part, Pass, part_of
 
 DROP = 0.15  # share of training windows that are learned without their genre
 
@@ -55,13 +55,9 @@ class GenreCondition(Part):
 
     def vectors(self, conditions: Conditions) -> Tensor:
         """What is added to each row, (b, d_model)."""
-        b, g = len(conditions), len(self.genres)
-        w = conditions.genre
-        if w is None:
-            return self.no_genre.expand(b, -1)
-        if w.shape != (b, g):
-            raise ValueError(f"genre has shape {tuple(w.shape)}; expected {(b, g)} to match music")
-        w = w * conditions.music_mask[:, None]
+        if conditions.genre is None:
+            return self.no_genre.expand(len(conditions), -1)
+        w = genre_shares(conditions, len(self.genres))
         # a sum, not a matrix product: then a row does not depend on how many others there are
         mixed = (w[..., None] * self.table).sum(1)
         return mixed + (1 - w.sum(1, keepdim=True)) * self.no_genre
@@ -69,6 +65,19 @@ class GenreCondition(Part):
     def film(self, cond: Tensor, run: Pass) -> Tensor:
         """The same for all frames and dancers of a row."""
         return cond + self.vectors(run.conditions)
+
+
+def genre_shares(conditions: Conditions, genres: int) -> Tensor:
+    """The mix of genres that each row is asked for (b, g); zeros for none and for masked music.
+
+    Raises: ValueError for weights of another shape.
+    """
+    shape, w = (len(conditions), genres), conditions.genre
+    if w is None:
+        return conditions.music.new_zeros(shape)
+    if w.shape != shape:
+        raise ValueError(f"genre has shape {tuple(w.shape)}; expected {shape} to match music")
+    return w * conditions.music_mask[:, None]
 
 
 def check_genres(genres: Sequence[str]) -> None:
@@ -79,7 +88,7 @@ def check_genres(genres: Sequence[str]) -> None:
 
 def genre_condition_of(model: nn.Module) -> GenreCondition | None:
     """That of a model; None where there is none."""
-    return next((part for part in model.modules() if isinstance(part, GenreCondition)), None)
+    return part_of(model, GenreCondition)
 
 
 def genres_of(model) -> tuple[str, ...]:

@@ -14,7 +14,7 @@ from collections.abc import Iterable
 import torch
 from torch import Tensor
 
-from dancediff.diffusion.conditions import Conditions
+from dancediff.extensions.genre_condition import genre_shares
 from dancediff.extensions.parts import Part, Pass
 from dancediff.extensions.preconditioning import LARGEST, SMALLEST, dct_matrix
 from dancediff.extensions.spectrum import Spectrum
@@ -88,10 +88,4 @@ class GenrePrior(Part):
 
     def prepare(self, run: Pass) -> None:
         """Tell preconditioning how the genre that is asked for stands and moves."""
-        run.spectrum = self(self._shares(run.conditions))
-
-    def _shares(self, conditions: Conditions) -> Tensor:
-        w = conditions.genre
-        if w is None:
-            return self.mean.new_zeros(len(conditions), len(self.mean) - 1)
-        return w * conditions.music_mask[:, None]
+        run.spectrum = self(genre_shares(run.conditions, len(self.mean) - 1))

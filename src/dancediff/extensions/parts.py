@@ -1,5 +1,7 @@
 """Parts: what an extension of a network does on the way from noisy motion to a guess.
 
+Read first: `dancediff.papers.tcdiffpp.model`.
+
 An extended model runs its plain decoder step by step and gives every part a turn after each step:
 `Parts.prepare` before all, `embed` after the embedding, `tokens` after the Fusion Projection,
 `film` before the layers, `read` after the decoder has read out its tokens, `velocity` before and
@@ -13,6 +15,7 @@ Symbols (axes: b batch · n dancers, where there is a group · f frames · d mot
 
 from collections.abc import ValuesView
 from dataclasses import dataclass
+from typing import TypeVar
 
 import torch
 from torch import Tensor, nn
@@ -21,6 +24,8 @@ from dancediff.diffusion.conditions import Conditions
 from dancediff.extensions.group_modes import GroupModes
 from dancediff.extensions.spectrum import Spectrum
 from dancediff.motion.representation import Normalizer
+
+Kind = TypeVar("Kind", bound=nn.Module)
 
 
 @dataclass
@@ -65,6 +70,11 @@ class Part(nn.Module):
     def adapt(self, x_hat: Tensor, x_raw: Tensor, run: Pass) -> Tensor:
         """Change what the Footwork Adaptor made of x_raw."""
         return x_hat
+
+
+def part_of(model: nn.Module, kind: type[Kind]) -> Kind | None:
+    """The first module of a class in a model; None where there is none."""
+    return next((part for part in model.modules() if isinstance(part, kind)), None)
 
 
 class Parts(nn.ModuleDict):

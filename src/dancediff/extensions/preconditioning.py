@@ -25,7 +25,7 @@ import torch
 from torch import Tensor, nn
 
 from dancediff.extensions.group_modes import GroupModes
-from dancediff.extensions.parts import Part, Pass
+from dancediff.extensions.parts import Part, Pass, part_of
 from dancediff.extensions.spectrum import Spectrum
 from dancediff.lookup import table
 
@@ -224,4 +224,4 @@ class LinearStart(Part):
 
 def preconditioning_of(model: nn.Module) -> Preconditioning | None:
     """That of a model or of a part of it; None where there is none."""
-    return next((part for part in model.modules() if isinstance(part, Preconditioning)), None)
+    return part_of(model, Preconditioning)

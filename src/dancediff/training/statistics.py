@@ -5,7 +5,6 @@ Read first: notebook 03 · `dancediff.motion.representation.Normalizer`.
 
 import warnings
 from collections.abc import Iterator
-from typing import TypeVar
 
 import torch
 from torch import Tensor, nn
@@ -16,6 +15,7 @@ from dancediff.extensions.formation_prior import FormationPrior
 from dancediff.extensions.genre_condition import genres_of
 from dancediff.extensions.genre_prior import GenrePrior
 from dancediff.extensions.metre_unit import metre_unit_normalizer
+from dancediff.extensions.parts import part_of
 from dancediff.extensions.preconditioning import Preconditioning, preconditioning_of
 from dancediff.motion.mirror import mirror_features
 from dancediff.motion.representation import TCDIFFPP, Normalizer
@@ -25,7 +25,6 @@ from dancediff.papers.tcdiff.model import TCDiff
 from dancediff.training.config import TrainingExtensions
 
 PLAIN = TrainingExtensions()
-Kind = TypeVar("Kind", bound=nn.Module)
 
 
 def fit_statistics(
@@ -68,7 +67,7 @@ def fit_linear_guess(
 ) -> None:
     """Set what the linear guess knows: formations, the spectrum of all dances, that of genres."""
     cut = GroupCut(model.config.num_frames)
-    formation = _part(model, FormationPrior)
+    formation = part_of(model, FormationPrior)
 
     def windows() -> Iterator[tuple[Tensor, Tensor]]:
         for take in takes:
@@ -86,7 +85,7 @@ def fit_linear_guess(
         formation.fit((x[..., TCDIFFPP.floor].clone(), S) for x, S in windows())
     frames = [(take.real, take.num_dancers * take.num_frames) for take in takes]
     preconditioning.fit(around_the_mean(), weights=window_weights(frames, real))
-    prior = _part(model, GenrePrior)
+    prior = part_of(model, GenrePrior)
     if prior is not None:
         names = genres_of(model)
         genres = [names.index(take.genre) if take.genre in names else None for take in takes]
@@ -107,11 +106,6 @@ def _first_places(model: TCDiff, takes: list[DanceTake]) -> Iterator[Tensor]:
     for take in takes:
         x, _ = half_overlapping(take, cut)
         yield model.normalizer.normalize(x[:, :, 0])[..., TCDIFFPP.floor].clone()
-
-
-def _part(model: nn.Module, kind: type[Kind]) -> Kind | None:
-    """The part of a class that a model has; None where there is none."""
-    return next((part for part in model.modules() if isinstance(part, kind)), None)
 
 
 def window_weights(takes: list[tuple[bool, int]], real: float | None) -> list[float]:

@@ -117,6 +117,13 @@ def test_what_a_network_adds_is_as_small_as_the_genre_varies(k):
     assert added[1].mean() < 0.005 * added[0].mean()
 
 
+def test_weights_of_other_genres_are_refused():
+    model = next(networks(EXTENSIONS))
+    given = Conditions(torch.randn(1, 20, 35), swap=torch.arange(2)[None], genre=torch.ones(1, 3))
+    with pytest.raises(ValueError, match=r"genre has shape \(1, 3\); expected \(1, 2\)"):
+        model.linear_guess(torch.randn(1, 2, 20, 151), torch.tensor([5]), given)
+
+
 def test_a_row_does_not_depend_on_the_others():
     prior, *_ = fitted()
     w = torch.rand(7, 2) / 2
