@@ -67,7 +67,7 @@ class NonLocalFilter(Part):
     0.0
     """
 
-    parts: Tensor
+    features: Tensor  # 1 where a feature (column) belongs to a part of the body (row)
     frequencies: Tensor
 
     def __init__(self, d_model: int, motion_dim: int):
@@ -75,9 +75,9 @@ class NonLocalFilter(Part):
         super().__init__()
         self.norm = nn.LayerNorm(d_model)
         self.query_key = nn.Linear(d_model, 2 * HEADS * WIDTH)
-        self.register_buffer("parts", body_parts(motion_dim), persistent=False)
-        joints = (motion_dim - 7) // 6
-        self.mix = nn.Linear(d_model, 2 * HEADS * (2 + joints))
+        features = nn.functional.one_hot(body_parts(motion_dim)).T.float()
+        self.register_buffer("features", features, persistent=False)
+        self.mix = nn.Linear(d_model, 2 * HEADS * len(self.features))
         for weights in self.mix.parameters():
             nn.init.zeros_(weights)
         self.register_buffer("frequencies", rope_frequencies(WIDTH), persistent=False)
@@ -92,11 +92,14 @@ class NonLocalFilter(Part):
         tokens = self.norm(tokens)
         A = self._weights(tokens)
         mix = self.mix(tokens).float()
-        u, v = rearrange(mix, "... f (two h p) -> two ... h f p", two=2, h=HEADS)[..., self.parts]
+        u, v = rearrange(mix, "... f (two h p) -> two ... h f p", two=2, h=HEADS).unbind()
         with torch.autocast(guess.device.type, enabled=False):  # millimetres need float32
-            averaged = A @ torch.cat([guess, residual], dim=-1).unsqueeze(-3)
-            smooth, kept = averaged.chunk(2, dim=-1)
-            return (u * (smooth - guess.unsqueeze(-3)) + v * kept).sum(dim=-3)
+            heads = rearrange(A, "... h f g -> ... (h f) g")  # one product for all of them
+            smooth, kept = (
+                rearrange(heads @ x, "... (h f) d -> ... h f d", h=HEADS) for x in (guess, residual)
+            )
+            change = (u @ self.features * smooth + v @ self.features * kept).sum(dim=-3)
+            return change - u.sum(dim=-3) @ self.features * guess
 
     def read(self, x: Tensor, h: Tensor, run: Pass) -> Tensor:
         """As a part of a decoder: x with the correction."""

@@ -26,7 +26,7 @@ def by_loops(module, tokens, guess, residual):
     out = torch.zeros_like(guess)
     for h in range(HEADS):
         for c in range(d):
-            part = int(module.parts[c])
+            part = int(module.features[:, c].argmax())
             u = mix[..., h * count + part]
             v = mix[..., (HEADS + h) * count + part]
             smooth = (A[:, :, h] @ guess[..., c, None])[..., 0]
