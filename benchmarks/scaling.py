@@ -42,7 +42,7 @@ from dancediff.metrics.swaps import obeys
 from dancediff.motion.motion import Motion
 
 METRICS = (
-    *("FID_k", "FID_g", "GMR", "GMC", "TIF", "Div_k", "Div_g", "MMC", "FSR", "PFC"),
+    *("FID_k", "FID_g", "GMR", "unison", "TIF", "Div_k", "Div_g", "MMC", "FSR", "PFC"),
     *("joint speed", "orders kept"),
 )
 BARE = Sampling(

@@ -1,8 +1,9 @@
 r"""Formation prior: a Gaussian over where dancers stand and who moves with whom.
 
-Read first: notebook 07 · `dancediff.extensions.preconditioning`.
+Read first: notebook 07 · `dancediff.extensions.group_modes`.
 
-Symbols (axes: b batch · n dancers, ranked from left to right · f frames · k frequencies
+Symbols (axes: b batch · n dancers, ranked from left to right · r formations, as many as dancers
+         f frames · k frequencies
          c the two coordinates on the floor: root x and root z · N the largest group)
     S          swap mode: S[j] = rank of the dancer who is j-th from the left in the end  (b, n)
     place      where each rank stands, for every size of group                            (N, N, c)
@@ -12,15 +13,55 @@ Symbols (axes: b batch · n dancers, ranked from left to right · f frames · k 
 """
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 
 import torch
 from torch import Tensor
 
-from dancediff.extensions.group_modes import GroupModes
 from dancediff.extensions.parts import Part, Pass
 from dancediff.extensions.preconditioning import SMALLEST, dct_matrix
 from dancediff.lookup import table
 from dancediff.motion.representation import TCDIFFPP
+
+
+@dataclass(frozen=True)
+class FormationModes:
+    """Principal formations of each row of a batch: `GroupModes` of places on the floor.
+
+    Shapes: mean (b, n, f, c), basis (b, k, c, n, n), std (b, n, k, c).
+    """
+
+    mean: Tensor
+    basis: Tensor
+    std: Tensor
+
+    def turn(self, coefficients: Tensor) -> Tensor:
+        """From dancers to modes, (b, n, k, d)."""
+        return self._changed(coefficients, "bkcnr,bnkc->brkc")
+
+    def turn_back(self, coefficients: Tensor) -> Tensor:
+        """From modes to dancers, (b, n, k, d)."""
+        return self._changed(coefficients, "bkcnr,brkc->bnkc")
+
+    def _changed(self, coefficients: Tensor, how: str) -> Tensor:
+        changed, floor = coefficients.clone(), TCDIFFPP.floor
+        changed[..., floor] = torch.einsum(
+            how, self.basis.to(coefficients), coefficients[..., floor]
+        )
+        return changed
+
+    def placed(self, mean: Tensor) -> Tensor:
+        """A mean with where each dancer is expected, (b, n, f, d)."""
+        b, n, f, _ = self.mean.shape
+        placed = mean.expand(b, n, f, mean.shape[-1]).clone()
+        placed[..., TCDIFFPP.floor] += self.mean
+        return placed
+
+    def std_with_modes(self, std: Tensor) -> Tensor:
+        """Those of all features, with those of the modes: (b, n, k, d)."""
+        changed = std.clone()
+        changed[..., TCDIFFPP.floor] = self.std
+        return changed
 
 
 class FormationPrior(Part):
@@ -106,11 +147,10 @@ class FormationPrior(Part):
         w = self.progress[self._rows(f)][:, None]
         return place[:, :, None] + w * (goal - place)[:, :, None]
 
-    def forward(self, S: Tensor, f: int | None = None) -> GroupModes:
+    def forward(self, S: Tensor, f: int | None = None) -> FormationModes:
         """What preconditioning needs to know about a batch of groups."""
         n, size, rows = S.shape[1], self._size(S), self._rows(f)
-        return GroupModes(
-            features=TCDIFFPP.floor,
+        return FormationModes(
             mean=self.mean(S, f),
             basis=self.basis[size][:, rows, :, :n, :n],
             std=self.std[size][:, rows, :, :n].permute(0, 3, 1, 2),
@@ -130,7 +170,7 @@ class FormationPrior(Part):
         S = run.conditions.swap
         assert S is not None  # the decoder has checked
         S = S if self.use_swap else torch.arange(S.shape[1], device=S.device).expand_as(S)
-        run.group = self(S, run.x_t.shape[2])
+        run.modes.append(self(S, run.x_t.shape[2]))
 
 
 def _mirrored(paths: Tensor) -> Tensor:

@@ -75,9 +75,10 @@ class NonLocalFilter(Part):
         super().__init__()
         self.norm = nn.LayerNorm(d_model)
         self.query_key = nn.Linear(d_model, 2 * HEADS * WIDTH)
-        features = nn.functional.one_hot(body_parts(motion_dim)).T.float()
+        part = torch.arange(2 + (motion_dim - 7) // 6)
+        features = (body_parts(motion_dim) == part[:, None]).float()
         self.register_buffer("features", features, persistent=False)
-        self.mix = nn.Linear(d_model, 2 * HEADS * len(self.features))
+        self.mix = nn.Linear(d_model, 2 * HEADS * len(part))
         for weights in self.mix.parameters():
             nn.init.zeros_(weights)
         self.register_buffer("frequencies", rope_frequencies(WIDTH), persistent=False)

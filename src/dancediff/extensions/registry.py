@@ -60,6 +60,8 @@ _ALL = (
     # network
     Extension("formation_prior", "network", "The linear guess knows formations and swap modes.",
               "formation_prior", GROUP, needs=LINEAR, lesson=7),
+    Extension("unison_prior", "network", "The linear guess knows how alike dancers are.",
+              "unison_prior", GROUP, packaged=(), needs=LINEAR),
     Extension("genre_prior", "network", "The linear guess knows genres.", "genre_prior",
               BY_SEGMENTS, packaged=(), needs=(*LINEAR, "genre_condition")),
     Extension("preconditioning", "network", "The network adds to the best linear guess.",

@@ -28,6 +28,7 @@ from dancediff.metrics.physical import below_floor, fsr, pfc
 from dancediff.metrics.posture import POSTURE
 from dancediff.metrics.rhythm import SMOOTH, beat_alignment
 from dancediff.metrics.swaps import abrupt_swaps, obeys, permutation_kind
+from dancediff.metrics.unison import unison
 from dancediff.motion.beats import motion_beats
 from dancediff.motion.motion import Motion
 from dancediff.own import own_function
@@ -211,6 +212,7 @@ FEATURES: dict[str, Callable] = {
 }
 NUMBERS: dict[str, Callable] = {
     "GMC": _short_gmc,
+    "unison": unison,
     "TIF": lambda joints, fps: tif(joints),
     "PFC": pfc,
     "FSR": fsr,

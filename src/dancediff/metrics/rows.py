@@ -69,6 +69,7 @@ METRICS = (
     Metric("Div_g", "geometric", "", ALIKE, diversity),
     Metric("GMR", "group", "", DOWN, gmr),
     Metric("GMC", "GMC", "", ALIKE),
+    Metric("unison", "unison", "-1 … 1", ALIKE),
     Metric("TIF", "TIF", "pairs a frame", DOWN),
     Metric("MMC", "MMC", "0 … 1", UP),
     Metric("BAS", "BAS", "0 … 1", UP),

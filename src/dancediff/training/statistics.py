@@ -17,6 +17,7 @@ from dancediff.extensions.genre_prior import GenrePrior
 from dancediff.extensions.metre_unit import metre_unit_normalizer
 from dancediff.extensions.parts import part_of
 from dancediff.extensions.preconditioning import Preconditioning, preconditioning_of
+from dancediff.extensions.unison_prior import UnisonPrior
 from dancediff.motion.mirror import mirror_features
 from dancediff.motion.representation import TCDIFFPP, Normalizer
 from dancediff.music.features import MusicNormalizer
@@ -65,7 +66,7 @@ def fit_linear_guess(
     takes: list[DanceTake],
     real: float | None,
 ) -> None:
-    """Set what the linear guess knows: formations, the spectrum of all dances, that of genres."""
+    """Set what the linear guess knows: formations, spectrum, that of genres, and unison."""
     cut = GroupCut(model.config.num_frames)
     formation = part_of(model, FormationPrior)
 
@@ -74,23 +75,30 @@ def fit_linear_guess(
             x, S = half_overlapping(take, cut)
             yield model.normalizer.normalize(x), S
 
-    def around_the_mean() -> Iterator[Tensor]:
+    def around_places() -> Iterator[Tensor]:
         for x, S in windows():
             if formation is not None:
                 x[..., TCDIFFPP.floor] -= formation.mean(S)
-            yield x.flatten(0, 1)
+            yield x
+
+    def dancers() -> Iterator[Tensor]:
+        return (x.flatten(0, 1) for x in around_places())
 
     if formation is not None:
         # cloned: a view would keep whole windows, gigabytes of them
         formation.fit((x[..., TCDIFFPP.floor].clone(), S) for x, S in windows())
     frames = [(take.real, take.num_dancers * take.num_frames) for take in takes]
-    preconditioning.fit(around_the_mean(), weights=window_weights(frames, real))
+    weights = window_weights(frames, real)
+    preconditioning.fit(dancers(), weights)
     prior = part_of(model, GenrePrior)
     if prior is not None:
         names = genres_of(model)
         genres = [names.index(take.genre) if take.genre in names else None for take in takes]
         known = preconditioning.mean, preconditioning.std
-        prior.fit(zip(around_the_mean(), genres, strict=True), *known)
+        prior.fit(zip(dancers(), genres, strict=True), *known)
+    unison = part_of(model, UnisonPrior)
+    if unison is not None:
+        unison.fit((x - preconditioning.mean for x in around_places()), weights)
 
 
 def _ends(takes: list[DanceTake], mirror: bool) -> Iterator[Tensor]:

@@ -33,7 +33,19 @@ from dancediff.training.objective import BatchLosses
 BATCHES = 6  # of dances, and as many others to compare with
 STEPS = 12
 SIGMA_MIN = 0.16
-METRICS = ("FID_k", "FID_g", "Div_k", "Div_g", "GMR", "TIF", "MMC", "FSR", "PFC", "joint speed")
+METRICS = (
+    "FID_k",
+    "FID_g",
+    "Div_k",
+    "Div_g",
+    "GMR",
+    "unison",
+    "TIF",
+    "MMC",
+    "FSR",
+    "PFC",
+    "joint speed",
+)
 
 
 class ValidationMetrics:

@@ -382,7 +382,7 @@ def test_the_table_names_what_is_not_real(dances, others):
 def test_evaluate_needs_no_reference(dances):
     report = dancediff.evaluate(dances[0], BEATS)
     names = [row.name for row in report.rows]
-    assert names[:6] == ["GMC", "TIF", "MMC", "BAS", "PFC", "FSR"]
+    assert names[:7] == ["GMC", "unison", "TIF", "MMC", "BAS", "PFC", "FSR"]
     assert not {m.name for m in METRICS if m.compare} & set(names)
     assert report["BAS"].value == pytest.approx(beat_alignment(dances[0].joints(), BEATS))
     assert evaluate is dancediff.evaluate
