@@ -59,7 +59,7 @@ PACKAGED: dict[str, Values] = {
     "tcdiffpp": _OURS
     | {
         "steps": 8,
-        "sigma_min": 0.16,  # docs/results_tcdiffpp.md#few-steps
+        "sigma_min": 0.07,  # docs/results_tcdiffpp.md#few-steps
         "genre": "by tempo",
         "genre_guidance": 2.0,  # of a genre that is asked for
         "autoguidance": 1.35,  # docs/log/run_14.md
