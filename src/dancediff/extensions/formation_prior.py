@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from dancediff.extensions.group_modes import GroupModes
 from dancediff.extensions.parts import Part, Pass
 from dancediff.extensions.preconditioning import SMALLEST, dct_matrix
 from dancediff.lookup import table
@@ -25,25 +26,20 @@ from dancediff.motion.representation import TCDIFFPP
 
 
 @dataclass(frozen=True)
-class FormationModes:
+class FormationModes(GroupModes):
     """Principal formations of each row of a batch: `GroupModes` of places on the floor.
 
     Shapes: mean (b, n, f, c), basis (b, k, c, n, n), std (b, n, k, c).
     """
 
+    THERE, BACK = "bkcnr,bnkc->brkc", "bkcnr,brkc->bnkc"
+
     mean: Tensor
     basis: Tensor
     std: Tensor
 
-    def turn(self, coefficients: Tensor) -> Tensor:
-        """From dancers to modes, (b, n, k, d)."""
-        return self._changed(coefficients, "bkcnr,bnkc->brkc")
-
-    def turn_back(self, coefficients: Tensor) -> Tensor:
-        """From modes to dancers, (b, n, k, d)."""
-        return self._changed(coefficients, "bkcnr,brkc->bnkc")
-
-    def _changed(self, coefficients: Tensor, how: str) -> Tensor:
+    def changed(self, coefficients: Tensor, how: str) -> Tensor:
+        """Only places on the floor."""
         changed, floor = coefficients.clone(), TCDIFFPP.floor
         changed[..., floor] = torch.einsum(
             how, self.basis.to(coefficients), coefficients[..., floor]

@@ -15,6 +15,7 @@ from itertools import repeat
 import torch
 from torch import Tensor
 
+from dancediff.extensions.group_modes import GroupModes
 from dancediff.extensions.parts import Part, Pass
 from dancediff.extensions.preconditioning import SMALLEST, dct_matrix
 from dancediff.lookup import table
@@ -37,31 +38,22 @@ def common_and_differences(n: int) -> Tensor:
 
 
 @dataclass(frozen=True)
-class UnisonModes:
+class UnisonModes(GroupModes):
     """What all dancers do and how they differ: `GroupModes` of all but places on the floor.
 
     Shapes: rho (k, d).
     """
 
+    THERE, BACK = "nr,bnkd->brkd", "nr,brkd->bnkd"
+
     rho: Tensor
 
-    def turn(self, coefficients: Tensor) -> Tensor:
-        """From dancers to modes, (b, n, k, d)."""
-        return self._changed(coefficients, "nr,bnkd->brkd")
-
-    def turn_back(self, coefficients: Tensor) -> Tensor:
-        """From modes to dancers, (b, n, k, d)."""
-        return self._changed(coefficients, "nr,brkd->bnkd")
-
-    def _changed(self, coefficients: Tensor, how: str) -> Tensor:
+    def changed(self, coefficients: Tensor, how: str) -> Tensor:
+        """Only all but places on the floor."""
         U = table(common_and_differences, coefficients.shape[1], like=coefficients)
         changed, floor = torch.einsum(how, U, coefficients), TCDIFFPP.floor
         changed[..., floor] = coefficients[..., floor]
         return changed
-
-    def placed(self, mean: Tensor) -> Tensor:
-        """The mean as it is: it is the same for all."""
-        return mean
 
     def std_with_modes(self, std: Tensor) -> Tensor:
         r"""$\sigma\sqrt{1 + (n-1)\rho}$ of what all do, $\sigma\sqrt{1-\rho}$ of differences.

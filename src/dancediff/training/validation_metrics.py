@@ -34,16 +34,7 @@ BATCHES = 6  # of dances, and as many others to compare with
 STEPS = 12
 SIGMA_MIN = 0.16
 METRICS = (
-    "FID_k",
-    "FID_g",
-    "Div_k",
-    "Div_g",
-    "GMR",
-    "unison",
-    "TIF",
-    "MMC",
-    "FSR",
-    "PFC",
+    *("FID_k", "FID_g", "Div_k", "Div_g", "GMR", "unison", "TIF", "MMC", "FSR", "PFC"),
     "joint speed",
 )
 
