@@ -1,9 +1,8 @@
 r"""Formation prior: a Gaussian over where dancers stand and who moves with whom.
 
-Read first: notebook 07 · `dancediff.extensions.group_modes`.
+Read first: notebook 07 · `dancediff.extensions.preconditioning`.
 
-Symbols (axes: b batch · n dancers, ranked from left to right · r formations, as many as dancers
-         f frames · k frequencies
+Symbols (axes: b batch · n dancers, ranked from left to right · f frames · k frequencies
          c the two coordinates on the floor: root x and root z · N the largest group)
     S          swap mode: S[j] = rank of the dancer who is j-th from the left in the end  (b, n)
     place      where each rank stands, for every size of group                            (N, N, c)
@@ -13,7 +12,6 @@ Symbols (axes: b batch · n dancers, ranked from left to right · r formations, 
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 import torch
 from torch import Tensor
@@ -23,41 +21,6 @@ from dancediff.extensions.parts import Part, Pass
 from dancediff.extensions.preconditioning import SMALLEST, dct_matrix
 from dancediff.lookup import table
 from dancediff.motion.representation import TCDIFFPP
-
-
-@dataclass(frozen=True)
-class FormationModes(GroupModes):
-    """Principal formations of each row of a batch: `GroupModes` of places on the floor.
-
-    Shapes: mean (b, n, f, c), basis (b, k, c, n, n), std (b, n, k, c).
-    """
-
-    THERE, BACK = "bkcnr,bnkc->brkc", "bkcnr,brkc->bnkc"
-
-    mean: Tensor
-    basis: Tensor
-    std: Tensor
-
-    def changed(self, coefficients: Tensor, how: str) -> Tensor:
-        """Only places on the floor."""
-        changed, floor = coefficients.clone(), TCDIFFPP.floor
-        changed[..., floor] = torch.einsum(
-            how, self.basis.to(coefficients), coefficients[..., floor]
-        )
-        return changed
-
-    def placed(self, mean: Tensor) -> Tensor:
-        """A mean with where each dancer is expected, (b, n, f, d)."""
-        b, n, f, _ = self.mean.shape
-        placed = mean.expand(b, n, f, mean.shape[-1]).clone()
-        placed[..., TCDIFFPP.floor] += self.mean
-        return placed
-
-    def std_with_modes(self, std: Tensor) -> Tensor:
-        """Those of all features, with those of the modes: (b, n, k, d)."""
-        changed = std.clone()
-        changed[..., TCDIFFPP.floor] = self.std
-        return changed
 
 
 class FormationPrior(Part):
@@ -143,10 +106,11 @@ class FormationPrior(Part):
         w = self.progress[self._rows(f)][:, None]
         return place[:, :, None] + w * (goal - place)[:, :, None]
 
-    def forward(self, S: Tensor, f: int | None = None) -> FormationModes:
+    def forward(self, S: Tensor, f: int | None = None) -> GroupModes:
         """What preconditioning needs to know about a batch of groups."""
         n, size, rows = S.shape[1], self._size(S), self._rows(f)
-        return FormationModes(
+        return GroupModes(
+            features=TCDIFFPP.floor,
             mean=self.mean(S, f),
             basis=self.basis[size][:, rows, :, :n, :n],
             std=self.std[size][:, rows, :, :n].permute(0, 3, 1, 2),
@@ -166,7 +130,7 @@ class FormationPrior(Part):
         S = run.conditions.swap
         assert S is not None  # the decoder has checked
         S = S if self.use_swap else torch.arange(S.shape[1], device=S.device).expand_as(S)
-        run.modes.append(self(S, run.x_t.shape[2]))
+        run.group = self(S, run.x_t.shape[2])
 
 
 def _mirrored(paths: Tensor) -> Tensor:

@@ -24,7 +24,6 @@ from dancediff.extensions.parts import Part, Parts, Pass
 from dancediff.extensions.preconditioning import LinearStart, preconditioning_of
 from dancediff.extensions.residuals import FootworkResidual, FusionResidual
 from dancediff.extensions.ssd import SSDBlock
-from dancediff.extensions.unison_prior import UnisonPrior
 from dancediff.genre import GENRES
 from dancediff.nn.conditioning import MusicConditioning
 from dancediff.nn.dance_network import DanceNetwork
@@ -246,7 +245,6 @@ def parts_of(
         "formation_prior": lambda: FormationPrior(
             c.max_dancers, f, use_swap="swap_mode" not in c.without
         ),
-        "unison_prior": lambda: UnisonPrior(f, c.motion_dim),
         "genre_prior": lambda: GenrePrior(len(genres), f, c.motion_dim),
         "preconditioning": lambda: LinearStart(c.d_model, c.motion_dim, f),
         "foot_cues": lambda: FootCues(c.d_model),

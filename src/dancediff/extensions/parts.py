@@ -14,7 +14,7 @@ Symbols (axes: b batch · n dancers, where there is a group · f frames · d mot
 """
 
 from collections.abc import ValuesView
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TypeVar
 
 import torch
@@ -36,7 +36,7 @@ class Pass:
     abar: Tensor  # (b,)
     conditions: Conditions
     normalizer: Normalizer
-    modes: list[GroupModes] = field(default_factory=list)  # of the group
+    group: GroupModes | None = None
     spectrum: Spectrum | None = None  # of the genre; `GenrePrior`
     guess: Tensor = None  # type: ignore[assignment] # the linear guess, like x_t; `LinearStart`
 

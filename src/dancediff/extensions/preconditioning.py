@@ -18,7 +18,7 @@ discrete cosine transform over the frames, which needs no periodic motion.
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable
 from itertools import repeat
 
 import torch
@@ -119,22 +119,20 @@ class Preconditioning(nn.Module):
         self,
         x_t: Tensor,
         abar: Tensor,
-        modes: Sequence[GroupModes] = (),
+        group: GroupModes | None = None,
         known: Spectrum | None = None,
     ) -> Tensor:
         """What can be said without a network, like x_t.
 
-        ``modes``: how the dancers of a group vary together.
-        ``known``: of each row, in place of mean and std.
+        ``group``: how its dancers vary together; ``known``: of each row, in place of mean and std.
         """
-        skip, _ = self._coefficients(x_t, abar, modes, known)
+        skip, _ = self._coefficients(x_t, abar, group, known)
         C = table(dct_matrix, x_t.shape[-2], like=x_t)
         mean = self.mean if known is None else _each_row(known.mean, x_t)
-        for one in modes:
-            mean = one.placed(mean)
+        mean = mean if group is None else group.placed(mean)
         noisy = x_t - _each_row(abar, x_t).sqrt() * mean
         with torch.autocast(x_t.device.type, enabled=False):  # millimetres need float32
-            return mean + C.T @ _scaled(skip, C @ noisy, modes)
+            return mean + C.T @ _scaled(skip, C @ noisy, group)
 
     def noise(self, x_t: Tensor, guess: Tensor, abar: Tensor) -> Tensor:
         r"""The noise there is in x_t if a guess is right: what the network listens to besides.
@@ -154,14 +152,14 @@ class Preconditioning(nn.Module):
         F: Tensor,
         guess: Tensor,
         abar: Tensor,
-        modes: Sequence[GroupModes] = (),
+        group: GroupModes | None = None,
         known: Spectrum | None = None,
     ) -> Tensor:
         """Add the network's part F to the linear guess."""
-        _, scale = self._coefficients(F, abar, modes, known)
+        _, scale = self._coefficients(F, abar, group, known)
         C = table(dct_matrix, F.shape[-2], like=F)
         with torch.autocast(F.device.type, enabled=False):
-            return guess + C.T @ _scaled(scale.clamp_max(LARGEST), C @ F, modes)
+            return guess + C.T @ _scaled(scale.clamp_max(LARGEST), C @ F, group)
 
     def error(self, abar: Tensor) -> Tensor:
         """Mean square of what the linear guess misses, where the training set's std is right.
@@ -171,24 +169,21 @@ class Preconditioning(nn.Module):
         return linear_coefficients(abar[:, None, None], self.std)[1].square().mean((1, 2))
 
     def _coefficients(
-        self, x: Tensor, abar: Tensor, modes: Sequence[GroupModes], known: Spectrum | None
+        self, x: Tensor, abar: Tensor, group: GroupModes | None, known: Spectrum | None
     ) -> tuple[Tensor, Tensor]:
         # A shorter window knows fewer frequencies: take those it has from the fitted ones.
         rows = (torch.arange(x.shape[-2], device=x.device) * len(self.std)) // x.shape[-2]
         std = self.std if known is None else _each_row(known.std, x)
         std = std[..., rows, :]
-        for one in modes:
-            std = one.std_with_modes(std.expand(*x.shape[:2], -1, -1))
+        if group is not None:
+            std = group.std_with_modes(std)
         return linear_coefficients(_each_row(abar, x), std)
 
 
-def _scaled(by: Tensor, coefficients: Tensor, modes: Sequence[GroupModes]) -> Tensor:
-    for one in modes:
-        coefficients = one.turn(coefficients)
-    coefficients = by * coefficients
-    for one in modes:  # they speak of different features
-        coefficients = one.turn_back(coefficients)
-    return coefficients
+def _scaled(by: Tensor, coefficients: Tensor, group: GroupModes | None) -> Tensor:
+    if group is None:
+        return by * coefficients
+    return group.turn_back(by * group.turn(coefficients))
 
 
 def _each_row(known: Tensor, x: Tensor) -> Tensor:
@@ -211,7 +206,7 @@ class LinearStart(Part):
 
     def prepare(self, run: Pass) -> None:
         """Make the linear guess."""
-        run.guess = self.preconditioning.linear_guess(run.x_t, run.abar, run.modes, run.spectrum)
+        run.guess = self.preconditioning.linear_guess(run.x_t, run.abar, run.group, run.spectrum)
 
     def embed(self, h: Tensor, run: Pass) -> Tensor:
         """The guess, and the noise that it leaves, beside the noisy motion."""
@@ -220,11 +215,21 @@ class LinearStart(Part):
 
     def read(self, x: Tensor, h: Tensor, run: Pass) -> Tensor:
         """What the decoder put out, added to the guess."""
-        return self.preconditioning(x, run.guess, run.abar, run.modes, run.spectrum)
+        return self.preconditioning(x, run.guess, run.abar, run.group, run.spectrum)
 
     def adapt(self, x_hat: Tensor, x_raw: Tensor, run: Pass) -> Tensor:
         """The adaptor's change, added to x_raw."""
-        return self.preconditioning(x_hat - x_raw, x_raw, run.abar, run.modes, run.spectrum)
+        return self.preconditioning(x_hat - x_raw, x_raw, run.abar, run.group, run.spectrum)
+
+
+def linear_denoiser(model, conditions) -> Callable[[Tensor, int], Tensor]:
+    """The linear guess of a model with preconditioning, as samplers call it: (x_t, t) -> x0_hat."""
+
+    def linear(x_t: Tensor, t: int) -> Tensor:
+        steps = torch.full((len(x_t),), t, dtype=torch.long, device=x_t.device)
+        return model.linear_guess(x_t, steps, conditions)
+
+    return linear
 
 
 def preconditioning_of(model: nn.Module) -> Preconditioning | None:

@@ -60,8 +60,6 @@ _ALL = (
     # network
     Extension("formation_prior", "network", "The linear guess knows formations and swap modes.",
               "formation_prior", GROUP, needs=LINEAR, lesson=7),
-    Extension("unison_prior", "network", "The linear guess knows how alike dancers are.",
-              "unison_prior", GROUP, packaged=(), needs=LINEAR),
     Extension("genre_prior", "network", "The linear guess knows genres.", "genre_prior",
               BY_SEGMENTS, packaged=(), needs=(*LINEAR, "genre_condition")),
     Extension("preconditioning", "network", "The network adds to the best linear guess.",
@@ -119,6 +117,8 @@ _ALL = (
               "genre_guidance", GROUP, needs=("genre_condition",)),
     Extension("frequency_clip", "guidance", "Guesses are cut frequency by frequency, not at +-1.",
               "frequency_clip", BY_SEGMENTS, needs=LINEAR),
+    Extension("gaussian_start", "guidance", "Under loud noise guesses are linear.",
+              "gaussian_start", BY_SEGMENTS, packaged=GROUP, needs=LINEAR),
     # hooks on guesses
     Extension("initial_frames", "hook", "A segment starts where the last one ended.",
               "initial_frames", GROUP, needs=(*LINEAR, "same_noise"), lesson=10),

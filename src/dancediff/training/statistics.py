@@ -17,7 +17,6 @@ from dancediff.extensions.genre_prior import GenrePrior
 from dancediff.extensions.metre_unit import metre_unit_normalizer
 from dancediff.extensions.parts import part_of
 from dancediff.extensions.preconditioning import Preconditioning, preconditioning_of
-from dancediff.extensions.unison_prior import UnisonPrior
 from dancediff.motion.mirror import mirror_features
 from dancediff.motion.representation import TCDIFFPP, Normalizer
 from dancediff.music.features import MusicNormalizer
@@ -66,7 +65,7 @@ def fit_linear_guess(
     takes: list[DanceTake],
     real: float | None,
 ) -> None:
-    """Set what the linear guess knows: formations, spectrum, that of genres, and unison."""
+    """Set what the linear guess knows: formations, the spectrum of all dances, that of genres."""
     cut = GroupCut(model.config.num_frames)
     formation = part_of(model, FormationPrior)
 
@@ -75,30 +74,23 @@ def fit_linear_guess(
             x, S = half_overlapping(take, cut)
             yield model.normalizer.normalize(x), S
 
-    def around_places() -> Iterator[Tensor]:
+    def around_the_mean() -> Iterator[Tensor]:
         for x, S in windows():
             if formation is not None:
                 x[..., TCDIFFPP.floor] -= formation.mean(S)
-            yield x
-
-    def dancers() -> Iterator[Tensor]:
-        return (x.flatten(0, 1) for x in around_places())
+            yield x.flatten(0, 1)
 
     if formation is not None:
         # cloned: a view would keep whole windows, gigabytes of them
         formation.fit((x[..., TCDIFFPP.floor].clone(), S) for x, S in windows())
     frames = [(take.real, take.num_dancers * take.num_frames) for take in takes]
-    weights = window_weights(frames, real)
-    preconditioning.fit(dancers(), weights)
+    preconditioning.fit(around_the_mean(), weights=window_weights(frames, real))
     prior = part_of(model, GenrePrior)
     if prior is not None:
         names = genres_of(model)
         genres = [names.index(take.genre) if take.genre in names else None for take in takes]
         known = preconditioning.mean, preconditioning.std
-        prior.fit(zip(dancers(), genres, strict=True), *known)
-    unison = part_of(model, UnisonPrior)
-    if unison is not None:
-        unison.fit((x - preconditioning.mean for x in around_places()), weights)
+        prior.fit(zip(around_the_mean(), genres, strict=True), *known)
 
 
 def _ends(takes: list[DanceTake], mirror: bool) -> Iterator[Tensor]:

@@ -92,7 +92,7 @@ def test_the_guess_is_the_conditional_mean_of_the_gaussian(prior):
     seen = a * cov + (1 - a) * torch.eye(n * FRAMES, dtype=torch.float64)
     expected = mean + a.sqrt() * cov @ torch.linalg.solve(seen, noisy)
 
-    guess = Preconditioning(FRAMES, DIM).linear_guess(x_t, abar, [prior(S)])
+    guess = Preconditioning(FRAMES, DIM).linear_guess(x_t, abar, prior(S))
     found = guess[0, :, :, PLACES[k]].flatten().double()
     torch.testing.assert_close(found, expected, atol=1e-4, rtol=0)
     others = [c for c in range(DIM) if c not in PLACES]
@@ -111,8 +111,8 @@ def test_it_misses_less_than_guessing_one_by_one(prior):
     alone = Preconditioning(FRAMES, DIM)
     alone.fit([x.flatten(0, 1)])
     missed = [
-        (alone.linear_guess(x_t, abar, modes) - x)[..., TCDIFFPP.floor].square().mean().item()
-        for modes in ([], [prior(S)])
+        (alone.linear_guess(x_t, abar, group) - x)[..., TCDIFFPP.floor].square().mean().item()
+        for group in (None, prior(S))
     ]
     assert missed[1] < 0.6 * missed[0], missed
 

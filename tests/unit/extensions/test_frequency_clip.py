@@ -1,6 +1,7 @@
 import torch
 
-from dancediff.extensions.frequency_clip import FrequencyClip
+from dancediff.extensions.formation_prior import FormationPrior
+from dancediff.extensions.frequency_clip import FrequencyClip, room_for_places
 from dancediff.extensions.preconditioning import Preconditioning, dct_matrix
 
 
@@ -40,3 +41,27 @@ def test_a_shorter_guess_is_cut_at_its_own_frequencies():
     rest = p.mean.expand(30, 3)
     assert torch.allclose(clip(rest), rest, atol=1e-5)
     assert clip(rest + 1e3).abs().max() < 100
+
+
+def test_a_wide_formation_is_not_drawn_together():
+    """What is cut are ways around a place, not the place: dancers stand 2 m and more apart."""
+    g, f = torch.Generator().manual_seed(0), 60
+    places = torch.tensor([[-2.2, 0.4], [-1.1, -0.4], [0.0, 0.4], [1.1, -0.4], [2.2, 0.4]])
+    steps = 0.2 * torch.randn(64, 5, 1, 2, generator=g)
+    paths = (places[None, :, None] + steps).expand(64, 5, f, 2)
+    S = torch.arange(5).expand(64, 5)
+    prior, p = FormationPrior(5, f), Preconditioning(f, 151)
+    prior.fit([(paths, S)])
+    x = torch.zeros(64, 5, f, 151)
+    x[..., [4, 6]] = paths
+    around = x.clone()
+    around[..., [4, 6]] -= prior.mean(S)
+    p.fit([around.flatten(0, 1)])
+    clip = FrequencyClip(p.mean, p.std, room_for_places(prior, 5, 151))
+    torch.testing.assert_close(clip(x), x, atol=1e-4, rtol=0)
+    assert FrequencyClip(p.mean, p.std)(x)[..., 4].abs().max() < 0.7 * 2.2
+    crossing = x.clone()
+    way = torch.linspace(-2.2, 2.2, f)
+    crossing[:, 0, :, 4], crossing[:, 4, :, 4] = way, -way
+    torch.testing.assert_close(clip(crossing), crossing, atol=0.15, rtol=0)
+    assert clip(x + 50)[..., 4].max() < 2.2 + 1.5 and clip(x - 50)[..., 4].min() > -2.2 - 1.5
