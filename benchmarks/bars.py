@@ -55,7 +55,6 @@ class Sampling:
     collision_avoidance: bool | None = None
     order_constraint: bool | None = None
     frequency_clip: bool | None = None
-    gaussian_start: bool | None = None
 
     def of(self, model: Pipeline) -> dict:
         """The options that are given, as far as the model has them."""

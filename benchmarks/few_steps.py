@@ -15,7 +15,7 @@ from tqdm.auto import tqdm
 
 from dancediff import hub
 from dancediff.data.windows import GroupCut, WindowSampler
-from dancediff.diffusion.samplers import SamplerOptions
+from dancediff.diffusion.samplers import SamplerOptions, sampling_times
 from dancediff.extensions.energy_condition import listens_to_energy
 from dancediff.extensions.genre_condition import genres_of
 from dancediff.metrics.measure import Measured
@@ -65,8 +65,8 @@ class FewSteps:
             for k, batch in enumerate(tqdm(batches[:half], desc=name)):
                 x = dance_windows(model, to_network(batch), k, options)
                 dances += measured(batch._replace(x=x))
-            guesses = options.network_guesses()
-            rows.append([f"`{name}`", guesses, *scores(dances, reference)])
+            times = sampling_times(options.sampler, options.steps, model.abar, options.sigma_min)
+            rows.append([f"`{name}`", len(times) - 1, *scores(dances, reference)])
         for row in rows:
             cells = (str(cell[0] if isinstance(cell, list) else cell) for cell in row)
             print(f"| {' | '.join(cells)} |")
@@ -89,7 +89,7 @@ class FewSteps:
 
 
 def options_of(name: str, model) -> SamplerOptions:
-    """Of a row's name; "gaussian" after the others: with ``gaussian_start``.
+    """Of a row's name.
 
     >>> from types import SimpleNamespace
     >>> options = options_of("dpm 8 0.16", SimpleNamespace(abar=None))
@@ -97,8 +97,8 @@ def options_of(name: str, model) -> SamplerOptions:
     ('dpm', 8, 0.16)
     """
     sampler, steps, *rest = name.split()
-    how = {"sigma_min": float(rest[0]) if rest else 0.0, "gaussian_start": "gaussian" in rest}
-    return SamplerOptions(model.abar, sampler, int(steps), eta=0.0, clamp=None, **how)
+    sigma_min = float(rest[0]) if rest else 0.0
+    return SamplerOptions(model.abar, sampler, int(steps), eta=0.0, clamp=None, sigma_min=sigma_min)
 
 
 def scores(dances: list[Measured], reference: list[Measured]) -> list[list[float | None]]:

@@ -37,8 +37,6 @@ class GuessHook(Protocol):
 
 SAMPLERS = ("dpm", "ddim", "ddpm")
 LOUDEST = -4.5  # half log of signal over noise, where "dpm" begins: 0.01 % of the power is signal
-GAUSSIAN_END = -3.0  # the same, where a network begins to tell more than a Gaussian: 0.25 %
-GAUSSIAN_STEPS = 5  # before that
 
 
 def ddim_times(steps: int, num_steps: int = 1000) -> list[int]:
@@ -111,19 +109,7 @@ def half_logsnr(abar: Tensor, t: int) -> float:
     return math.inf if a == 1 else 0.5 * math.log(a / (1 - a))
 
 
-def gaussian_end(abar: Tensor) -> int:
-    """The first step at which a network is asked, where a Gaussian makes the guesses before.
-
-    >>> gaussian_end(cosine_abar())
-    967
-    """
-    level = 0.5 * torch.log(abar / (1 - abar))
-    return int((level - GAUSSIAN_END).abs().argmin())
-
-
-def logsnr_times(
-    steps: int, abar: Tensor, sigma_min: float = 0.0, *, gaussian_start: bool = False
-) -> list[int]:
+def logsnr_times(steps: int, abar: Tensor, sigma_min: float = 0.0) -> list[int]:
     r"""Steps evenly spaced in $\lambda$, then -1 ("clean"): every size of motion gets as many.
 
     What a dance is made of becomes visible one size after the other, formations first, trembling
@@ -132,8 +118,6 @@ def logsnr_times(
     - ``sigma_min``: noise, as a share of the signal, at which the last guess is taken; 0 for the
       least of the schedule. What a network's guesses under little noise are worth differs:
       ``benchmarks/few_steps.py`` measures it.
-    - ``gaussian_start``: begin at T - 1, with up to `GAUSSIAN_STEPS` more steps for guesses without
-      a network; see `dancediff.extensions.gaussian_start`.
 
     Source: DPM-Solver++ section 5.  Differs: begins at `LOUDEST`, since the cosine schedule's first
     step alone is a quarter of its way; steps that fall on the same t are taken once.
@@ -145,8 +129,6 @@ def logsnr_times(
     [992, 951, 698, 174, 20, 0, -1]
     >>> logsnr_times(6, cosine_abar(), sigma_min=0.16)
     [992, 974, 910, 703, 322, 93, -1]
-    >>> logsnr_times(4, cosine_abar(), sigma_min=0.16, gaussian_start=True)
-    [999, 998, 997, 991, 967, 837, 366, 93, -1]
     """
     if not 1 <= steps <= len(abar):
         raise ValueError(f"steps={steps} must lie in 1 ... {len(abar)}, the schedule's length")
@@ -154,11 +136,7 @@ def logsnr_times(
         raise ValueError(f"sigma_min={sigma_min} must lie in 0 ... 1, noise over signal")
     level = 0.5 * torch.log(abar / (1 - abar))
     end = min(-math.log(sigma_min), float(level[0])) if sigma_min else float(level[0])
-    first, last = GAUSSIAN_END if gaussian_start else LOUDEST, float(level[-1])
-    wanted = torch.linspace(max(first, last), end, steps)
-    if gaussian_start:
-        loud = torch.linspace(last, max(first, last), GAUSSIAN_STEPS + 1)[:-1]
-        wanted = torch.cat([loud, wanted])
+    wanted = torch.linspace(max(LOUDEST, float(level[-1])), end, steps)
     times = [int((level - value).abs().argmin()) for value in wanted]
     return [*dict.fromkeys(times), -1]
 
@@ -275,12 +253,7 @@ def _check_step(t: int, t_next: int, eta: float) -> None:
 
 
 def sampling_times(
-    sampler: str,
-    steps: int,
-    abar: Tensor | None = None,
-    sigma_min: float = 0.0,
-    *,
-    gaussian_start: bool = False,
+    sampler: str, steps: int, abar: Tensor | None = None, sigma_min: float = 0.0
 ) -> list[int]:
     """The steps that a sampler takes, from noise down to -1 ("clean"); by default of 1000.
 
@@ -293,7 +266,7 @@ def sampling_times(
     if sampler not in SAMPLERS and not is_own(sampler):
         raise ValueError(f"sampler={sampler!r} is not one of {', '.join(map(repr, SAMPLERS))}")
     if sampler == "dpm":
-        return logsnr_times(steps, abar, sigma_min, gaussian_start=gaussian_start)
+        return logsnr_times(steps, abar, sigma_min)
     return ddim_times(len(abar) if sampler == "ddpm" else steps, len(abar))
 
 
@@ -335,7 +308,6 @@ class SamplerOptions:
       "module:function" of your own, called as `ddim_step` is, at the times of "ddim".
     - ``clamp``: guesses are cut at +- this, or by this function; None leaves them.
     - ``sigma_min``: where "dpm" takes its last guess, see `logsnr_times`; others pass it over.
-    - ``gaussian_start``: where "dpm" begins, see `logsnr_times`; others pass it over.
     """
 
     abar: Tensor  # on the device that shall compute
@@ -344,23 +316,6 @@ class SamplerOptions:
     eta: float
     clamp: float | Callable[[Tensor], Tensor] | None = 1.0
     sigma_min: float = 0.0
-    gaussian_start: bool = False
-
-    def times(self) -> list[int]:
-        """The steps that are taken, see `sampling_times`."""
-        abar = self.abar.detach().cpu()  # read as numbers: no wait for a GPU at every step
-        return sampling_times(
-            self.sampler,
-            self.steps,
-            abar,
-            self.sigma_min,
-            gaussian_start=self.gaussian_start,
-        )
-
-    def network_guesses(self) -> int:
-        """How often the network is asked."""
-        first = gaussian_end(self.abar) if self.gaussian_start else len(self.abar)
-        return sum(0 <= t <= first for t in self.times())
 
 
 @torch.no_grad()
@@ -398,7 +353,8 @@ def sample(
     True
     """
     how, eta = options.sampler, options.eta
-    abar, times = options.abar.detach().cpu(), options.times()
+    abar = options.abar.detach().cpu()  # read as numbers: no wait for a GPU at every step
+    times = sampling_times(how, options.steps, abar, options.sigma_min)
     x = _first(x_T, tuple(shape), generator).to(options.abar.device)
     if pin is not None:
         x = pin.start(x)

@@ -18,7 +18,7 @@ discrete cosine transform over the frames, which needs no periodic motion.
 """
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from itertools import repeat
 
 import torch
@@ -220,16 +220,6 @@ class LinearStart(Part):
     def adapt(self, x_hat: Tensor, x_raw: Tensor, run: Pass) -> Tensor:
         """The adaptor's change, added to x_raw."""
         return self.preconditioning(x_hat - x_raw, x_raw, run.abar, run.group, run.spectrum)
-
-
-def linear_denoiser(model, conditions) -> Callable[[Tensor, int], Tensor]:
-    """The linear guess of a model with preconditioning, as samplers call it: (x_t, t) -> x0_hat."""
-
-    def linear(x_t: Tensor, t: int) -> Tensor:
-        steps = torch.full((len(x_t),), t, dtype=torch.long, device=x_t.device)
-        return model.linear_guess(x_t, steps, conditions)
-
-    return linear
 
 
 def preconditioning_of(model: nn.Module) -> Preconditioning | None:

@@ -117,8 +117,6 @@ _ALL = (
               "genre_guidance", GROUP, needs=("genre_condition",)),
     Extension("frequency_clip", "guidance", "Guesses are cut frequency by frequency, not at +-1.",
               "frequency_clip", BY_SEGMENTS, needs=LINEAR),
-    Extension("gaussian_start", "guidance", "Under loud noise guesses are linear.",
-              "gaussian_start", BY_SEGMENTS, packaged=GROUP, needs=LINEAR),
     # hooks on guesses
     Extension("initial_frames", "hook", "A segment starts where the last one ended.",
               "initial_frames", GROUP, needs=(*LINEAR, "same_noise"), lesson=10),

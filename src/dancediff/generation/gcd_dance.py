@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from dancediff.diffusion.conditions import Conditions
-from dancediff.diffusion.samplers import sample
+from dancediff.diffusion.samplers import sample, sampling_times
 from dancediff.generation.group_dance import (
     binder,
     foot_contact_hooks,
@@ -42,11 +42,10 @@ def gcd_dance(model, song, request: GCDRequest, *, report=None, dtype=None) -> T
     M = segments.music(music_of(model, song))
     z = model.with_draws(Conditions(M[:1]), generator).latent.expand(k, -1)
     conditions = Conditions(M, latent=z, **style_of(model, song, request, segments))
-    how = {"dtype": dtype, "gaussian_start": request.gaussian_start}
-    bind = binder(model, weight_of(request, model), request.autoguidance, **how)
+    bind = binder(model, weight_of(request, model), request.autoguidance, dtype)
 
     options, abar = sampler_options(model, request), model.abar.cpu()
-    times = options.times()
+    times = sampling_times(options.sampler, options.steps, abar, options.sigma_min)
 
     def bind_with_gamma(part: Conditions) -> Callable[[Tensor, int], Tensor]:
         return dialled(bind(part), score_of(model, part, n), request.gamma, abar, times)

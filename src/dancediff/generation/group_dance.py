@@ -19,7 +19,7 @@ from dancediff.diffusion.conditions import Conditions
 from dancediff.diffusion.guidance import guided, off_at_the_end, ramp_up
 from dancediff.diffusion.long_sampling import Segment
 from dancediff.diffusion.pinning import NOISY_CONTEXT
-from dancediff.diffusion.samplers import SamplerOptions, sample
+from dancediff.diffusion.samplers import SamplerOptions, sample, sampling_times
 from dancediff.extensions import control
 from dancediff.extensions.autoguidance import LASTING_SHARE, ROOT_SHARE, autoguided
 from dancediff.extensions.collision_avoidance import CollisionAvoidance
@@ -27,13 +27,12 @@ from dancediff.extensions.constraint import Constraint, ConstraintHook, Source
 from dancediff.extensions.foot_contact_projection import foot_contact_hook
 from dancediff.extensions.formation_prior import FormationPrior
 from dancediff.extensions.frequency_clip import FrequencyClip, room_for_places
-from dancediff.extensions.gaussian_start import started_by_gaussian
 from dancediff.extensions.genre_condition import genres_of
 from dancediff.extensions.genre_guidance import genre_guided
 from dancediff.extensions.initial_frames import InitialFrames
 from dancediff.extensions.order_constraint import OrderConstraint
 from dancediff.extensions.parts import part_of
-from dancediff.extensions.preconditioning import linear_denoiser, preconditioning_of
+from dancediff.extensions.preconditioning import preconditioning_of
 from dancediff.extensions.projection import Projection
 from dancediff.generation.energy_request import energy_for
 from dancediff.generation.genre_mix import mix_weights
@@ -88,7 +87,6 @@ def sampler_of(
             request.autoguidance,
             dtype,
             genre_guidance=request.genre_guidance,
-            gaussian_start=request.gaussian_start,
         ),
         music=music,
         root_x=lambda frame: model.normalizer.unnormalize(frame)[..., 4],
@@ -178,15 +176,10 @@ def naive_dance(
     S = torch.tensor([range(n) if order is None else order for order in targets], device=device)
     weight = weight_of(request, model)
     if ramp and k > 1 and request.sampler != "ddpm":
-        weight = ramp_up(request.guidance, sampler_options(model, request).times())
-    bind = binder(
-        model,
-        weight,
-        request.autoguidance,
-        dtype,
-        genre_guidance=getattr(request, "genre_guidance", None),  # EDGE has none
-        gaussian_start=request.gaussian_start,
-    )
+        times = sampling_times(request.sampler, request.steps, model.abar.cpu(), request.sigma_min)
+        weight = ramp_up(request.guidance, times)
+    of_genre = getattr(request, "genre_guidance", None)  # EDGE has none
+    bind = binder(model, weight, request.autoguidance, dtype, genre_guidance=of_genre)
     conditions = Conditions(M, swap=S, **style_of(model, song, request, segments))
     x = sample(
         in_parts([bind(part) for part in split(conditions)]),
@@ -216,20 +209,13 @@ def in_parts(parts: Sequence[Callable[[Tensor, int], Tensor]]) -> Callable[[Tens
 
 
 def binder(
-    model,
-    guidance,
-    autoguidance: float,
-    dtype=None,
-    *,
-    genre_guidance: float | None = None,
-    gaussian_start: bool = False,
+    model, guidance, autoguidance: float, dtype=None, *, genre_guidance: float | None = None
 ) -> Callable:
     """``bind(conditions) -> denoise(x_t, t)``: the model with guidance.
 
     ``guidance``: a weight or a function of t, see `dancediff.diffusion.guidance.guided`;
     ``autoguidance``: see `dancediff.extensions.autoguidance.autoguided`; ``genre_guidance``: see
-    `dancediff.extensions.genre_guidance.genre_guided`; ``gaussian_start``: see
-    `dancediff.extensions.gaussian_start`.
+    `dancediff.extensions.genre_guidance.genre_guided`.
     """
     device = model.abar.device
 
@@ -241,16 +227,25 @@ def binder(
         def with_music(conditions):
             return guided(denoise, conditions, guidance)
 
-        linear = linear_denoiser(model, conditions)
-        guess = (
+        with_genre = (
             with_music(conditions)
             if genre_guidance in (None, 1)  # as learned: one guess does
             else genre_guided(with_music, conditions, genre_guidance)
         )
-        if autoguidance != 1:
-            shares = {"root_share": ROOT_SHARE, "lasting_share": LASTING_SHARE}
-            guess = autoguided(guess, linear, autoguidance, **shares)
-        return started_by_gaussian(guess, linear, model.abar) if gaussian_start else guess
+        if autoguidance == 1:
+            return with_genre
+
+        def linear(x_t, t):
+            steps = torch.full((len(x_t),), t, dtype=torch.long, device=device)
+            return model.linear_guess(x_t, steps, conditions)
+
+        return autoguided(
+            with_genre,
+            linear,
+            autoguidance,
+            root_share=ROOT_SHARE,
+            lasting_share=LASTING_SHARE,
+        )
 
     return bind
 
@@ -287,7 +282,6 @@ def sampler_options(
         request.eta,
         clamp=largest_guess(model, request, told),
         sigma_min=request.sigma_min,
-        gaussian_start=request.gaussian_start,
     )
 
 

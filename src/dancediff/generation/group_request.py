@@ -30,11 +30,6 @@ class SegmentedRequest(SamplingConfig):
     frequency_clip: bool = option(
         None, "Cut guesses at what each frequency of the training set reaches, not at its range."
     )
-    gaussian_start: bool = option(
-        None,
-        "For dpm: begin with guesses of a Gaussian, without the network, as long as it knows "
-        "no better.",
-    )
 
     def _limits(self, config) -> dict[str, int]:
         own = {"dancers": config.max_dancers, "overlap": config.num_frames - 1}

@@ -18,20 +18,12 @@ _PAPERS: Values = {  # TCDiff++, Lodge and EDGE take the same sampler
     "energy": "any",
     "foot_contact": False,
 }
-_SEGMENTS: Values = {"genre": "any", "frequency_clip": False, "gaussian_start": False}
 _OURS: Values = {
     "sampler": "dpm",
     "eta": 0.0,
     "guidance": 1.0,
     "energy": 1.0,  # the song's own
     "foot_contact": True,
-}
-_OUR_SEGMENTS: Values = {
-    "steps": 20,
-    "genre": "by tempo",
-    "autoguidance": 1.5,
-    "frequency_clip": True,
-    "gaussian_start": False,
 }
 
 PAPER: dict[str, Values] = {
@@ -41,7 +33,6 @@ PAPER: dict[str, Values] = {
         "genre": "any",
         "genre_guidance": 1.0,
         "frequency_clip": False,
-        "gaussian_start": False,
         "collision_avoidance": False,
         "order_constraint": False,
         "pinning": "init",  # eq. 19, which carries over little with eta = 1: see Pinning
@@ -56,13 +47,13 @@ PAPER: dict[str, Values] = {
         "repeat_sections": False,
         "smooth_primitives": False,
     },
-    "edge": _PAPERS | _SEGMENTS,
+    "edge": _PAPERS | {"genre": "any", "frequency_clip": False},
     "fact": {"keep": 1, "seed_noise": 0.0},
     "bailando": {"top_k": 1, "seed_noise": 0.0},
     "mnet": {"seed_noise": 0.0},
     "codancers": {"top_k": 1, "seed_noise": 0.0},
-    "gcd": _PAPERS | _SEGMENTS,
-    "tcdiff": _PAPERS | _SEGMENTS,
+    "gcd": _PAPERS | {"genre": "any", "frequency_clip": False},
+    "tcdiff": _PAPERS | {"genre": "any", "frequency_clip": False},
 }
 PACKAGED: dict[str, Values] = {
     "tcdiffpp": _OURS
@@ -73,7 +64,6 @@ PACKAGED: dict[str, Values] = {
         "genre_guidance": 2.0,  # of a genre that is asked for
         "autoguidance": 1.35,  # docs/log/run_14.md
         "frequency_clip": True,
-        "gaussian_start": True,
         "collision_avoidance": True,
         "order_constraint": True,
         "pinning": "auto",
@@ -90,12 +80,13 @@ PACKAGED: dict[str, Values] = {
         "repeat_sections": True,
         "smooth_primitives": True,
     },
-    "edge": _OURS | _OUR_SEGMENTS,
+    "edge": _OURS | {"steps": 20, "genre": "by tempo", "autoguidance": 1.5, "frequency_clip": True},
     "fact": {"keep": 2, "seed_noise": 0.05},
     "bailando": {"top_k": 32, "seed_noise": 0.05},
     "mnet": {"seed_noise": 0.05},
     "codancers": {"top_k": 32, "seed_noise": 0.05},
-    "gcd": _OURS | _OUR_SEGMENTS,
-    "tcdiff": _OURS | _OUR_SEGMENTS,
+    "gcd": _OURS | {"steps": 20, "genre": "by tempo", "autoguidance": 1.5, "frequency_clip": True},
+    "tcdiff": _OURS
+    | {"steps": 20, "genre": "by tempo", "autoguidance": 1.5, "frequency_clip": True},
 }
 PRESETS = {"packaged": PACKAGED, "paper": PAPER}

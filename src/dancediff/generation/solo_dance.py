@@ -21,7 +21,7 @@ from dancediff.extensions.cue_constraint import cue_constraint, return_to_origin
 from dancediff.extensions.energy_condition import listens_to_energy
 from dancediff.extensions.foot_contact_projection import foot_contact_hook
 from dancediff.extensions.group_relations import PIECE, Group, canon_delays, places
-from dancediff.extensions.preconditioning import linear_denoiser, preconditioning_of
+from dancediff.extensions.preconditioning import preconditioning_of
 from dancediff.extensions.repeat_sections import find_sections, repeat_sections
 from dancediff.extensions.root_stitching import root_stitching
 from dancediff.extensions.smooth_primitives import smooth_primitives
@@ -106,7 +106,11 @@ class LodgeSampler(ParallelSampler):
         denoise = super().guess(stage, conditions)
         if self.request.autoguidance == 1:
             return denoise
-        linear = linear_denoiser(stage, conditions)
+
+        def linear(x_t: Tensor, t: int) -> Tensor:
+            steps = torch.full((len(x_t),), t, device=x_t.device)
+            return stage.linear_guess(x_t, steps, conditions)
+
         return autoguided(denoise, linear, self.request.autoguidance)
 
     def clamp(self, stage) -> Callable[[Tensor], Tensor] | None:

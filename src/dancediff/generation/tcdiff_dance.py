@@ -60,8 +60,7 @@ def tcdiff_dance(model, song, request: TCDiffRequest, *, report=None, dtype=None
     order = left_to_right(path[:, :, 0, 0])
     style = style_of(model, song, request, segments)
     conditions = Conditions(segments.music(M), path=reordered(path, order), **style)
-    how = {"dtype": dtype, "gaussian_start": request.gaussian_start}
-    bind = binder(model, weight_of(request, model), request.autoguidance, **how)
+    bind = binder(model, weight_of(request, model), request.autoguidance, dtype)
     by_rank = in_parts([bind(part) for part in split(conditions)])
 
     def denoise(x_t: Tensor, t: int) -> Tensor:

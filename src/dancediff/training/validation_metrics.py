@@ -22,8 +22,6 @@ from dancediff.data.windows import Batch
 from dancediff.diffusion.conditions import Conditions, Denoiser
 from dancediff.diffusion.guidance import guided
 from dancediff.diffusion.samplers import SamplerOptions, sample
-from dancediff.extensions.gaussian_start import started_by_gaussian
-from dancediff.extensions.preconditioning import linear_denoiser
 from dancediff.metrics.measure import Measured, measure
 from dancediff.metrics.rows import table_rows
 from dancediff.motion.motion import Motion
@@ -86,8 +84,6 @@ def dance_windows(
     conditions = model.with_draws(conditions, generator)
     with torch.inference_mode(), cached_music(model):
         run = guided(cast(Denoiser, model).denoise, conditions, 1.0)
-        if options.gaussian_start:
-            run = started_by_gaussian(run, linear_denoiser(model, conditions), model.abar)
         x = sample(run, batch.x.shape, options, generator=generator)
     return model.normalizer.unnormalize(x.clone().float()).cpu()
 
