@@ -2,7 +2,11 @@ import torch
 
 from dancediff.extensions.formation_prior import FormationPrior
 from dancediff.extensions.frequency_clip import FrequencyClip, room_for_places
-from dancediff.extensions.preconditioning import Preconditioning, dct_matrix
+from dancediff.extensions.parts import part_of
+from dancediff.extensions.preconditioning import Preconditioning, dct_matrix, preconditioning_of
+from dancediff.generation.group_dance import largest_guess
+from dancediff.generation.group_request import GroupDanceRequest
+from tiny_tcdiffpp import tiny_tcdiffpp
 
 
 def smooth(w=256, f=60, d=3):
@@ -65,3 +69,16 @@ def test_a_wide_formation_is_not_drawn_together():
     crossing[:, 0, :, 4], crossing[:, 4, :, 4] = way, -way
     torch.testing.assert_close(clip(crossing), crossing, atol=0.15, rtol=0)
     assert clip(x + 50)[..., 4].max() < 2.2 + 1.5 and clip(x - 50)[..., 4].min() > -2.2 - 1.5
+
+
+def test_a_request_is_cut_around_the_places_of_its_group():
+    model = tiny_tcdiffpp(("preconditioning", "formation_prior")).model
+    formation, p = part_of(model, FormationPrior), preconditioning_of(model)
+    formation.place[4, :, 0] = torch.linspace(-2.2, 2.2, 5)
+    p.std[:] = 0.3
+    x = p.mean.expand(1, 5, 150, 151).clone()
+    x[..., 4] = torch.linspace(-2.2, 2.2, 5)[:, None]
+    five = largest_guess(model, GroupDanceRequest(dancers=5, frequency_clip=True))
+    torch.testing.assert_close(five(x), x, atol=1e-4, rtol=0)
+    four = largest_guess(model, GroupDanceRequest(dancers=4, frequency_clip=True))
+    assert four(x)[..., 4].abs().max() < 0.2, "a group whose places nobody knows"
