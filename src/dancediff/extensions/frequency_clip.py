@@ -55,6 +55,14 @@ def room_for_places(formation: FormationPrior, n: int, dim: int) -> Tensor:
     """How far out n dancers are expected, whoever changes places with whom: (k, d).
 
     ``std`` is that around expected places, so the place itself must be allowed besides.
+
+    Shapes: -> like ``std``, of ``dim`` features, zero but for places on the floor.  Units:
+    normalised.
+
+    >>> formation = FormationPrior(max_dancers=2, num_frames=4)
+    >>> formation.place[1, :2, 0] = torch.tensor([-1.0, 1.0])
+    >>> room_for_places(formation, n=2, dim=151)[0, 4:7]  # 1 m in each of four frames
+    tensor([2., 0., 0.])
     """
     stay = torch.arange(n, device=formation.place.device)
     paths = formation.mean(torch.stack([stay, stay.flip(0)]))  # (2, n, f, c): the longest ways
