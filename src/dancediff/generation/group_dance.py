@@ -29,11 +29,13 @@ from dancediff.extensions.formation_prior import FormationPrior
 from dancediff.extensions.frequency_clip import FrequencyClip, room_for_places
 from dancediff.extensions.genre_condition import genres_of
 from dancediff.extensions.genre_guidance import genre_guided
+from dancediff.extensions.genre_prior import GenrePrior
 from dancediff.extensions.initial_frames import InitialFrames
 from dancediff.extensions.order_constraint import OrderConstraint
 from dancediff.extensions.parts import part_of
 from dancediff.extensions.preconditioning import preconditioning_of
 from dancediff.extensions.projection import Projection
+from dancediff.extensions.spectrum import Spectrum
 from dancediff.generation.energy_request import energy_for
 from dancediff.generation.genre_mix import mix_weights
 from dancediff.generation.group_request import GroupDanceRequest, SegmentedRequest
@@ -259,16 +261,27 @@ def largest_guess(
     """
     if not request.frequency_clip:
         return cut_to_range
-    preconditioning = preconditioning_of(model)
-    assert preconditioning is not None  # `resolve` has looked
-    std = preconditioning.std
+    spectrum = spectrum_asked(model, request)
+    std = spectrum.std
     if told is not None and told.mask[..., TCDIFFPP.floor].any():
         std = std.clone()
         std[:, TCDIFFPP.floor] *= WIDER
     formation, room = part_of(model, FormationPrior), None
     if formation is not None:
-        room = room_for_places(formation, request.dancers, len(preconditioning.mean))
-    return FrequencyClip(preconditioning.mean, std, room)
+        room = room_for_places(formation, request.dancers, len(spectrum.mean))
+    return FrequencyClip(spectrum.mean, std, room)
+
+
+def spectrum_asked(model, request: SegmentedRequest) -> Spectrum:
+    """Mean (d,) and spread (k, d) of the training set, or of the genre, if the model knows that."""
+    prior = part_of(model, GenrePrior)
+    if prior is not None and request.genre is not None:
+        w = mix_weights(request.genre, genres_of(model)).to(model.abar.device)
+        spectrum = prior(w)
+        return Spectrum(spectrum.mean[0], spectrum.std[0])
+    preconditioning = preconditioning_of(model)
+    assert preconditioning is not None  # `resolve` has looked
+    return Spectrum(preconditioning.mean, preconditioning.std)
 
 
 def sampler_options(

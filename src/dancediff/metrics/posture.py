@@ -19,6 +19,7 @@ from dancediff.motion.skeleton import SMPL24
 
 WIDE = 1.0  # metres between the wrists; both arms out to the sides are 1.4 m, one and a hanging 1.1
 CLOSE = 0.12  # metres between the ankles; side by side below the hips they are 0.2 m
+LEANS = 25.0  # degrees; the choreographer's dancers stay below 21, people dip to 55 in a duet
 STILL = 0.1  # metres a second, mean of all joints
 STANDS = 0.05  # metres, mean of all joints, within STAND seconds
 STAND = 3.0  # seconds
@@ -70,6 +71,24 @@ def turning(joints: Tensor, *, fps: float = 30.0) -> float:
     turn = angle[:, lag:] - angle[:, :-lag]
     turn = torch.atan2(turn.sin(), turn.cos())
     return torch.rad2deg(turn.abs().mean()).item() * fps / lag
+
+
+def leaning(joints: Tensor, *, fps: float = 30.0) -> float:
+    r"""Share of the frames in which a body leans over by more than 25 degrees, as if it fell.
+
+    $$\overline{[\,\angle(p_\text{head} - p_\text{feet},\; y) > 25^\circ\,]}, \quad
+      p_\text{feet} = \tfrac12 (p_\text{left ankle} + p_\text{right ankle})$$
+
+    A bow, with the hips behind the feet, does not lean much; a body tipped over as a whole does.
+
+    >>> leaning(_rest())
+    0.0
+    """
+    p = as_group(joints, fps, least=1)
+    feet = (p[..., SMPL24.index("lankle"), :] + p[..., SMPL24.index("rankle"), :]) / 2
+    up = p[..., SMPL24.index("head"), :] - feet
+    angle = torch.atan2(up[..., ::2].norm(dim=-1), up[..., 1])  # beside the feet, above them
+    return _share(torch.rad2deg(angle) > LEANS)
 
 
 def ankles_close(joints: Tensor, *, fps: float = 30.0) -> float:
@@ -215,6 +234,7 @@ POSTURE = {  # name of the metric: the function, its unit
     "arms wide": (arms_wide, "share"),
     "knee bend": (knee_bend, "degrees"),
     "turning": (turning, "degrees/s"),
+    "leaning": (leaning, "share"),
     "ankles close": (ankles_close, "share"),
     "legs crossed": (legs_crossed, "share"),
     "legs tangled": (legs_tangled, "share"),

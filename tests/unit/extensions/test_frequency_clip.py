@@ -2,6 +2,7 @@ import torch
 
 from dancediff.extensions.formation_prior import FormationPrior
 from dancediff.extensions.frequency_clip import FrequencyClip, room_for_places
+from dancediff.extensions.genre_condition import genres_of
 from dancediff.extensions.parts import part_of
 from dancediff.extensions.preconditioning import Preconditioning, dct_matrix, preconditioning_of
 from dancediff.generation.group_dance import largest_guess
@@ -82,3 +83,20 @@ def test_a_request_is_cut_around_the_places_of_its_group():
     torch.testing.assert_close(five(x), x, atol=1e-4, rtol=0)
     four = largest_guess(model, GroupDanceRequest(dancers=4, frequency_clip=True))
     assert four(x)[..., 4].abs().max() < 0.2, "a group whose places nobody knows"
+
+
+def test_a_genre_is_cut_at_what_it_reaches():
+    model = tiny_tcdiffpp(("genre_prior", "preconditioning", "genre_condition")).model
+    prior, (calm, wild, *_) = model.parts["genre_prior"], genres_of(model)
+    prior.std[0], prior.std[1], prior.mean[1] = 0.01, 0.5, 0.25
+
+    def cut(genre):
+        return largest_guess(model, GroupDanceRequest(genre=genre, frequency_clip=True))
+
+    still = torch.full((1, 3, 150, 151), 0.25)
+    assert cut(calm)(still).abs().max() < 0.01
+    torch.testing.assert_close(cut(wild)(still), still, atol=1e-4, rtol=0)
+    assert cut({calm: 0.5, wild: 0.5})(still).mean() > 0.2, "a mix reaches as far as both"
+    everything = preconditioning_of(model)
+    assert torch.equal(cut("any").std, everything.std)
+    assert torch.equal(cut("any").mean, everything.mean)

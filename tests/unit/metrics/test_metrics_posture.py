@@ -22,6 +22,7 @@ from dancediff.metrics.posture import (
     distinct_poses,
     from_pelvis,
     knee_bend,
+    leaning,
     legs_crossed,
     legs_tangled,
     standing,
@@ -68,6 +69,18 @@ def test_turning_in_degrees_a_second():
     assert turning(body(root=beyond)) == pytest.approx(90, rel=0.02)
     swings = [(0.0, 10 * math.sin(2 * math.pi * k / 5), 0.0) for k in range(60)]
     assert turning(body(root=swings)) < 5
+
+
+def test_a_body_leans_when_it_tips_over_as_a_whole(dance):
+    assert leaning(body(root=(20, 0, 0))) == 0.0
+    for way in ((30, 0, 0), (-30, 0, 0), (0, 0, 30), (0, 50, 30), (160, 0, 0)):
+        assert leaning(body(root=way)) == 1.0
+    half = [(40.0 * (k >= 30), 0.0, 0.0) for k in range(60)]
+    assert leaning(body(root=half)) == 0.5
+    assert leaning(body(belly=(60, 0, 0), root=(-30, 0, 0))) == 0.0  # a bow, hips behind the feet
+    assert leaning(dance.joints()) == 0.0
+    tipped = dance.joints() @ axis_angle_to_matrix(torch.tensor([0.7, 0.0, 0.0])).T
+    assert leaning(tipped) > 0.9
 
 
 def test_closed_and_crossed_legs():
