@@ -19,7 +19,7 @@ from dancediff.motion.skeleton import SMPL24
 
 WIDE = 1.0  # metres between the wrists; both arms out to the sides are 1.4 m, one and a hanging 1.1
 CLOSE = 0.12  # metres between the ankles; side by side below the hips they are 0.2 m
-LEANS = 25.0  # degrees; the choreographer's dancers stay below 21, people dip to 55 in a duet
+LEANS = 25.0  # degrees; the choreographer's dancers stay below 22, people dip to 56 in a duet
 STILL = 0.1  # metres a second, mean of all joints
 STANDS = 0.05  # metres, mean of all joints, within STAND seconds
 STAND = 3.0  # seconds
