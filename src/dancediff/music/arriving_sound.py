@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from dancediff.music.mono import mono_mix
 from dancediff.music.sound_rate import HOP, SAMPLE_RATE
 
 _A_SECOND = 100  # parts that the resampler gets, so that its answer does not hang on the blocks
@@ -42,7 +43,7 @@ class ArrivingSound:
         """The frames that a block completes, each (512,); samples (n,) or (n, channels)."""
         block = np.asarray(samples, dtype=np.float32)
         if block.ndim == 2 and block.shape[1]:
-            block = block.mean(axis=1)
+            block = mono_mix(block)
         if block.ndim != 1 or not np.isfinite(block).all():
             raise ValueError(
                 f"samples with shape {np.shape(samples)} must be finite numbers, (n,) or "

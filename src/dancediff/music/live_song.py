@@ -17,6 +17,7 @@ from torch import Tensor
 from dancediff.axes import FPS
 from dancediff.music.causal import AHEAD, CausalMusic
 from dancediff.music.features import MFCC, NUM_FEATURES
+from dancediff.music.mono import mono_mix
 from dancediff.music.song import Music
 
 
@@ -103,7 +104,7 @@ class LiveSong:
             self._began = self._clock() - len(block) / self.music.rate
         if self._kept is not None:
             mono = np.asarray(block, np.float32)
-            self._kept.append(mono.mean(axis=1) if mono.ndim == 2 else mono.copy())
+            self._kept.append(mono_mix(mono) if mono.ndim == 2 else mono.copy())
         self.music.push(block)
 
     def slice(self, start: float, stop: float) -> Music:

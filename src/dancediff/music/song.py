@@ -16,6 +16,7 @@ from dancediff.atomic import atomic_write
 from dancediff.music.beat_tracking import TrackedBeats, beat_onset, track_beats
 from dancediff.music.features import music_features
 from dancediff.music.librosa_import import import_librosa
+from dancediff.music.mono import mono_mix
 from dancediff.music.sound_on_disk import SoundOnDisk
 from dancediff.music.sound_rate import HOP, SAMPLE_RATE
 
@@ -145,7 +146,7 @@ class Music:
         """Mean of the channels, resampled, (n,) float32."""
         if isinstance(self.audio, SoundOnDisk):
             return self.audio.mono(rate)
-        y = self.audio.mean(axis=1)
+        y = mono_mix(self.audio)
         if rate == self.rate:
             return y
         librosa = import_librosa()

@@ -10,6 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
+from dancediff.music.mono import mono_mix
+
 AT_ONCE = 1 << 20  # sample times that are read at a time
 
 
@@ -96,7 +98,7 @@ class SoundOnDisk:
         resampler = soxr.ResampleStream(self.rate, rate, 1, dtype="float32", quality="HQ")
         filled = 0
         for block in itertools.chain(self.blocks(), [np.zeros((0, 1), np.float32)]):
-            part = resampler.resample_chunk(block.mean(axis=1), last=not len(block))
+            part = resampler.resample_chunk(mono_mix(block), last=not len(block))
             part = part[: len(y) - filled]
             y[filled : filled + len(part)] = part
             filled += len(part)
