@@ -28,7 +28,7 @@ PAPERS = {  # where the paper's part of it is
         "network": ("papers/tcdiffpp/model.py",),
         "guidance": ("diffusion/guidance.py",),
         "hook": (),
-        "sampling": ("papers/tcdiffpp/long_group_sampling.py", "diffusion/samplers.py"),
+        "sampling": ("papers/tcdiffpp/long_group_sampling.py", "diffusion/ddim.py"),
     },
     "lodge": {
         "training": ("papers/lodge/losses.py",),

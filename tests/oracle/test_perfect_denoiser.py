@@ -5,8 +5,9 @@ import math
 import pytest
 import torch
 
+from dancediff.diffusion.ddim import ddim_step
 from dancediff.diffusion.pinning import MODES, Pinning
-from dancediff.diffusion.samplers import SamplerOptions, ddim_step, sample
+from dancediff.diffusion.samplers import SamplerOptions, sample
 from dancediff.diffusion.schedule import cosine_abar, q_sample
 
 ABAR = cosine_abar()

@@ -4,8 +4,8 @@ import math
 
 import torch
 
+from dancediff.diffusion.ddpm import ddpm_step
 from dancediff.diffusion.pinning import Pinning
-from dancediff.diffusion.samplers import ddpm_step
 from dancediff.diffusion.schedule import cosine_abar, q_sample
 
 ABAR = cosine_abar(20)

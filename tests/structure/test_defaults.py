@@ -16,8 +16,12 @@ ITS_PLACE = {
 OF_OTHER_THINGS = {  # than a dance that a model makes; a seed is 0 wherever something is drawn
     "data/choreographer/choreograph.py::choreograph.dancers",
     *[  # zero is all steps, whatever a model asks for
-        f"diffusion/samplers.py::{name}.sigma_min"
-        for name in ("SamplerOptions", "logsnr_times", "sampling_times")
+        f"diffusion/{name}.sigma_min"
+        for name in (
+            "samplers.py::SamplerOptions",
+            "samplers.py::sampling_times",
+            "dpm_solver.py::logsnr_times",
+        )
     ],
     "metrics/inputs.py::as_group.dancers",
 }

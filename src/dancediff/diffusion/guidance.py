@@ -83,7 +83,7 @@ def ramp_up(guidance: float, times: list[int]) -> Callable[[int], float]:
 
     Source: EDGE's code (also Lodge's). TCDiff++'s long sampling keeps w constant.
 
-    ``times`` is what `dancediff.diffusion.samplers.ddim_times` returned: K + 1 steps.
+    ``times`` is what `dancediff.diffusion.ddim.ddim_times` returned: K + 1 steps.
 
     >>> w = ramp_up(2.0, [999, 749, 499, 249, -1])
     >>> [round(w(t), 3) for t in (999, 749, 499, 249)]

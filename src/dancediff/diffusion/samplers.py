@@ -1,18 +1,10 @@
-r"""Samplers: from noise to a dance, one step at a time.
+r"""Sampling: from noise to a dance, by the steps of DDPM, DDIM or DPM-Solver++.
 
-Read first: notebook 06 · Ho et al. 2020 (DDPM) eq. 6-7 · Song et al. 2021 (DDIM) eq. 12 ·
-Lu et al. 2022 (DPM-Solver++) algorithm 2.
-
-Symbols (axes: b batch · n dancers · f frames · d motion features; t is ALWAYS the diffusion step)
-    x_t     noisy motion            (b, n, f, d)
-    x0_hat  the network's guess     (b, n, f, d)      $\hat x_0$: we predict x_0, not the noise
-    abar    $\bar\alpha_t$          (T,)              signal power left at step t
-    eta     $\eta$                  float in [0, 1]   0 = deterministic, 1 = as noisy as DDPM
+Read first: notebook 06 · `dancediff.diffusion.ddim`, whose symbols are used here.
 
 The steps are pure functions that never see a network; `sample` is the loop around them.
 """
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -22,6 +14,9 @@ from typing import Protocol
 import torch
 from torch import Tensor
 
+from dancediff.diffusion.ddim import ddim_step, ddim_times
+from dancediff.diffusion.ddpm import ddpm_step
+from dancediff.diffusion.dpm_solver import dpm_step, logsnr_times
 from dancediff.diffusion.pinning import Pin
 from dancediff.diffusion.schedule import Generators, abar_at, cosine_abar, gaussian, send
 from dancediff.own import is_own, own_function
@@ -36,196 +31,6 @@ class GuessHook(Protocol):
 
 
 SAMPLERS = ("dpm", "ddim", "ddpm")
-LOUDEST = -4.5  # half log of signal over noise, where "dpm" begins: 0.01 % of the power is signal
-
-
-def ddim_times(steps: int, num_steps: int = 1000) -> list[int]:
-    r"""Evenly spaced steps from T - 1 down to -1 ("clean"), both ends included.
-
-    $$t_k = \lfloor k\,T / K \rfloor - 1, \quad k = K, \dots, 0$$
-
-    Source: EDGE's truncated linspace, here in integers so that rounding cannot repeat a step.
-
-    Raises: ValueError unless 1 <= steps <= num_steps.
-
-    >>> ddim_times(4)
-    [999, 749, 499, 249, -1]
-    """
-    if not 1 <= steps <= num_steps:
-        raise ValueError(f"steps={steps} must lie in 1 ... {num_steps}, the schedule's length")
-    return [k * num_steps // steps - 1 for k in range(steps, -1, -1)]
-
-
-def ddim_step(
-    x_t: Tensor,
-    x0_hat: Tensor,
-    t: int,
-    t_next: int,
-    abar: Tensor,
-    *,
-    eta: float,
-    generator: Generators = None,
-) -> Tensor:
-    r"""One reverse step $x_t \to x_{t'}$ with $t' = $ ``t_next`` ($-1$ means "clean").
-
-    $$x_{t'} = \sqrt{\bar\alpha_{t'}}\,\hat x_0
-      + \sqrt{1 - \bar\alpha_{t'} - \sigma^2}\;\hat\epsilon + \sigma z, \quad
-      \sigma^2 = \eta^2\,\frac{1 - \bar\alpha_{t'}}{1 - \bar\alpha_t}
-      \Big(1 - \frac{\bar\alpha_t}{\bar\alpha_{t'}}\Big)$$
-
-    where $\hat\epsilon = (x_t - \sqrt{\bar\alpha_t}\,\hat x_0) / \sqrt{1 - \bar\alpha_t}$ is the
-    noise that would explain x_t if the guess were right.
-
-    Source: DDIM eq. 12 and 16.  Differs: EDGE, TCDiff++ and Lodge fuse the step with the loop.
-
-    Shapes: x_t, x0_hat (b, n, f, d); abar (T,) -> (b, n, f, d).  Units: normalised features.
-    Raises: ValueError unless t_next < t and 0 <= eta <= 1.
-
-    >>> abar = torch.linspace(0.99, 0.01, 10)
-    >>> x0 = torch.ones(1, 2, 3, 4)
-    >>> torch.equal(ddim_step(torch.randn_like(x0), x0, t=5, t_next=-1, abar=abar, eta=0), x0)
-    True
-    """
-    _check_step(t, t_next, eta)
-    if t_next == -1:
-        return x0_hat
-    a, a_next = abar_at(abar, t), abar_at(abar, t_next)
-    eps_hat = (x_t - math.sqrt(a) * x0_hat) / math.sqrt(1 - a)
-    sigma = eta * math.sqrt((1 - a_next) / (1 - a) * (1 - a / a_next))
-    direction = math.sqrt(max(1 - a_next - sigma**2, 0.0))  # below 0 only by rounding
-    x_next = math.sqrt(a_next) * x0_hat + direction * eps_hat
-    return x_next + _noise(sigma, x_t, generator)
-
-
-def half_logsnr(abar: Tensor, t: int) -> float:
-    r"""How much signal there is for the noise; infinite for the clean dance.
-
-    $$\lambda_t = \tfrac12 \ln \frac{\bar\alpha_t}{1 - \bar\alpha_t}$$
-
-    >>> half_logsnr(torch.tensor([0.5]), 0), half_logsnr(torch.tensor([0.5]), -1)
-    (0.0, inf)
-    """
-    a = abar_at(abar, t)
-    return math.inf if a == 1 else 0.5 * math.log(a / (1 - a))
-
-
-def logsnr_times(steps: int, abar: Tensor, sigma_min: float = 0.0) -> list[int]:
-    r"""Steps evenly spaced in $\lambda$, then -1 ("clean"): every size of motion gets as many.
-
-    What a dance is made of becomes visible one size after the other, formations first, trembling
-    last. Steps that are even in t hurry through both ends.
-
-    - ``sigma_min``: noise, as a share of the signal, at which the last guess is taken; 0 for the
-      least of the schedule. What a network's guesses under little noise are worth differs:
-      ``benchmarks/few_steps.py`` measures it.
-
-    Source: DPM-Solver++ section 5.  Differs: begins at `LOUDEST`, since the cosine schedule's first
-    step alone is a quarter of its way; steps that fall on the same t are taken once.
-
-    Raises: ValueError unless 1 <= steps <= len(abar) and 0 <= sigma_min <= 1.
-
-    >>> from dancediff.diffusion.schedule import cosine_abar
-    >>> logsnr_times(6, cosine_abar())
-    [992, 951, 698, 174, 20, 0, -1]
-    >>> logsnr_times(6, cosine_abar(), sigma_min=0.16)
-    [992, 974, 910, 703, 322, 93, -1]
-    """
-    if not 1 <= steps <= len(abar):
-        raise ValueError(f"steps={steps} must lie in 1 ... {len(abar)}, the schedule's length")
-    if not 0 <= sigma_min <= 1:
-        raise ValueError(f"sigma_min={sigma_min} must lie in 0 ... 1, noise over signal")
-    level = 0.5 * torch.log(abar / (1 - abar))
-    end = min(-math.log(sigma_min), float(level[0])) if sigma_min else float(level[0])
-    wanted = torch.linspace(max(LOUDEST, float(level[-1])), end, steps)
-    times = [int((level - value).abs().argmin()) for value in wanted]
-    return [*dict.fromkeys(times), -1]
-
-
-def dpm_step(
-    x_t: Tensor,
-    x0_hat: Tensor,
-    t: int,
-    t_next: int,
-    abar: Tensor,
-    *,
-    before: tuple[Tensor, int] | None = None,
-    eta: float,
-    generator: Generators = None,
-) -> Tensor:
-    r"""One step of DPM-Solver++(2M): the guess is continued along a line through the last two.
-
-    $$x_{t'} = \frac{\sigma_{t'}}{\sigma_t}\,e^{-\eta h}\,x_t
-      + \alpha_{t'}\,(1 - e^{-(1 + \eta) h})\,D + \sigma_{t'} \sqrt{1 - e^{-2\eta h}}\;z, \qquad
-      D = \hat x_0 + \frac{h}{2 h_-}\,(\hat x_0 - \hat x_0^-)$$
-
-    with $h = \lambda_{t'} - \lambda_t$, $\alpha = \sqrt{\bar\alpha}$,
-    $\sigma = \sqrt{1 - \bar\alpha}$. DDIM takes D to be the guess; so every step falls short of
-    what the guess will be at its end, and with few of them formations shrink and jumps get blunt.
-
-    - ``before``: the guess before and its step; without it D is the guess.
-    - ``eta``: 0 follows the flow, 1 adds fresh noise at every step, as DDPM does.
-
-    Source: DPM-Solver++ algorithm 2 (eta = 0) and appendix (SDE form, eta = 1).
-
-    Shapes: x_t, x0_hat (b, n, f, d); abar (T,) -> (b, n, f, d).
-    Raises: ValueError unless t_next < t and 0 <= eta <= 1.
-
-    >>> abar = torch.linspace(0.99, 0.01, 10)
-    >>> x_t, x0 = torch.randn(1, 2, 3, 4), torch.ones(1, 2, 3, 4)
-    >>> first = dpm_step(x_t, x0, 9, 5, abar, eta=0)
-    >>> torch.allclose(first, ddim_step(x_t, x0, 9, 5, abar, eta=0), atol=1e-6)
-    True
-    """
-    _check_step(t, t_next, eta)
-    if t_next == -1:
-        return x0_hat
-    a, a_next = abar_at(abar, t), abar_at(abar, t_next)
-    h = half_logsnr(abar, t_next) - half_logsnr(abar, t)
-    D = x0_hat
-    if before is not None:
-        last, t_last = before
-        h_last = half_logsnr(abar, t) - half_logsnr(abar, t_last)
-        D = x0_hat + h / (2 * h_last) * (x0_hat - last)
-    keep = math.sqrt((1 - a_next) / (1 - a)) * math.exp(-eta * h)
-    x_next = keep * x_t - math.sqrt(a_next) * math.expm1(-(1 + eta) * h) * D
-    sigma = math.sqrt((1 - a_next) * -math.expm1(-2 * eta * h))
-    return x_next + _noise(sigma, x_t, generator)
-
-
-def ddpm_step(
-    x_t: Tensor,
-    x0_hat: Tensor,
-    t: int,
-    abar: Tensor,
-    *,
-    generator: Generators = None,
-) -> Tensor:
-    r"""One step $x_t \to x_{t-1}$, drawn from the posterior $q(x_{t-1} \mid x_t, \hat x_0)$.
-
-    $$x_{t-1} = \frac{\sqrt{\bar\alpha_{t-1}}\,\beta_t}{1 - \bar\alpha_t}\,\hat x_0
-      + \frac{\sqrt{\alpha_t}\,(1 - \bar\alpha_{t-1})}{1 - \bar\alpha_t}\,x_t + \sigma z, \quad
-      \sigma^2 = \frac{1 - \bar\alpha_{t-1}}{1 - \bar\alpha_t}\,\beta_t$$
-
-    with $\alpha_t = \bar\alpha_t / \bar\alpha_{t-1}$ and $\beta_t = 1 - \alpha_t$.
-
-    Source: DDPM eq. 6 and 7; TCDiff++ eq. 2.
-
-    Shapes: x_t, x0_hat (b, n, f, d); abar (T,) -> (b, n, f, d).  At t = 0 it returns x0_hat.
-
-    >>> x0 = torch.ones(1, 2, 3, 4)
-    >>> torch.equal(ddpm_step(torch.randn_like(x0), x0, t=0, abar=torch.tensor([0.99])), x0)
-    True
-    """
-    if t == 0:
-        return x0_hat
-    a, a_next = abar_at(abar, t), abar_at(abar, t - 1)
-    alpha = a / a_next
-    beta = 1 - alpha
-    mean = (
-        math.sqrt(a_next) * beta / (1 - a) * x0_hat
-        + math.sqrt(alpha) * (1 - a_next) / (1 - a) * x_t
-    )
-    return mean + _noise(math.sqrt((1 - a_next) / (1 - a) * beta), x_t, generator)
 
 
 def own_step(name: str, x_t: Tensor, *where, **how) -> Tensor:
@@ -245,13 +50,6 @@ def own_step(name: str, x_t: Tensor, *where, **how) -> Tensor:
     return x
 
 
-def _check_step(t: int, t_next: int, eta: float) -> None:
-    if not t_next < t:
-        raise ValueError(f"t_next={t_next} must be below t={t}: sampling goes towards -1")
-    if not 0 <= eta <= 1:
-        raise ValueError(f"eta={eta} must lie in 0 (deterministic) ... 1 (as noisy as DDPM)")
-
-
 def sampling_times(
     sampler: str, steps: int, abar: Tensor | None = None, sigma_min: float = 0.0
 ) -> list[int]:
@@ -268,13 +66,6 @@ def sampling_times(
     if sampler == "dpm":
         return logsnr_times(steps, abar, sigma_min)
     return ddim_times(len(abar) if sampler == "ddpm" else steps, len(abar))
-
-
-def _noise(sigma: float, like: Tensor, generator: Generators) -> Tensor | float:
-    """Draw sigma z; a sampler without noise leaves the generator untouched."""
-    if sigma == 0:
-        return 0.0
-    return sigma * gaussian(like.shape, generator=generator, device=like.device, dtype=like.dtype)
 
 
 def _cut(x0_hat: Tensor, clamp) -> Tensor:

@@ -55,6 +55,19 @@ def abar_at(abar: Tensor, t: int) -> float:
     return 1.0 if t == -1 else float(abar[t])
 
 
+def check_step(t: int, t_next: int, eta: float) -> None:
+    """That a step goes towards the clean dance, with a share of noise that there is.
+
+    Raises: ValueError unless t_next < t and 0 <= eta <= 1.
+
+    >>> check_step(5, 4, eta=1.0)
+    """
+    if not t_next < t:
+        raise ValueError(f"t_next={t_next} must be below t={t}: sampling goes towards -1")
+    if not 0 <= eta <= 1:
+        raise ValueError(f"eta={eta} must lie in 0 (deterministic) ... 1 (as noisy as DDPM)")
+
+
 def q_sample(x_0: Tensor, t: int | Tensor, abar: Tensor, eps: Tensor) -> Tensor:
     r"""Jump from the clean dance straight to step t.
 
@@ -112,6 +125,17 @@ def gaussian(
     if generator is not None and generator.device.type != "cpu":
         raise ValueError(f"generator is on {generator.device}; use torch.Generator() (CPU)")
     return send(torch.randn(tuple(shape), generator=generator).to(dtype), device)
+
+
+def scaled_noise(sigma: float, like: Tensor, generator: Generators) -> Tensor | float:
+    """Draw sigma z, like a tensor; a step without noise leaves the generator untouched.
+
+    >>> scaled_noise(0.0, torch.zeros(2, 3), None)
+    0.0
+    """
+    if sigma == 0:
+        return 0.0
+    return sigma * gaussian(like.shape, generator=generator, device=like.device, dtype=like.dtype)
 
 
 def noise_like(x: Tensor, generator: torch.Generator) -> Tensor:

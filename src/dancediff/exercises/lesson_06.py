@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import torch
 
-from dancediff.diffusion.samplers import ddim_times
+from dancediff.diffusion.ddim import ddim_times
 from dancediff.diffusion.schedule import cosine_abar
 from dancediff.exercises.shared import unlike
 from dancediff.extensions.frequency_clip import FrequencyClip

@@ -8,7 +8,7 @@ from itertools import pairwise, permutations
 import torch
 
 from dancediff.axes import FPS
-from dancediff.diffusion.samplers import ddim_times
+from dancediff.diffusion.ddim import ddim_times
 from dancediff.diffusion.schedule import cosine_abar
 from dancediff.exercises.shared import unlike
 

@@ -140,7 +140,7 @@ _ALL = (
               "foot_contact_projection", ALL, lesson=9),
     # sampling
     Extension("dpm_solver", "sampling", "DPM-Solver++ instead of DDIM: fewer steps.",
-              "diffusion.samplers", ALL, lesson=6),
+              "diffusion.dpm_solver", ALL, lesson=6),
     Extension("same_noise", "sampling", "The context keeps its noise while it is pinned.",
               "diffusion.pinning", GROUP, lesson=10),
     Extension("resampled_overlap", "sampling", "Shared frames are sampled again for constraints.",

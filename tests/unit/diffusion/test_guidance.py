@@ -2,8 +2,8 @@ import pytest
 import torch
 
 from dancediff.diffusion.conditions import Conditions
+from dancediff.diffusion.ddim import ddim_times
 from dancediff.diffusion.guidance import guided, off_at_the_end, ramp_up
-from dancediff.diffusion.samplers import ddim_times
 
 M = torch.randn(2, 6, 35, generator=torch.Generator().manual_seed(0))
 S = torch.tensor([[0, 1, 2], [2, 1, 0]])

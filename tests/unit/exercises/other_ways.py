@@ -14,7 +14,8 @@ from scipy import stats
 from scipy.spatial.transform import Rotation
 from torch import cat, nn, stack, tensor, zeros
 
-from dancediff.diffusion.samplers import SamplerOptions, ddim_step
+from dancediff.diffusion.ddim import ddim_step
+from dancediff.diffusion.samplers import SamplerOptions
 from dancediff.diffusion.schedule import q_sample
 from dancediff.extensions.ssd import ssd_scan
 from dancediff.metrics.rhythm import closeness

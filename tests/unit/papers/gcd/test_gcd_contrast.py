@@ -7,7 +7,8 @@ import torch
 
 from dancediff.data.choreographed import choreographed_takes
 from dancediff.data.windows import GroupCut, WindowSampler
-from dancediff.diffusion.samplers import SamplerOptions, ddpm_step, sample, sampling_times
+from dancediff.diffusion.ddpm import ddpm_step
+from dancediff.diffusion.samplers import SamplerOptions, sample, sampling_times
 from dancediff.diffusion.schedule import cosine_abar
 from dancediff.papers.gcd.consistency_guidance import dialled
 from dancediff.papers.gcd.contrast import info_nce, strangers
