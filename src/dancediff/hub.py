@@ -29,6 +29,7 @@ from dancediff.extensions.genre_condition import genres_of
 from dancediff.extensions.own_class import class_name, own_network
 from dancediff.generation.pipeline import Network, Pipeline, pipeline_of
 from dancediff.music.song import Music
+from dancediff.nn.sizes import check_sizes
 from dancediff.own import is_own
 from dancediff.papers.bailando.model import Bailando, BailandoConfig
 from dancediff.papers.codancers.model import CoDancers, CoDancersConfig
@@ -38,7 +39,7 @@ from dancediff.papers.gcd.model import GCD, GCDConfig
 from dancediff.papers.lodge.model import Lodge, LodgeConfig
 from dancediff.papers.mnet.model import MNET, MNETConfig
 from dancediff.papers.tcdiff.model import TCDiff, TCDiffConfig
-from dancediff.papers.tcdiffpp.model import LARGEST, MOST_LAYERS, TCDiffPP, TCDiffPPConfig
+from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 
 ASSETS = Path(__file__).parent / "assets"
 SONG = "studio_floor"
@@ -259,7 +260,5 @@ def _checked(key: str, value, kind: type):
         return tuple(value)
     if kind is not float and type(value) is not kind:
         raise ValueError(f"config {key}={value!r} should be {kind.__name__}")
-    largest = MOST_LAYERS if key == "num_layers" else LARGEST
-    if kind is int and not 0 < value <= largest:
-        raise ValueError(f"config {key}={value} is not in 1..{largest}")
+    check_sizes({key: value}, "config")
     return value

@@ -71,7 +71,7 @@ class Cut(Protocol):
 
 @dataclass(frozen=True)
 class GroupCut:
-    """Windows for TCDiff++ and EDGE: x (n, f, 151), dancers from left to right, and label S (n,).
+    """Windows of groups: x (n, f, 151), dancers from left to right, and label S (n,).
 
     Source: TCDiff++ section 4.4: 150 frames.
 

@@ -14,8 +14,8 @@ from torch import Tensor
 
 from dancediff.motion.representation import TCDIFFPP
 
-ROOT_SHARE = 0.7  # of TCDiff++ and EDGE: pushed as far as joints, dancers run
-LASTING_SHARE = 0.65  # of both: pushed as far as movements, poses that last are grotesque
+ROOT_SHARE = 0.7  # of models of groups and EDGE: pushed as far as joints, dancers run
+LASTING_SHARE = 0.65  # of them: pushed as far as movements, poses that last are grotesque
 
 
 def autoguided(

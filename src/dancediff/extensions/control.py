@@ -88,14 +88,21 @@ class WalkAlong:
             )
         if not self.slack >= 0:
             raise ValueError(f"slack={self.slack} is no length; choose metres, 0 or more")
-        at = torch.arange(math.ceil(times[0]), min(math.floor(times[-1]), frames - 1) + 1)
-        path = points[:, 1:].numpy().repeat(2 if len(points) == 1 else 1, 0)
-        if len(points) > 1:
+        path = points[:, 1:].numpy()
+        if len(points) == 1:
+            at = times.round().clamp(max=frames - 1).long()
+        else:
+            at = torch.arange(math.ceil(times[0]), min(math.floor(times[-1]), frames - 1) + 1)
             path = PchipInterpolator(times.numpy(), path)(at.numpy())
+        if not len(at):
+            raise ValueError(
+                f"points has the times {[round(sec, 3) for sec in (times / fps).tolist()]}; no "
+                f"frame lies between them: they need to be {1 / fps:.3f} s apart"
+            )
         mask, value = _nothing(n, frames)
         for column, feature in enumerate((X, Z)):
             mask[k, at, feature] = True
-            value[k, at, feature] = torch.as_tensor(path[: len(at), column], dtype=value.dtype)
+            value[k, at, feature] = torch.as_tensor(path[:, column], dtype=value.dtype)
         return Constraint(mask, value, mask * float(self.slack))
 
 
@@ -137,10 +144,14 @@ class Keep:
             return [(0, self.dance.num_frames / self.dance.fps)]
         try:
             pairs = [self.seconds] if isinstance(self.seconds[0], int | float) else self.seconds
-            return _numbers(pairs, 2, "seconds").tolist()
+            pairs = _numbers(pairs, 2, "seconds").tolist()
+            if not all(0 <= start < stop for start, stop in pairs):
+                raise ValueError
+            return pairs
         except (TypeError, IndexError, ValueError):
             raise ValueError(
-                f"seconds={self.seconds!r} must be (from, to), or several such pairs"
+                f"seconds={self.seconds!r} must be (from, to) with 0 <= from < to, or several such "
+                "pairs"
             ) from None
 
     def _features(self) -> list[int]:

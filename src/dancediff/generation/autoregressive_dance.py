@@ -34,17 +34,33 @@ def autoregressive_pieces(
     history[..., TCDIFFPP.rot6d] += request.seed_noise * rotations
     kept: list[Tensor] = []
     done = 0
-    with torch.autocast(device.type, torch.bfloat16, enabled=dtype == torch.bfloat16):
-        for new in model.dance(history, M, request, generators):
-            kept.append(new.float())
-            done += new.shape[1]
-            if report is not None:
-                report(min(done, total), total)
-            if done >= total or sum(x.shape[1] for x in kept) >= PIECE:
-                yield model.normalizer.unnormalize(torch.cat(kept, dim=1)).cpu()
-                kept = []
-            if done >= total:
-                return
+    for new in _computed(model.dance(history, M, request, generators), device.type, dtype):
+        kept.append(new.float())
+        done += new.shape[1]
+        if report is not None:
+            report(min(done, total), total)
+        if done >= total or sum(x.shape[1] for x in kept) >= PIECE:
+            yield model.normalizer.unnormalize(torch.cat(kept, dim=1)).cpu()
+            kept = []
+        if done >= total:
+            return
+
+
+def _computed(frames: Iterator[Tensor], device: str, dtype) -> Iterator[Tensor]:
+    """The same frames, made without gradients and with the digits of ``dtype``.
+
+    Both hold while frames are made, not while they are handed out: they belong to the thread, and
+    would hold for what the caller computes meanwhile.
+    """
+    while True:
+        with (
+            torch.no_grad(),
+            torch.autocast(device, torch.bfloat16, enabled=dtype == torch.bfloat16),
+        ):
+            new = next(frames, None)
+        if new is None:
+            return
+        yield new
 
 
 def history_of(model: AutoregressiveNetwork, request: AutoregressiveRequest) -> Tensor:

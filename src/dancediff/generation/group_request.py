@@ -175,6 +175,8 @@ class GroupDanceRequest(SegmentedRequest):
                 raise ValueError(
                     f"{name}=True is not possible with long_sampling='naive'; use False"
                 )
+        if self.constraint() is not None:
+            raise ValueError("start=, end= and constraints= need long_sampling='lgds'")
         return replace(
             self, collision_avoidance=False, order_constraint=False, pinning=None, seam=None
         )

@@ -7,6 +7,8 @@ from dataclasses import Field, field
 from types import UnionType
 from typing import Any, get_args
 
+import numpy as np
+
 from dancediff.own import is_own, own_function
 
 
@@ -52,7 +54,7 @@ def checked(one: Field, value):
         return value
     kinds = kinds_of(one)
     if bool in kinds:
-        if str(value) not in ("True", "False"):
+        if not isinstance(value, bool | np.bool_):
             raise ValueError(f"{one.name}={value!r} must be True or False")
         return bool(value)
     for kind, number, words in ((int, operator.index, "an integer"), (float, float, "a number")):

@@ -101,7 +101,7 @@ class Pipeline(ABC):
         - ``song``: a `Music`, or a path.
         - ``options``: those of ``request``; ``preset="paper"`` dances as the papers say.
         - ``progress``: True for a bar, or a function (done, total).
-        - ``watch``: a function (done, total, guess) that gets to see what a group model takes the
+        - ``watch``: a function (done, total, guess) that gets to see what TCDiff++ takes the
           segment for after every step, a `Motion` (dancers as the network numbers them); an
           exception it raises stops the dance.
 
@@ -119,8 +119,9 @@ class Pipeline(ABC):
         """The same dance as `generate`, handed out piece by piece as it is ready; see `Stream`.
 
         Memory does not grow with the song: what was handed out is forgotten. (Lodge makes a solo
-        first and keeps it: 60 MB an hour. EDGE hands out the whole dance.) The options are checked
-        at once, the dancing begins with the first piece that is asked for.
+        first and keeps it: 60 MB an hour. EDGE, GCD, TCDiff and ``long_sampling="naive"`` hand out
+        the whole dance.) The options are checked at once, the dancing begins with the first piece
+        that is asked for.
 
         ``opening``: so many seconds of the song are enough to begin with. The first dance is then
         danced to music features of that part, which `generate` takes of the whole song.
@@ -171,6 +172,7 @@ class GroupDancePipeline(Pipeline):
 
     def _pieces(self, song, request, *, report, dtype, watch=None):
         if request.long_sampling == "naive":
+            _refuse(watch)
             yield naive_dance(self.model, song, request, report=report, dtype=dtype)
             return
         how = {"report": report, "dtype": dtype}
@@ -303,7 +305,7 @@ def pipeline_of(model: Network, name: str | None = None) -> Pipeline:
 
 def _refuse(watch) -> None:
     if watch is not None:
-        raise ValueError("watch= is for group models only; leave it out")
+        raise ValueError("watch= is for TCDiff++ with long_sampling='lgds' only; leave it out")
 
 
 @contextmanager

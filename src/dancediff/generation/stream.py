@@ -36,8 +36,9 @@ class Stream(Iterator[Motion]):
     """The pieces of a dance, each as soon as it is ready; `Pipeline.stream` makes it.
 
     One thread takes the pieces; `set`, `seek` and `stop` may be called by any. What they ask for
-    holds from the next segment on. Models other than TCDiff++ make their dance before they hand
-    out the first of it, and can only be stopped.
+    holds from the next segment on. Only TCDiff++ with ``long_sampling="lgds"`` can be steered; the
+    others can only be stopped. Lodge hands out a minute at a time, autoregressive models a second,
+    the others the whole dance.
 
     - ``begins``: seconds of the song at which the piece handed out last begins.
     - ``timing``: how long pieces took.
@@ -152,7 +153,7 @@ class Stream(Iterator[Motion]):
     def is_over(self) -> bool:
         """Whether all of the dance was handed out, and nobody asks to go elsewhere."""
         if self._dance is None:
-            return self.timing.pieces > 0
+            return round(self.danced * FPS) >= self.request.frames
         waiting = any("seek" in change for change in (*self._changes, *self._script))
         return self._dance.over and not waiting
 
@@ -276,6 +277,8 @@ class Stream(Iterator[Motion]):
         if not changed:
             return self.request
         dancers = changed.setdefault("dancers", dancers)
+        if "genre" in changed:  # what follows from a genre, the request has of the one before
+            changed["genre_guidance"] = self._given.get("genre_guidance")
         if "swap" in changed:
             changed["swap_at"] = None
         elif self.request.swap is not None:
@@ -285,8 +288,8 @@ class Stream(Iterator[Motion]):
     def _steered(self) -> SteeredDance:
         if self._dance is None:
             raise ValueError(
-                f"the model {self.pipeline.name!r} cannot be steered: its dance is made before the "
-                "first piece is handed out; use a model of tcdiffpp with long_sampling='lgds'"
+                f"the model {self.pipeline.name!r} cannot be steered while it dances this; use a "
+                "model of tcdiffpp with long_sampling='lgds'"
             )
         return self._dance
 

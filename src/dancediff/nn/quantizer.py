@@ -95,16 +95,6 @@ class VectorQuantizer(nn.Module):
         self.S[which] = count * self.e[which]
 
 
-def code_use(codes: Tensor, num_codes: int, least: int = 1) -> float:
-    """Share of the codes that are used at least so often.
-
-    >>> code_use(torch.tensor([0, 0, 3]), 4), code_use(torch.tensor([0, 0, 3]), 4, least=2)
-    (0.5, 0.25)
-    """
-    counts = torch.bincount(codes.flatten(), minlength=num_codes)
-    return (counts >= least).float().mean().item()
-
-
 def perplexity(codes: Tensor, num_codes: int) -> float:
     r"""How many codes, all used alike, would be as hard to guess: $e^{-\sum_i p_i \log p_i}$.
 

@@ -1,6 +1,6 @@
 """What the variants of an ablation learn from, and what they are measured on.
 
-TCDiff++ and EDGE learn groups, Lodge learns solos, of the same choreographed songs
+Lodge learns solos, all other models learn groups (EDGE each dancer alone), of the same songs
 (`dancediff.data.choreographed`), unless the config names a prepared folder.
 """
 
@@ -43,7 +43,7 @@ def held_out_songs(variant: Variant) -> list[Music]:
 
 
 def held_out_genres(variant: Variant) -> list[str]:
-    """The genre that each of those songs was made for; only Lodge takes one."""
+    """The genre that each of those songs was made for, of which models without genres take none."""
     return [genre_and_tempo(seed)[0] for seed in variant.held_out.seeds]
 
 
@@ -53,7 +53,7 @@ def held_out_dances(variant: Variant) -> list[Motion]:
 
 
 def reference_dances(variant: Variant) -> list[Motion]:
-    """His dances to as many other new songs, which dances are compared with by FID and the like.
+    """Choreographed dances to as many other new songs, which dances are compared with by FID etc.
 
     As long and as large as those of the variants: a part of a longer dance would not do. In the
     first five seconds of half a minute hardly anybody changes places, in a dance of five seconds
@@ -63,7 +63,7 @@ def reference_dances(variant: Variant) -> list[Motion]:
 
 
 def held_out_orders(variant: Variant) -> list[tuple[int, ...]]:
-    """The order in which each of his dances ends, as group models are asked for it."""
+    """The order in which each choreographed dance ends, as group models are asked for it."""
     ends = [dance.root[:, :: dance.num_frames - 1, 0] for dance in held_out_dances(variant)]
     return [tuple(swap_mode(x[:, 0], x[:, 1]).tolist()) for x in ends]
 

@@ -5,7 +5,7 @@ Read first: Xie et al. 2022 (Adan) algorithm 1.
 Symbols (one entry each per weight)
     g       gradient of this step; d = g minus that of the step before (0 at first)
     m, v    moving averages of g and of d
-    n       moving average of the square of g + (1 - beta_2) d
+    n       moving average of the square of g + beta_2 d
 """
 
 import torch

@@ -12,7 +12,6 @@ Tables of the file
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -20,23 +19,24 @@ import torch
 from torch import Tensor
 
 from dancediff.autoregression.network import AutoregressiveNetwork
-from dancediff.data.augment import Augmentation
 from dancediff.data.take import DanceTake
-from dancediff.data.windows import GroupCut, WindowSampler
+from dancediff.data.windows import WindowSampler
 from dancediff.extensions.build import build, check_extensions
 from dancediff.nn.quantizer import VectorQuantizer
+from dancediff.nn.sizes import check_sizes
 from dancediff.papers.bailando.model import Bailando, BailandoConfig
 from dancediff.papers.codancers.model import CoDancers, CoDancersConfig
 from dancediff.papers.fact.model import FACT, FACTConfig
 from dancediff.papers.mnet.model import MNET, MNETConfig
-from dancediff.training.checkpoint import NAME, check_free, load_average
+from dancediff.training.checkpoint import check_free
 from dancediff.training.config import GroupData, TrainConfig
 from dancediff.training.distributed import World
 from dancediff.training.evaluator import Evaluator
-from dancediff.training.group_takes import solos_of, takes_for
+from dancediff.training.group_takes import solos_of, takes_for, windows_of
 from dancediff.training.objective import BatchLosses
+from dancediff.training.stages import StageConfig, kept_of, stage_settings
 from dancediff.training.statistics import fit_statistics
-from dancediff.training.tables import check_all, check_sizes
+from dancediff.training.tables import check_all
 from dancediff.training.trainer import Trainer, name_of
 
 MODELS: dict[str, tuple[Any, type]] = {
@@ -45,19 +45,6 @@ MODELS: dict[str, tuple[Any, type]] = {
     "MNET": (MNET, MNETConfig),
     "CoDancers": (CoDancers, CoDancersConfig),
 }
-
-
-@dataclass(frozen=True)
-class _Stage(TrainConfig):
-    """A table of settings, in which ``steps = 0`` leaves a stage out."""
-
-    def __post_init__(self):
-        if self.metrics_every:
-            raise ValueError(
-                f"metrics_every={self.metrics_every} is for TCDiff++ and EDGE; leave it out"
-            )
-        if self.steps != 0:
-            super().__post_init__()
 
 
 class StageObjective(BatchLosses[AutoregressiveNetwork]):
@@ -103,8 +90,8 @@ def check_autoregressive_tables(config: dict, source: str) -> dict:
 def known_tables(config: dict) -> dict[str, type]:
     """The dataclass of each table."""
     model_class, config_class = MODELS[config["model"]["class"]]
-    stages = {f"train_{stage}": _Stage for stage in model_class.stages}
-    return {"data": GroupData, "model": config_class, "train": _Stage, **stages}
+    stages = {f"train_{stage}": StageConfig for stage in model_class.stages}
+    return {"data": GroupData, "model": config_class, "train": StageConfig, **stages}
 
 
 def train_autoregressive(
@@ -131,7 +118,7 @@ def train_autoregressive(
     tables, device = check_autoregressive_tables(config, source), run.pop("device", "cpu")
     world: World | None = run.get("world")
     model_class, config_class = MODELS[tables["model"].pop("class")]
-    settings = {stage: _settings(tables, stage) for stage in model_class.stages}
+    settings = {stage: stage_settings(tables, stage) for stage in model_class.stages}
     for stage in (stage for stage, one in settings.items() if one is not None):
         check_free(Path(out) / stage, run.get("resume"), run.get("overwrite"))
     extensions = tables["model"].pop("extensions")
@@ -156,8 +143,9 @@ def train_autoregressive(
     model.standing = torch.stack([take.x.mean((0, 1)) for take in takes]).mean(0)
     model.to(device if world is None else world.device)
     for stage, one in settings.items():
-        windows = _windows(takes, corpus, model, tables)
-        validation = _windows(held_out, corpus, model, tables) if held_out else None
+        seed = tables["train"].get("seed", 0)
+        windows = windows_of(takes, corpus, model, seed=seed)
+        validation = windows_of(held_out, corpus, model, seed=seed) if held_out else None
         show = preview if stage == model_class.stages[-1] else None
         options = {"data_name": name_of(takes, tables["data"]), "trainer": trainer, **run}
         model = _trained(model, stage, one, Path(out) / stage, windows, validation, show, options)
@@ -175,26 +163,6 @@ def has_codebook(model: AutoregressiveNetwork) -> bool:
     return any(isinstance(part, VectorQuantizer) for part in model.modules())
 
 
-def _settings(tables: dict, stage: str) -> TrainConfig | None:
-    """How a stage is trained; None for ``steps = 0``."""
-    settings = tables["train"] | tables[f"train_{stage}"]
-    return None if settings.get("steps") == 0 else TrainConfig(**settings)
-
-
-def _windows(takes: list[DanceTake], corpus: GroupData, model, tables: dict) -> WindowSampler:
-    return WindowSampler(
-        takes,
-        GroupCut(model.config.num_frames),
-        genres=getattr(model.config, "genres", ()),
-        augment=Augmentation(
-            mirror=corpus.mirror, rotate=corpus.rotate, shift=corpus.shift, music=corpus.music
-        ),
-        dancers_per_batch=corpus.dancers_per_batch,
-        real=corpus.real,
-        seed=tables["train"].get("seed", 0),
-    )
-
-
 def _trained(
     model: AutoregressiveNetwork,
     stage: str,
@@ -207,8 +175,7 @@ def _trained(
 ) -> AutoregressiveNetwork:
     """The averaged network of a stage, whose other parts stay as they are."""
     if settings is None:
-        kept = folder / NAME
-        return load_average(kept, model) if kept.exists() else model
+        return kept_of(model, folder)
     model.requires_grad_(False)
     for part in model.learning(stage):
         part.requires_grad_(True)

@@ -82,7 +82,7 @@ class Data:
 
 @dataclass(frozen=True)
 class GroupData(Data):
-    """For TCDiff++ and EDGE; see `dancediff.data.windows.WindowSampler`."""
+    """For all models but Lodge; see `dancediff.data.windows.WindowSampler`."""
 
     dancers_per_batch: int = 24  # windows of groups are put together until so many dance
     shift: float = 0.0  # longest way that a window is moved along x and z, metres

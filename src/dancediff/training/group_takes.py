@@ -1,12 +1,16 @@
-"""The takes that models of groups learn from: a prepared folder's, or the choreographer's."""
+"""What models of groups learn from: takes of a prepared folder or choreographed ones; windows."""
 
 import warnings
 from functools import partial
 from pathlib import Path
 
+from dancediff.data.augment import Augmentation
 from dancediff.data.choreographed import choreographed_corpus
 from dancediff.data.packed import PackedTakes
 from dancediff.data.take import DanceTake
+from dancediff.data.windows import GroupCut, WindowSampler
+from dancediff.extensions.energy_condition import listens_to_energy
+from dancediff.extensions.genre_condition import genres_of
 from dancediff.training.config import GroupData
 
 
@@ -47,3 +51,27 @@ def takes_for(
         cache=cache,
     )
     return make(range(corpus.songs)), make(range(corpus.songs, end))
+
+
+def windows_of(
+    takes: list[DanceTake], corpus: GroupData, model, *, seed: int = 0, any_song: float = 0.0
+) -> WindowSampler:
+    """Windows of takes, drawn as ``corpus`` says, as long as the model's segments."""
+    augment = Augmentation(
+        mirror=corpus.mirror,
+        rotate=corpus.rotate,
+        shift=corpus.shift,
+        music=corpus.music,
+        any_song=any_song,
+    )
+    return WindowSampler(
+        takes,
+        GroupCut(model.config.num_frames),
+        genres=genres_of(model),
+        energy=listens_to_energy(model),
+        augment=augment,
+        dancers_per_batch=corpus.dancers_per_batch,
+        real=corpus.real,
+        swaps=corpus.swaps,
+        seed=seed,
+    )

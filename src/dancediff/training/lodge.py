@@ -33,6 +33,7 @@ from dancediff.extensions.metre_unit import metre_unit_normalizer
 from dancediff.extensions.preconditioning import preconditioning_of
 from dancediff.motion.representation import LODGE, Normalizer
 from dancediff.music.features import MusicNormalizer
+from dancediff.nn.sizes import check_sizes
 from dancediff.papers.lodge.genre_discriminator import DiscriminatorConfig
 from dancediff.papers.lodge.global_diffusion import GlobalConfig, GlobalDenoiser
 from dancediff.papers.lodge.local_diffusion import LocalConfig, LocalDenoiser
@@ -40,7 +41,7 @@ from dancediff.papers.lodge.losses import LodgeWeights
 from dancediff.papers.lodge.model import Lodge, LodgeConfig
 from dancediff.papers.lodge.primitives import Layout
 from dancediff.training.boards import check_logs
-from dancediff.training.checkpoint import NAME, check_free, load_average
+from dancediff.training.checkpoint import NAME, check_free
 from dancediff.training.config import SoloData, TrainConfig, TrainingExtensions
 from dancediff.training.cuda_graph import trainer_for
 from dancediff.training.distributed import World
@@ -53,8 +54,9 @@ from dancediff.training.lodge_data import (
     prepared_solos,
 )
 from dancediff.training.lodge_losses import Critic, LodgeObjective
+from dancediff.training.stages import StageConfig, kept_of, stage_settings
 from dancediff.training.statistics import PLAIN, window_weights
-from dancediff.training.tables import check_all, check_sizes
+from dancediff.training.tables import check_all
 from dancediff.training.trainer import Trainer, name_of
 
 Stage = TypeVar("Stage", GlobalDenoiser, LocalDenoiser)
@@ -75,26 +77,13 @@ class _Model:
         check_extensions(Lodge, None, self.extensions)
 
 
-@dataclass(frozen=True)
-class _Stage(TrainConfig):
-    """A table of settings, in which ``steps = 0`` leaves a stage out."""
-
-    def __post_init__(self):
-        if self.metrics_every:
-            raise ValueError(
-                f"metrics_every={self.metrics_every} is for TCDiff++ and EDGE; leave it out"
-            )
-        if self.steps != 0:
-            super().__post_init__()
-
-
 TABLES: dict[str, type] = {
     "data": SoloData,
     "model": _Model,
     "global_stage": GlobalConfig,
     "local_stage": LocalConfig,
-    "train": _Stage,
-    **{f"train_{stage}": _Stage for stage in STAGES},
+    "train": StageConfig,
+    **{f"train_{stage}": StageConfig for stage in STAGES},
     **{f"weights_{stage}": LodgeWeights for stage in STAGES},
     "discriminator": DiscriminatorConfig,
     "extensions": TrainingExtensions,
@@ -128,13 +117,11 @@ def stage_config(tables: dict, stage: str) -> TrainConfig | None:
     >>> stage_config(tables | {"weights_local": {"jacc": 0.5}}, "local").steps
     7
     """
-    settings = tables["train"] | tables[f"train_{stage}"]
-    if settings.get("steps") == 0:
-        return None
     extensions = TrainingExtensions(**tables["extensions"])
     if stage == "global":
         extensions = replace(extensions, slide_loss=0.0)  # primitives are eight frames
-    return TrainConfig(**settings, weights=stage_weights(tables, stage), extensions=extensions)
+    weights = stage_weights(tables, stage)
+    return stage_settings(tables, stage, weights=weights, extensions=extensions)
 
 
 def stage_weights(tables: dict, stage: str) -> LodgeWeights:
@@ -291,8 +278,7 @@ class LodgeTraining:
         """The averaged network of a stage, ready to be trained on."""
         settings, folder = self.settings[stage], self.out / stage
         if settings is None:
-            kept = folder / NAME
-            return load_average(kept, network) if kept.exists() else network
+            return kept_of(network, folder)
         critic = self._critic(stage, settings.lr)
         clean = stage == "fine_tune"
         kind = "global" if stage == "global" else "local"
@@ -305,7 +291,7 @@ class LodgeTraining:
             folder,
             objective=objective,
             evaluator=Evaluator(self.validation[kind], settings, preview),
-            data_name=name_of(self.windows[kind].takes, {}),
+            data_name=name_of(self.windows[kind].takes, self.tables["data"]),
             **self.options,
         )
         return trainer.run().requires_grad_(True)

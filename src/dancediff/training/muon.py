@@ -5,7 +5,7 @@ Read first: Jordan et al. 2024 (Muon); Liu et al. 2025 (Muon is scalable) sectio
 Symbols (one matrix)
     G        gradient; B its moving mean
     W        weights (a, b)
-    U, V     singular vectors of G + mu B, in the columns of a matrix each
+    U, V     singular vectors of (1 - mu) G + mu B, in the columns of a matrix each
 """
 
 from typing import Any
@@ -76,7 +76,7 @@ class MuonAdamW:
     r"""Move matrices in all directions alike, everything else as AdamW does.
 
     $$W \leftarrow (1 - \eta\lambda)\,W - 0.2\,\eta\sqrt{\max(a, b)}\;U V^\top,
-      \qquad G + \mu B = U \Sigma V^\top$$
+      \qquad (1 - \mu)\,G + \mu B = U \Sigma V^\top$$
 
     The gradient of a matrix has few strong directions and many weak ones, and small batches drown
     the weak ones in noise; here each gets the same step. The factor makes the step as large as

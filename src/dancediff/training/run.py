@@ -4,21 +4,20 @@ Read first: `dancediff.training.config` and `dancediff.training.trainer`.
 """
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import torch
 from torch import nn
 
-from dancediff.data.augment import Augmentation
 from dancediff.data.take import DanceTake
-from dancediff.data.windows import GroupCut, WindowSampler
 from dancediff.extensions.build import build, check_extensions, paper_class
-from dancediff.extensions.energy_condition import listens_to_energy
-from dancediff.extensions.genre_condition import check_genres, genres_of
+from dancediff.extensions.genre_condition import check_genres
 from dancediff.extensions.own_class import own_network
 from dancediff.genre import GENRES
 from dancediff.nn.dance_network import DanceNetwork
+from dancediff.nn.sizes import check_sizes
 from dancediff.own import is_own
 from dancediff.papers.edge.model import EDGE, EDGEConfig
 from dancediff.papers.gcd.model import GCD, GCDConfig
@@ -33,12 +32,12 @@ from dancediff.training.config import GroupData, TrainConfig, TrainingExtensions
 from dancediff.training.cuda_graph import trainer_for
 from dancediff.training.evaluator import Evaluator
 from dancediff.training.gcd import GCDObjective
-from dancediff.training.group_takes import solos_of, takes_for
+from dancediff.training.group_takes import solos_of, takes_for, windows_of
 from dancediff.training.lodge import is_lodge, train_lodge
 from dancediff.training.objective import GroupObjective
 from dancediff.training.own_network import check_network
 from dancediff.training.statistics import fit_statistics, take_over
-from dancediff.training.tables import check_all, check_sizes, read_training
+from dancediff.training.tables import check_all, read_training
 from dancediff.training.tcdiff import TCDiffObjective
 from dancediff.training.trainer import Trainer, name_of
 from dancediff.training.validation_metrics import ValidationMetrics
@@ -178,7 +177,7 @@ def train_from_config(
       choreographed corpus and whose validation split is evaluated on; ``takes`` does so directly.
       With ``class = "Lodge"`` all of it is up to `dancediff.training.lodge.train_lodge`, and
       ``takes`` are solos; other classes have `dancediff.training.autoregressive`.
-    - ``start``: a trained model to start from, see `take_over`; for TCDiff++ and EDGE.
+    - ``start``: a trained model to start from, see `take_over`; of those in `MODELS`.
     - ``preview(model, step)``: see `dancediff.training.evaluator`.
     - ``trainer``: a class that trains in another way, every stage. By default `Trainer`, or on a
       GPU see `trainer_for`.
@@ -195,11 +194,11 @@ def train_from_config(
         return train_lodge(raw, out, source=source, **options)
     if is_autoregressive(raw):
         if start is not None:
-            raise ValueError("start is for TCDiff++ and EDGE only; leave it out")
+            raise ValueError(f"start is for {', '.join(MODELS)} only; leave it out")
         options |= {"takes": takes, "data": data, "preview": preview}
         return train_autoregressive(raw, out, source=source, trainer=trainer or Trainer, **options)
     if start is not None and not isinstance(start, DanceNetwork):
-        raise ValueError(f"start, a {type(start).__name__}, is no model of TCDiff++ or EDGE")
+        raise ValueError(f"start, a {type(start).__name__}, is none of {', '.join(MODELS)}")
     tables = check_tables(raw, source)
     settings, corpus = settings_of(tables), GroupData(**tables["data"])
     check_free(Path(out), options.get("resume"), options.get("overwrite"))
@@ -217,18 +216,22 @@ def train_from_config(
     if isinstance(model, EDGE):
         takes, held_out = solos_of(takes), solos_of(held_out)
     if not (options.get("resume") and (Path(out) / NAME).exists()):  # else it holds all of this
-        known: dict[str, Any] = {"real": corpus.real, "mirror": corpus.mirror > 0, "start": start}
-        fit_statistics(model, takes, settings.extensions, **known)
-        if start is not None:
-            take_over(model, start)
-    validation = _windows(held_out, corpus, model, settings) if held_out else None
+        _begin(model, takes, settings, corpus, start)
+    windows = partial(
+        windows_of,
+        corpus=corpus,
+        model=model,
+        seed=settings.seed,
+        any_song=settings.extensions.any_song,
+    )
+    validation = windows(held_out) if held_out else None
     metrics = ValidationMetrics(validation, Path(out) / "metrics.csv") if validation else None
     device, world = options.pop("device", "cpu"), options.get("world")
     model = model.to(device if world is None else world.device)
     objective = objective_class(model_class)(model, settings)
     return (trainer or trainer_for(objective, settings, world))(
         model,
-        _windows(takes, corpus, model, settings),
+        windows(takes),
         settings,
         out,
         objective=objective,
@@ -238,22 +241,15 @@ def train_from_config(
     ).run()
 
 
-def _windows(takes: list[DanceTake], corpus: GroupData, model, settings: TrainConfig):
-    augment = Augmentation(
-        mirror=corpus.mirror,
-        rotate=corpus.rotate,
-        shift=corpus.shift,
-        music=corpus.music,
-        any_song=settings.extensions.any_song,
-    )
-    return WindowSampler(
-        takes,
-        GroupCut(model.config.num_frames),
-        genres=genres_of(model),
-        energy=listens_to_energy(model),
-        augment=augment,
-        dancers_per_batch=corpus.dancers_per_batch,
-        real=corpus.real,
-        swaps=corpus.swaps,
-        seed=settings.seed,
-    )
+def _begin(
+    model: DanceNetwork,
+    takes: list[DanceTake],
+    settings: TrainConfig,
+    corpus: GroupData,
+    start: DanceNetwork | None,
+) -> None:
+    """Fit a new network's statistics, and give it what a trained one has learned."""
+    known: dict[str, Any] = {"real": corpus.real, "mirror": corpus.mirror > 0, "start": start}
+    fit_statistics(model, takes, settings.extensions, **known)
+    if start is not None:
+        take_over(model, start)

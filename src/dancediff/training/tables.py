@@ -11,7 +11,6 @@ from types import UnionType
 from typing import Any, get_args, get_origin, get_type_hints
 
 _WORDS = {int: "a whole number", float: "a number", str: "a text", bool: "true or false"}
-_LARGEST_SIZE, _MOST_LAYERS = 8192, 64  # a network beyond is a slip, and never done building
 _NOW = {  # keys of before, and what they are now
     "unheard": "masked_music in [extensions]",
     "captured": "real",
@@ -130,20 +129,6 @@ def build(kind: type, values: dict, source: str):
         return kind(**values)
     except (TypeError, ValueError) as err:
         raise ValueError(f"{source}: {err}") from err
-
-
-def check_sizes(values: dict, source: str) -> None:
-    """Refuse sizes that no network can have.
-
-    >>> check_sizes({"num_layers": 1_000_000_000}, "a.toml: 'model'")
-    Traceback (most recent call last):
-    ValueError: a.toml: 'model': num_layers=1000000000 must lie in 1 ... 64
-    """
-    for key, value in values.items():
-        least = 2 if key == "num_frames" else 1  # motion takes two frames
-        most = _MOST_LAYERS if key == "num_layers" else _LARGEST_SIZE
-        if type(value) is int and not least <= value <= most:
-            raise ValueError(f"{source}: {key}={value} must lie in {least} ... {most}")
 
 
 def _checked(key: str, value: Any, kind: type, source: str):

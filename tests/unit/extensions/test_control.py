@@ -57,6 +57,10 @@ def test_one_point_is_a_place_at_a_time():
     c = known(WalkAlong(0, [(2.0, 0.3, 0.4)]))
     assert c.mask.nonzero().tolist() == [[0, 60, X], [0, 60, Z]]
     assert c.value[0, 60, [X, Z]].tolist() == pytest.approx([0.3, 0.4])
+    between = known(WalkAlong(0, [(1.25, 0.3, 0.4)]))  # frame 37.5: it holds in the nearest one
+    assert between.mask.nonzero().tolist() == [[0, 38, X], [0, 38, Z]]
+    last = known(WalkAlong(0, [(4.0, 0.3, 0.4)]))
+    assert last.mask.nonzero().tolist() == [[0, 119, X], [0, 119, Z]]
 
 
 def test_keeping_frames_joints_and_dancers(dance):
@@ -124,6 +128,7 @@ def test_numbers_and_orders_follow_from_places():
         (WalkAlong(2, [(0, 0, 0)]), "dancer=2 must be a whole number in 0 ... 1"),
         (WalkAlong(0, [(1, 0, 0), (1, 1, 1)]), "must rise"),
         (WalkAlong(0, [(0, 0, 0), (9, 1, 1)]), "at most 4 s"),
+        (WalkAlong(0, [(1.01, 0, 0), (1.02, 1, 1)]), r"\[1.01, 1.02\]; no frame lies between"),
         (WalkAlong(0, [(0, 0, 0)], slack=-1), "slack=-1"),
         (StartAt([(0, 0), (2.9, -1)]), r"start has the place \(2.9, -1\), 3.1 m from the middle"),
         (EndAt([(0, 0), (0, 4)]), "end has .* within 3 m"),
@@ -143,6 +148,8 @@ def test_errors_of_keep(dance):
         ({"seconds": (9, 10)}, "keeps nothing"),
         ({"seconds": 2}, r"seconds=2 must be \(from, to\)"),
         ({"seconds": []}, r"seconds=\[\] must be \(from, to\)"),
+        ({"seconds": (-1, 2)}, "0 <= from < to"),
+        ({"seconds": [(0, 1), (2, 2)]}, "0 <= from < to"),
     ):
         with pytest.raises(ValueError, match=text):
             known(Keep(dance, **options))

@@ -185,6 +185,18 @@ def test_naive_long_sampling_knows_no_rules_of_groups():
     assert found.collision_avoidance is False and found.pinning is None
     with pytest.raises(ValueError, match="collision_avoidance=True is not possible"):
         GroupDanceRequest(long_sampling="naive", collision_avoidance=True).resolve(model(), Tune())
+    with pytest.raises(ValueError, match="start=, end= and constraints= need long_sampling='lgds'"):
+        GroupDanceRequest(dancers=1, long_sampling="naive", start=[(0, 0)]).resolve(model(), Tune())
+
+
+@pytest.mark.parametrize("value", ["False", "True", 0, 1.0, None])
+def test_only_a_bool_is_true_or_false(value):
+    """bool("False") is True."""
+    if value is None:
+        assert GroupDanceRequest(foot_contact=value).foot_contact is None
+        return
+    with pytest.raises(ValueError, match=f"foot_contact={value!r} must be True or False"):
+        GroupDanceRequest(foot_contact=value)
 
 
 def test_lodge_dances_the_genre_of_the_tempo():

@@ -72,6 +72,14 @@ def test_a_change_holds_from_the_next_segment_on(listening, change):
     assert not torch.equal(whole(plain[3:]), whole(other[3:]))
 
 
+@pytest.mark.parametrize("given", [{}, {"genre_guidance": 3.0}])
+def test_a_genre_of_a_stream_is_guided_as_that_of_a_dance(listening, given):
+    stream = listening.stream(Tune(), **ASK, **given)
+    list(steered(stream, {1: lambda s: s.set(genre="salsa")}))
+    asked = listening.resolve(Tune(), **ASK, **given, genre="salsa").genre_guidance
+    assert stream.request.genre_guidance == asked > 1
+
+
 def test_who_leaves_is_the_last_and_nobody_else_jumps(model):
     stream = model.stream(Tune(), swap=(2, 0, 1), swap_at=10, **ASK)
     pieces = steered(stream, {2: lambda s: s.set(dancers=2), 3: lambda s: s.set(swap=(1, 0))})

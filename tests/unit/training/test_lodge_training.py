@@ -372,6 +372,9 @@ def test_a_finished_run_is_not_done_again(solos, tmp_path):
     for name, value in first.state_dict().items():
         assert torch.equal(again.state_dict()[name], value), name
     assert len(logged(tmp_path / "local")) == 2
+    other = TABLES | {"data": TABLES["data"] | {"mirror": 0.25}}
+    with pytest.warns(UserWarning, match="in a training on other data"):
+        train_lodge(other, tmp_path, solos=solos, resume=True)
 
 
 def test_a_stopped_run_goes_on_bit_by_bit_with_its_discriminator(solos, tmp_path):
@@ -414,7 +417,7 @@ def test_level_weights_muon_and_bf16(solos, tmp_path):
         ({"moodel": {}}, "no table 'moodel'"),
         ({"local_stage": {"colour": 1}}, "'local_stage' has no 'colour'"),
         ({"train_local": {"weights": 1}}, "'weights'"),
-        ({"train_local": {"metrics_every": 5}}, "metrics_every=5 is for TCDiff.. and EDGE"),
+        ({"train_local": {"metrics_every": 5}}, "metrics_every=5 is for models of one stage"),
         ({"weights_local": {"dist": 1}}, "'dist'"),
         ({"discriminator": {"heads": 1}}, "'heads'"),
     ],

@@ -14,8 +14,10 @@ from dancediff.extensions.build import build
 from dancediff.extensions.preconditioning import preconditioning_of
 from dancediff.motion.mirror import mirror_features
 from dancediff.music.features import CHROMA
+from dancediff.papers.codancers.model import CoDancers, CoDancersConfig
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
-from dancediff.training.config import TrainConfig, TrainingExtensions
+from dancediff.training.config import GroupData, TrainConfig, TrainingExtensions
+from dancediff.training.group_takes import windows_of
 from dancediff.training.run import read_config, train_from_config
 from dancediff.training.statistics import fit_statistics, take_over
 from dancediff.training.trainer import Trainer
@@ -236,3 +238,11 @@ def test_a_start_that_hardly_fits_is_told():
     large = torch.nn.Sequential(torch.nn.Linear(2, 3), torch.nn.Linear(3, 20))
     with pytest.warns(UserWarning, match=r"only 10\.1% of the model's weights.*1\.weight"):
         take_over(large, small)
+
+
+def test_windows_are_drawn_as_the_table_says(takes):
+    """A table's ``swaps`` was passed over in autoregressive trainings."""
+    corpus = GroupData(swaps=0.5, real=0.25, dancers_per_batch=7, mirror=0.5)
+    for model in (TCDiffPP(TCDiffPPConfig(**TINY)), CoDancers(CoDancersConfig())):
+        windows = windows_of(takes, corpus, model, seed=3)
+        assert (windows.swaps, windows.real, windows.augment.mirror) == (0.5, 0.25, 0.5)

@@ -16,7 +16,7 @@ from torch import Tensor, nn
 
 from dancediff.diffusion.conditions import Conditions
 from dancediff.nn.conditioning import BatchInvariantLinear, MusicConditioning
-from dancediff.nn.decoder import FusionProjection, check_group
+from dancediff.nn.decoder import FusionProjection, check_group, check_shapes
 from dancediff.papers.tcdiffpp.sequence_decoder import SequenceDecoder
 
 
@@ -162,8 +162,8 @@ class GroupDanceDecoder(MusicConditioning):
         """Refuse shapes that do not fit."""
         (b, n, f, _), c = x_t.shape, self.config
         check_group(x_t, c)
-        expected = {"t": (b,), "music": (b, f, c.music_dim), "swap": (b, n)}
-        for name, shape in expected.items():
-            have = tuple((t if name == "t" else getattr(conditions, name)).shape)
-            if have != shape:
-                raise ValueError(f"{name} has shape {have}; expected {shape} to match x_t")
+        check_shapes(
+            t=(t, (b,)),
+            music=(conditions.music, (b, f, c.music_dim)),
+            swap=(conditions.swap, (b, n)),
+        )

@@ -7,12 +7,13 @@ Symbols (axes: b batch · n dancers · f frames · d motion, m music features)
     abar           $\bar\alpha_t$, signal kept after t steps         (T,)
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 from torch import Tensor, nn
 
 from dancediff.diffusion.conditions import Conditions
 from dancediff.nn.dance_network import DanceNetwork
+from dancediff.nn.sizes import check_sizes
 from dancediff.papers.tcdiffpp.footwork_adaptor import (
     FootworkAdaptor,
     NoFootworkAdaptor,
@@ -20,7 +21,6 @@ from dancediff.papers.tcdiffpp.footwork_adaptor import (
 )
 from dancediff.papers.tcdiffpp.group_dance_decoder import GroupDanceDecoder
 
-LARGEST, MOST_LAYERS = 8192, 64  # a size beyond is a slip; such a network is never done building
 COMPONENTS = ("dancer_positioning", "fusion_projection", "footwork_adaptor", "swap_mode", "ssm")
 
 
@@ -58,11 +58,7 @@ class TCDiffPPConfig:
         for name in self.without:
             if name not in COMPONENTS:
                 raise ValueError(f"without: {name!r} is not one of {', '.join(COMPONENTS)}")
-        for one in fields(self):
-            value = getattr(self, one.name)
-            most = MOST_LAYERS if one.name == "num_layers" else LARGEST
-            if type(one.default) is int and not 1 <= value <= most:
-                raise ValueError(f"{one.name}={value} must lie in 1 ... {most}")
+        check_sizes(vars(self))
 
     @classmethod
     def paper(cls, **changes) -> "TCDiffPPConfig":

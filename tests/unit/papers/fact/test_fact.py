@@ -123,6 +123,21 @@ def test_dancers_dance_alone(model):
     assert len(pieces) == 2 and torch.allclose(joined, trio.features(), atol=1e-5)
 
 
+def test_pieces_carry_nothing_over_to_the_caller(model, monkeypatch):
+    """No graph that grows with the dance, and no autocast while the caller has the thread."""
+    pipeline, made = pipeline_of(model), []
+    motion = pipeline._motion
+    monkeypatch.setattr(pipeline, "_motion", lambda x, *rest: (made.append(x), motion(x, *rest))[1])
+    stream = pipeline.stream(dd.packaged_song(), seconds=2, dtype=torch.bfloat16)
+    for pieces in (1, 2):
+        next(stream)
+        assert not made[-1].requires_grad and not torch.is_autocast_enabled("cpu")
+        assert stream.is_over == (pieces == 2)
+    with torch.autocast("cpu", torch.bfloat16):
+        for _ in pipeline.stream(dd.packaged_song(), seconds=2):
+            assert torch.is_autocast_enabled("cpu")
+
+
 def test_a_dance_goes_on_from_one_that_is_given(model):
     song, seed = dd.packaged_song(), dd.choreograph([0.5, 1.0], dancers=2, seed=0, seconds=3)[0]
     how = {"seconds": 1, "seed_motion": seed, "seed_noise": 0.0}

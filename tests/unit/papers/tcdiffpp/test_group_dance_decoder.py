@@ -118,6 +118,7 @@ def test_memory_is_swap_music_step():
         ("t", {"t": torch.zeros(3, dtype=torch.long)}),
         ("music", {"M": torch.zeros(2, 19, 35)}),
         ("swap", {"S": torch.zeros(2, 2, dtype=torch.long)}),
+        ("swap", {"S": None}),
     ],
 )
 def test_wrong_shapes_are_named(name, bad):

@@ -1,0 +1,42 @@
+"""Models that are trained in stages: the settings of each, and what a stage left out keeps."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeVar
+
+from torch import nn
+
+from dancediff.training.checkpoint import NAME, load_average
+from dancediff.training.config import TrainConfig
+
+Network = TypeVar("Network", bound=nn.Module)
+
+
+@dataclass(frozen=True)
+class StageConfig(TrainConfig):
+    """A table of settings, in which ``steps = 0`` leaves a stage out."""
+
+    def __post_init__(self):
+        if self.metrics_every:
+            raise ValueError(
+                f"metrics_every={self.metrics_every} is for models of one stage; leave it out"
+            )
+        if self.steps != 0:
+            super().__post_init__()
+
+
+def stage_settings(tables: dict, stage: str, **more) -> TrainConfig | None:
+    """How a stage is trained; None for ``steps = 0``.  ``more``: fields that no table has.
+
+    >>> tables = {"train": {"steps": 5}, "train_local": {"steps": 7}, "train_global": {"steps": 0}}
+    >>> stage_settings(tables, "local").steps, stage_settings(tables, "global")
+    (7, None)
+    """
+    settings = tables["train"] | tables[f"train_{stage}"]
+    return None if settings.get("steps") == 0 else TrainConfig(**settings, **more)
+
+
+def kept_of(network: Network, folder: Path) -> Network:
+    """The averaged network of a stage that was trained before, as it is where there is none."""
+    kept = folder / NAME
+    return load_average(kept, network) if kept.exists() else network
