@@ -217,13 +217,8 @@ def train_from_config(
         takes, held_out = solos_of(takes), solos_of(held_out)
     if not (options.get("resume") and (Path(out) / NAME).exists()):  # else it holds all of this
         _begin(model, takes, settings, corpus, start)
-    windows = partial(
-        windows_of,
-        corpus=corpus,
-        model=model,
-        seed=settings.seed,
-        any_song=settings.extensions.any_song,
-    )
+    how = {"seed": settings.seed, "any_song": settings.extensions.any_song}
+    windows = partial(windows_of, corpus=corpus, model=model, **how)
     validation = windows(held_out) if held_out else None
     metrics = ValidationMetrics(validation, Path(out) / "metrics.csv") if validation else None
     device, world = options.pop("device", "cpu"), options.get("world")
