@@ -217,16 +217,16 @@ def train_from_config(
         takes, held_out = solos_of(takes), solos_of(held_out)
     if not (options.get("resume") and (Path(out) / NAME).exists()):  # else it holds all of this
         _begin(model, takes, settings, corpus, start)
-    how = {"seed": settings.seed, "any_song": settings.extensions.any_song}
+    how: dict[str, Any] = {"seed": settings.seed, "any_song": settings.extensions.any_song}
     windows = partial(windows_of, corpus=corpus, model=model, **how)
-    validation = windows(held_out) if held_out else None
+    validation = windows(takes=held_out) if held_out else None
     metrics = ValidationMetrics(validation, Path(out) / "metrics.csv") if validation else None
     device, world = options.pop("device", "cpu"), options.get("world")
     model = model.to(device if world is None else world.device)
     objective = objective_class(model_class)(model, settings)
     return (trainer or trainer_for(objective, settings, world))(
         model,
-        windows(takes),
+        windows(takes=takes),
         settings,
         out,
         objective=objective,
