@@ -177,8 +177,9 @@ class Scaling:
         listed = {"minutes": self.minutes, "seeds": self.seeds, "autoguidance": self.autoguidance}
         options = {name: " ".join(f"{v:g}" for v in values) for name, values in listed.items()}
         options |= {"count": self.count, "tuned": self.tuned}
+        folders = "--data data/all --held held --tuning tuning --other other"
         return " ".join(
-            ["python benchmarks/scaling.py", *map(str, self.configs)]
+            ["python benchmarks/scaling.py", *map(str, self.configs), folders]
             + [f"--{name} {value}" for name, value in options.items()]
         )
 

@@ -1,6 +1,6 @@
 r"""How often capsules and a skinned mesh agree on whether two dancers touch.
 
-    python benchmarks/tif_meshes.py path/to/data
+    python benchmarks/tif_meshes.py --data path/to/data
 
 Reads ``cmu/`` and ``mesh/makehuman_cmu_mb.glb`` of that folder and prints the table of
 docs/metrics_collision.md. The mesh is a binary glTF (.glb) with one skinned body whose bones carry

@@ -35,7 +35,7 @@ from dancediff.motion.representation import joints_of
 from dancediff.papers.edge.model import EDGE
 from dancediff.training import run, trainer
 from dancediff.training.config import GroupData
-from dancediff.training.group_takes import prepared_takes, solos_of
+from dancediff.training.group_takes import prepared_takes, solos_of, windows_of
 from dancediff.training.schedule import learning_rate
 from dancediff.training.statistics import fit_statistics
 
@@ -82,9 +82,9 @@ class Timed:
             takes, held = solos_of(takes), solos_of(held)
         known = {"real": corpus.real, "mirror": corpus.mirror > 0}
         fit_statistics(model, takes, settings.extensions, **known)
-        self.trainer = trainer.Trainer(
-            model, run._windows(takes, corpus, model, settings), settings, None
-        )
+        how = {"seed": settings.seed, "any_song": settings.extensions.any_song}
+        windows = windows_of(takes, corpus, model, **how)
+        self.trainer = trainer.Trainer(model, windows, settings, None)
         cut = GroupCut(config.num_frames)
         self.held = WindowSampler(
             held,
