@@ -38,7 +38,7 @@ def windows(sound, starts, features):
 # %% 02.5
 # Without drums there is no beat, but pads sound on, so there is energy. It compares levels of one
 # song, and half as loud is 6 decibels less in both. How sure a beat is depends on those around it.
-believes = {
+finds = {
     "the intro has beats": False,
     "the intro has energy 0": False,
     "the break has less energy than the drums before it": True,

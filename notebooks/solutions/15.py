@@ -18,7 +18,7 @@ def steer(begin, wishes):
 # Hearing comes once, before the first segment, and ends with the opening: neither steps nor the
 # rest of the song make it longer. Denoising comes with every segment, a step after the other.
 waits = {
-    "half as many steps halve the denoising": True,
+    "half as many steps about halve the denoising": True,
     "half as many steps halve the hearing": False,
     "a song of twice the length is heard twice as long before the first step": False,
     "the second piece waits for the hearing again": False,

@@ -90,31 +90,31 @@ NEAR_MISSES = {
     ],
     "15.2": [
         {
-            "half as many steps halve the denoising": False,
+            "half as many steps about halve the denoising": False,
             "half as many steps halve the hearing": False,
             "a song of twice the length is heard twice as long before the first step": False,
             "the second piece waits for the hearing again": False,
         },
         {
-            "half as many steps halve the denoising": True,
+            "half as many steps about halve the denoising": True,
             "half as many steps halve the hearing": True,
             "a song of twice the length is heard twice as long before the first step": False,
             "the second piece waits for the hearing again": False,
         },
         {
-            "half as many steps halve the denoising": True,
+            "half as many steps about halve the denoising": True,
             "half as many steps halve the hearing": False,
             "a song of twice the length is heard twice as long before the first step": True,
             "the second piece waits for the hearing again": False,
         },
         {
-            "half as many steps halve the denoising": True,
+            "half as many steps about halve the denoising": True,
             "half as many steps halve the hearing": False,
             "a song of twice the length is heard twice as long before the first step": False,
             "the second piece waits for the hearing again": True,
         },
         {
-            "half as many steps halve the denoising": False,
+            "half as many steps about halve the denoising": False,
             "half as many steps halve the hearing": True,
             "a song of twice the length is heard twice as long before the first step": True,
             "the second piece waits for the hearing again": True,
