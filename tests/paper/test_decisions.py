@@ -14,7 +14,7 @@ from dancediff.data.take import DanceTake
 from dancediff.data.windows import GroupCut, WindowSampler, rank_left_to_right
 from dancediff.diffusion.conditions import Conditions
 from dancediff.diffusion.samplers import SamplerOptions
-from dancediff.generation.group_dance import binder
+from dancediff.generation.guided_denoiser import GuidedDenoiser
 from dancediff.motion.order import swap_mode
 from dancediff.motion.representation import TCDIFFPP
 from dancediff.motion.skeleton import LOWER_BODY, SMPL24
@@ -136,7 +136,7 @@ def test_t07_nobody_swaps_unless_asked():
     for order in ((), [[2, 0, 1]]):
         LongGroupSampler(
             shape=(3, 150, 151),
-            bind=binder(model, 1.0, autoguidance=1.0),
+            bind=GuidedDenoiser(model, 1.0, autoguidance=1.0).bind,
             music=torch.zeros(1, 150, 35),
             root_x=lambda frame: frame[:, 4],
             targets=order,

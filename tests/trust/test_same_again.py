@@ -12,7 +12,8 @@ from dancediff import hub
 from dancediff.diffusion.conditions import Conditions
 from dancediff.diffusion.samplers import SamplerOptions, sample
 from dancediff.extensions.foot_contact_projection import foot_contact_hook
-from dancediff.generation.group_dance import binder, largest_guess
+from dancediff.generation.group_dance import largest_guess
+from dancediff.generation.guided_denoiser import GuidedDenoiser
 from dancediff.generation.request import GroupDanceRequest
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(1200)]
@@ -52,7 +53,7 @@ def test_a_group_dance_alone_and_among_others(n, record_property):
     S = torch.arange(n).expand(b, n).contiguous()
 
     def danced(part: slice):
-        bind = binder(model, 1.0, autoguidance=request.autoguidance)
+        bind = GuidedDenoiser(model, 1.0, autoguidance=request.autoguidance).bind
         seeds = range(b)[part]
         x = sample(
             bind(Conditions(M[part], swap=S[part])),

@@ -1,4 +1,7 @@
-"""Exercises of lesson 07: Who stands where?"""
+"""Exercises of lesson 07: Who stands where?
+
+Read first: notebook 07.
+"""
 
 import torch
 
@@ -17,8 +20,8 @@ def _crowds() -> list[tuple]:
     for order in ([2, 0, 1], [1, 3, 0, 2]):
         h, new = (torch.randn(n, 5, 4, generator=draw) for n in (len(order), 1))
         for far in (0, 4):  # who is changed may lie below all others: a maximum forgets such a one
-            below = torch.cat([h[:1] - far, h[1:]])
-            cases.append((torch.stack([below, below[order], torch.cat([new - far, h[1:]])]),))
+            h[0], new = h[0] - far, new - far
+            cases.append((torch.stack([h, h[order], torch.cat([new, h[1:]])]),))
     return cases
 
 

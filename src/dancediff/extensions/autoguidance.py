@@ -10,8 +10,10 @@ The linear guess costs nothing.
 
 from collections.abc import Callable
 
+import torch
 from torch import Tensor
 
+from dancediff.diffusion.conditions import Conditions
 from dancediff.motion.representation import TCDIFFPP
 
 ROOT_SHARE = 0.7  # of models of groups and EDGE: pushed as far as joints, dancers run
@@ -38,7 +40,6 @@ def autoguided(
     Shapes: denoise, linear (x_t, t) -> x0_hat (..., f, d); the result is such a function, too.
     Raises: ValueError for a weight below 1, which would smooth instead.
 
-    >>> import torch
     >>> push = autoguided(lambda x_t, t: x_t + 2, lambda x_t, t: x_t, 1.5)
     >>> push(torch.zeros(1, 151), 10).unique().item()
     3.0
@@ -56,3 +57,13 @@ def autoguided(
         return guess + (w - 1) * (d - (1 - lasting_share) * d.mean(-2, keepdim=True))
 
     return pushed
+
+
+def linear_guess_of(model, conditions: Conditions) -> Callable[[Tensor, int], Tensor]:
+    """A network's best linear guess for these conditions, a function of x_t and t."""
+
+    def linear(x_t: Tensor, t: int) -> Tensor:
+        steps = torch.full((len(x_t),), t, dtype=torch.long, device=x_t.device)
+        return model.linear_guess(x_t, steps, conditions)
+
+    return linear

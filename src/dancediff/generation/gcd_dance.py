@@ -11,18 +11,16 @@ import torch
 from torch import Tensor
 
 from dancediff.diffusion.conditions import Conditions
-from dancediff.diffusion.samplers import sample, sampling_times
+from dancediff.diffusion.samplers import sampling_times
+from dancediff.generation.all_segments import in_parts, sample_all
 from dancediff.generation.group_dance import (
-    binder,
     foot_contact_hooks,
-    in_parts,
     music_of,
     sampler_options,
-    split,
     style_of,
-    weight_of,
 )
 from dancediff.generation.group_request import GCDRequest
+from dancediff.generation.guided_denoiser import GuidedDenoiser
 from dancediff.generation.segments import SegmentPlan
 from dancediff.papers.edge.naive_long_sampling import join
 from dancediff.papers.gcd.consistency_guidance import dialled
@@ -42,16 +40,15 @@ def gcd_dance(model, song, request: GCDRequest, *, report=None, dtype=None) -> T
     M = segments.music(music_of(model, song))
     z = model.with_draws(Conditions(M[:1]), generator).latent.expand(k, -1)
     conditions = Conditions(M, latent=z, **style_of(model, song, request, segments))
-    bind = binder(model, weight_of(request, model), request.autoguidance, dtype)
-
+    bind = GuidedDenoiser.of(model, request, dtype).bind
     options, abar = sampler_options(model, request), model.abar.cpu()
     times = sampling_times(options.sampler, options.steps, abar, options.sigma_min)
 
     def bind_with_gamma(part: Conditions) -> Callable[[Tensor, int], Tensor]:
         return dialled(bind(part), score_of(model, part, n), request.gamma, abar, times)
 
-    x = sample(
-        in_parts([bind_with_gamma(part) for part in split(conditions)]),
+    x = sample_all(
+        in_parts(bind_with_gamma, conditions),
         (k, n, segments.window, model.config.motion_dim),
         options,
         generator=generator,
@@ -59,7 +56,7 @@ def gcd_dance(model, song, request: GCDRequest, *, report=None, dtype=None) -> T
             MatchedOverlaps(overlap, model.normalizer.on_cpu()),
             *foot_contact_hooks(model, request),
         ],
-        callback=report and (lambda i, total, _: report(i + 1, total)),
+        report=report,
     )
     dance = join(model.normalizer.unnormalize(in_one_order(x.cpu(), overlap).to(x)), overlap)
     return dance[:, : request.frames].cpu()

@@ -16,19 +16,17 @@ from torch import Tensor
 
 from dancediff.axes import FPS
 from dancediff.diffusion.conditions import Conditions
-from dancediff.diffusion.guidance import guided, off_at_the_end, ramp_up
+from dancediff.diffusion.guidance import ramp_up
 from dancediff.diffusion.long_sampling import Segment
 from dancediff.diffusion.pinning import NOISY_CONTEXT
-from dancediff.diffusion.samplers import SamplerOptions, sample, sampling_times
+from dancediff.diffusion.samplers import SamplerOptions, sampling_times
 from dancediff.extensions import control
-from dancediff.extensions.autoguidance import LASTING_SHARE, ROOT_SHARE, autoguided
 from dancediff.extensions.collision_avoidance import CollisionAvoidance
 from dancediff.extensions.constraint import Constraint, ConstraintHook, Source
 from dancediff.extensions.foot_contact_projection import foot_contact_hook
 from dancediff.extensions.formation_prior import FormationPrior
 from dancediff.extensions.frequency_clip import FrequencyClip, room_for_places
 from dancediff.extensions.genre_condition import genres_of
-from dancediff.extensions.genre_guidance import genre_guided
 from dancediff.extensions.genre_prior import GenrePrior
 from dancediff.extensions.initial_frames import InitialFrames
 from dancediff.extensions.order_constraint import OrderConstraint
@@ -36,9 +34,11 @@ from dancediff.extensions.parts import part_of
 from dancediff.extensions.preconditioning import preconditioning_of
 from dancediff.extensions.projection import Projection
 from dancediff.extensions.spectrum import Spectrum
+from dancediff.generation.all_segments import in_parts, sample_all
 from dancediff.generation.energy_request import energy_for
 from dancediff.generation.genre_mix import mix_weights
 from dancediff.generation.group_request import GroupDanceRequest, SegmentedRequest
+from dancediff.generation.guided_denoiser import GuidedDenoiser
 from dancediff.generation.segments import SegmentPlan
 from dancediff.motion.motion import Motion
 from dancediff.motion.representation import TCDIFFPP, cut_to_range
@@ -46,7 +46,6 @@ from dancediff.papers.edge.naive_long_sampling import Consistency, join
 from dancediff.papers.tcdiffpp.long_group_sampling import LongGroupSampler
 
 WIDER = 3  # times as wide a cut for places on the floor, where the caller tells some
-AT_ONCE = 8  # segments that go through the network together in naive long sampling: memory of 20 s
 
 
 def group_pieces(
@@ -83,15 +82,9 @@ def sampler_of(
     return StyledGroupSampler(
         style=style,
         shape=(request.dancers, model.config.num_frames, model.config.motion_dim),
-        bind=binder(
-            model,
-            weight_of(request, model),
-            request.autoguidance,
-            dtype,
-            genre_guidance=request.genre_guidance,
-        ),
+        bind=GuidedDenoiser.of(model, request, dtype).bind,
         music=music,
-        root_x=lambda frame: model.normalizer.unnormalize(frame)[..., 4],
+        root_x=lambda frame: model.normalizer.unnormalize(frame)[..., TCDIFFPP.lateral],
         targets=targets,
         overlap=request.overlap,
         pinning=request.pinning,
@@ -163,9 +156,10 @@ def naive_dance(
 ) -> Tensor:
     """Sample all segments of a dance as one batch and join them, as EDGE does.
 
-    ``ramp``: in long dances guidance rises over the first half of the DDIM steps, as in EDGE's
-    code. A swap is asked of the segment that carries it out; in the others all stay. With
-    TCDiff++ it is the row "w/o LGDS" of the paper's ablation.
+    ``ramp``: in long dances guidance rises from 0 over the first half of the steps, as in EDGE's
+    code; also to 1, so that the first guesses are made without music. A swap is asked of the
+    segment that carries it out; in the others all stay. With TCDiff++ it is the row "w/o LGDS" of
+    the paper's ablation.
 
     Shapes: -> (n, F, d) metres and 6-D rotations, on the CPU.
     """
@@ -176,80 +170,21 @@ def naive_dance(
     if isinstance(request, GroupDanceRequest):
         targets = segments.targets(request) or targets
     S = torch.tensor([range(n) if order is None else order for order in targets], device=device)
-    weight = weight_of(request, model)
+    guided = GuidedDenoiser.of(model, request, dtype)
     if ramp and k > 1 and request.sampler != "ddpm":
         times = sampling_times(request.sampler, request.steps, model.abar.cpu(), request.sigma_min)
-        weight = ramp_up(request.guidance, times)
-    of_genre = getattr(request, "genre_guidance", None)  # EDGE has none
-    bind = binder(model, weight, request.autoguidance, dtype, genre_guidance=of_genre)
+        guided = replace(guided, guidance=ramp_up(request.guidance, times))
     conditions = Conditions(M, swap=S, **style_of(model, song, request, segments))
-    x = sample(
-        in_parts([bind(part) for part in split(conditions)]),
+    x = sample_all(
+        in_parts(guided.bind, conditions),
         (k, n, segments.window, model.config.motion_dim),
         sampler_options(model, request),
         generator=torch.Generator().manual_seed(request.seed),
         pin=Consistency(request.overlap),
         hooks=foot_contact_hooks(model, request),
-        callback=report and (lambda i, total, _: report(i + 1, total)),
+        report=report,
     )
     return join(model.normalizer.unnormalize(x), request.overlap)[:, : request.frames].cpu()
-
-
-def split(conditions: Conditions) -> list[Conditions]:
-    """Those of `AT_ONCE` segments at a time."""
-    return [conditions.rows(slice(i, i + AT_ONCE)) for i in range(0, len(conditions), AT_ONCE)]
-
-
-def in_parts(parts: Sequence[Callable[[Tensor, int], Tensor]]) -> Callable[[Tensor, int], Tensor]:
-    """One function of many segments from one for each part of them, see `split`."""
-
-    def denoise_in_parts(x_t: Tensor, t: int) -> Tensor:
-        pairs = zip(parts, x_t.split(AT_ONCE), strict=True)
-        return torch.cat([denoise(x, t) for denoise, x in pairs])
-
-    return denoise_in_parts
-
-
-def binder(
-    model, guidance, autoguidance: float, dtype=None, *, genre_guidance: float | None = None
-) -> Callable:
-    """``bind(conditions) -> denoise(x_t, t)``: the model with guidance.
-
-    ``guidance``: a weight or a function of t, see `dancediff.diffusion.guidance.guided`;
-    ``autoguidance``: see `dancediff.extensions.autoguidance.autoguided`; ``genre_guidance``: see
-    `dancediff.extensions.genre_guidance.genre_guided`.
-    """
-    device = model.abar.device
-
-    def denoise(x_t, t, conditions):
-        with torch.autocast(device.type, torch.bfloat16, enabled=dtype == torch.bfloat16):
-            return model.denoise(x_t, t, conditions)
-
-    def bind(conditions: Conditions) -> Callable[[Tensor, int], Tensor]:
-        def with_music(conditions):
-            return guided(denoise, conditions, guidance)
-
-        with_genre = (
-            with_music(conditions)
-            if genre_guidance in (None, 1)  # as learned: one guess does
-            else genre_guided(with_music, conditions, genre_guidance)
-        )
-        if autoguidance == 1:
-            return with_genre
-
-        def linear(x_t, t):
-            steps = torch.full((len(x_t),), t, dtype=torch.long, device=device)
-            return model.linear_guess(x_t, steps, conditions)
-
-        return autoguided(
-            with_genre,
-            linear,
-            autoguidance,
-            root_share=ROOT_SHARE,
-            lasting_share=LASTING_SHARE,
-        )
-
-    return bind
 
 
 def largest_guess(
@@ -306,10 +241,3 @@ def music_of(model, song) -> Tensor:
 def standardised(model, M: Tensor) -> Tensor:
     """Features as the network gets them, where it is; (F, m) raw -> (F, m)."""
     return model.music_normalizer.normalize(M.to(model.abar.device))
-
-
-def weight_of(request: SegmentedRequest, model) -> float | Callable[[int], float]:
-    """The weight of guidance, or how it changes with the step."""
-    if request.sampler == "ddpm":
-        return off_at_the_end(request.guidance, model.config.num_steps)
-    return request.guidance

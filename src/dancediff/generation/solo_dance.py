@@ -15,7 +15,7 @@ from torch import Tensor
 
 from dancediff.diffusion.conditions import Conditions
 from dancediff.diffusion.samplers import GuessHook
-from dancediff.extensions.autoguidance import autoguided
+from dancediff.extensions.autoguidance import autoguided, linear_guess_of
 from dancediff.extensions.border_smoothing import BorderSmoothing
 from dancediff.extensions.cue_constraint import cue_constraint, return_to_origin
 from dancediff.extensions.energy_condition import listens_to_energy
@@ -106,12 +106,7 @@ class LodgeSampler(ParallelSampler):
         denoise = super().guess(stage, conditions)
         if self.request.autoguidance == 1:
             return denoise
-
-        def linear(x_t: Tensor, t: int) -> Tensor:
-            steps = torch.full((len(x_t),), t, device=x_t.device)
-            return stage.linear_guess(x_t, steps, conditions)
-
-        return autoguided(denoise, linear, self.request.autoguidance)
+        return autoguided(denoise, linear_guess_of(stage, conditions), self.request.autoguidance)
 
     def clamp(self, stage) -> Callable[[Tensor], Tensor] | None:
         """Preconditioned guesses are not cut."""

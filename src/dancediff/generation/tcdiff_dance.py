@@ -13,18 +13,12 @@ import torch
 from torch import Tensor
 
 from dancediff.diffusion.conditions import Conditions
-from dancediff.diffusion.samplers import GuessHook, sample
+from dancediff.diffusion.samplers import GuessHook
 from dancediff.extensions.foot_contact_projection import foot_contact_hook
-from dancediff.generation.group_dance import (
-    binder,
-    in_parts,
-    music_of,
-    sampler_options,
-    split,
-    style_of,
-    weight_of,
-)
+from dancediff.generation.all_segments import in_parts, sample_all
+from dancediff.generation.group_dance import music_of, sampler_options, style_of
 from dancediff.generation.group_request import TCDiffRequest
+from dancediff.generation.guided_denoiser import GuidedDenoiser
 from dancediff.generation.segments import SegmentPlan
 from dancediff.motion.order import left_to_right
 from dancediff.motion.representation import TCDIFFPP
@@ -60,8 +54,7 @@ def tcdiff_dance(model, song, request: TCDiffRequest, *, report=None, dtype=None
     order = left_to_right(path[:, :, 0, 0])
     style = style_of(model, song, request, segments)
     conditions = Conditions(segments.music(M), path=reordered(path, order), **style)
-    bind = binder(model, weight_of(request, model), request.autoguidance, dtype)
-    by_rank = in_parts([bind(part) for part in split(conditions)])
+    by_rank = in_parts(GuidedDenoiser.of(model, request, dtype).bind, conditions)
 
     def denoise(x_t: Tensor, t: int) -> Tensor:
         return reordered(by_rank(reordered(x_t, order), t), order.argsort(1))
@@ -72,14 +65,14 @@ def tcdiff_dance(model, song, request: TCDiffRequest, *, report=None, dtype=None
         fixed = torch.zeros(shape, dtype=torch.bool)
         fixed[..., TCDIFFPP.floor] = True
         hooks.append(foot_contact_hook(model.normalizer.on_cpu(), fixed))
-    x = sample(
+    x = sample_all(
         denoise,
         shape,
         sampler_options(model, request),
         generator=generator,
         pin=Consistency(overlap),
         hooks=hooks,
-        callback=report and (lambda i, total, _: report(i + 1, total)),
+        report=report,
     )
     return join(model.normalizer.unnormalize(x), overlap)[:, : request.frames].cpu()
 

@@ -7,7 +7,8 @@ import torch
 
 from dancediff.diffusion.conditions import Conditions
 from dancediff.extensions.autoguidance import LASTING_SHARE, ROOT_SHARE
-from dancediff.generation.group_dance import binder, largest_guess
+from dancediff.generation.group_dance import largest_guess
+from dancediff.generation.guided_denoiser import GuidedDenoiser
 from dancediff.generation.pipeline import pipeline_of
 from dancediff.generation.request import GroupDanceRequest, default_of
 from dancediff.generation.segments import SegmentPlan
@@ -322,7 +323,9 @@ def test_autoguidance_pushes_what_the_sampler_sees(model):
     M, S = torch.zeros(1, 150, 35), torch.tensor([[1, 0]])
     with torch.inference_mode():
         given = Conditions(M, swap=S)
-        plain, pushed = (binder(model, 2.0, autoguidance=w)(given)(x_t, 500) for w in (1, 1.3))
+        plain, pushed = (
+            GuidedDenoiser(model, 2.0, autoguidance=w).bind(given)(x_t, 500) for w in (1, 1.3)
+        )
         linear = model.linear_guess(x_t, torch.tensor([500]), given)
     w = torch.full((151,), 1.3)
     w[4:7] = 1 + 0.3 * ROOT_SHARE  # where dancers go is pushed less

@@ -9,7 +9,8 @@ import torch
 
 from dancediff.diffusion.samplers import SamplerOptions, sample
 from dancediff.diffusion.schedule import cosine_abar, q_sample
-from dancediff.generation.group_dance import AT_ONCE, naive_dance
+from dancediff.generation.all_segments import AT_ONCE
+from dancediff.generation.group_dance import naive_dance
 from dancediff.generation.pipeline import pipeline_of
 from dancediff.generation.request import GroupDanceRequest
 from dancediff.motion.blend import cross_fade
