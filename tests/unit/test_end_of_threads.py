@@ -14,7 +14,7 @@ def hear(self):
 Opening._hear = hear
 opening = Opening(song, 20)
 opening.features_until(1)  # libraries cannot be loaded any more when a program ends
-opening.hear_all()
+opening.compute_features()
 """
 
 DANCES = """

@@ -211,42 +211,42 @@ def normalized(constraint: Constraint, normalizer: Normalizer) -> Constraint:
 
 
 @dataclass(frozen=True)
-class HeldPlaces:
+class NearbyFrames:
     """A `Source`: frames around a single frame with a given place move as that frame does.
 
-    Else a dancer who is told to start far outside leaves that place within a few frames: the guess
+    Else a dancer who shall start far outside leaves that place within a few frames: the guess
     has all the other frames where the network would rather have them, and feet stand there.
 
-    ``told``: in normalised features; ``hold``: how many frames to either side, but at most a third
-    of the way to the next frame of which a place is told.
+    ``constraint``: in normalised features; ``reach``: how many frames to either side, but at most a
+    third of the way to the next frame with a given place.
 
     >>> mask, value = _nothing(1, 150)
     >>> mask[0, 0, X], value[0, 0, X] = True, 2.0
-    >>> asked = HeldPlaces(Constraint(mask, value)).at(torch.zeros(1, 150, TCDIFFPP.dim), 0.5)
-    >>> asked.mask[0, :, X].sum().item() - 1 == HOLD, asked.value[0, [0, HOLD], X].tolist()
+    >>> near = NearbyFrames(Constraint(mask, value)).at(torch.zeros(1, 150, TCDIFFPP.dim), 0.5)
+    >>> near.mask[0, :, X].sum().item() - 1 == HOLD, near.value[0, [0, HOLD], X].tolist()
     (True, [2.0, 2.0])
     """
 
-    told: Constraint
-    hold: int = HOLD
+    constraint: Constraint
+    reach: int = HOLD
 
-    def for_segment(self, segment: Segment) -> "HeldPlaces":
+    def for_segment(self, segment: Segment) -> "NearbyFrames":
         """The same for a segment."""
-        return replace(self, told=self.told.for_segment(segment))
+        return replace(self, constraint=self.constraint.for_segment(segment))
 
     def at(self, guess: Tensor, abar: float) -> Constraint | None:
         """The guess (n, f, d), moved near those frames; None where there is none."""
         mask, value = torch.zeros_like(guess, dtype=torch.bool), guess.clone()
         for n in range(len(guess)):
             for feature in (X, Z):
-                frames = self.told.mask[n, :, feature].nonzero()[:, 0].tolist()
+                frames = self.constraint.mask[n, :, feature].nonzero()[:, 0].tolist()
                 for k, f in enumerate(frames):
                     next_to_it = frames[max(0, k - 1) : k] + frames[k + 1 : k + 2]
-                    reach = min([self.hold, *(abs(f - g) // 3 for g in next_to_it)])
-                    if reach > 0:  # else a neighbour is told, too: a path, or a part of a dance
+                    reach = min([self.reach, *(abs(f - g) // 3 for g in next_to_it)])
+                    if reach > 0:  # else a neighbour is given, too: a path, or a part of a dance
                         near = slice(max(0, f - reach), f + reach + 1)
                         mask[n, near, feature] = True
-                        step = self.told.value[n, f, feature].to(guess) - guess[n, f, feature]
+                        step = self.constraint.value[n, f, feature].to(guess) - guess[n, f, feature]
                         value[n, near, feature] += step
         if not mask.any():
             return None

@@ -26,7 +26,7 @@ class AutoregressiveRequest(DanceRequest):
     ValueError: dancers=0 must be a number of at least 1
     """
 
-    not_told: ClassVar[tuple[str, ...]] = ("device", "seed_motion")
+    left_out: ClassVar[tuple[str, ...]] = ("device", "seed_motion")
 
     dancers: int = option(3, "How many people dance.", low=1)
     seed_motion: object = option(None, "A dance that goes on; default: people who stand.")

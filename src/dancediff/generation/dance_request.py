@@ -35,7 +35,7 @@ class DanceRequest:
     """
 
     family: ClassVar[str]
-    not_told: ClassVar[tuple[str, ...]] = ("device",)  # options that a dance does not tell of
+    left_out: ClassVar[tuple[str, ...]] = ("device",)  # options that are no facts of a dance
 
     preset: str = option(
         "packaged",
@@ -109,7 +109,7 @@ class DanceRequest:
         return {
             one.name: value if one.name != "dtype" else str(value).removeprefix("torch.")
             for one in fields(self)
-            if (value := getattr(self, one.name)) is not None and one.name not in self.not_told
+            if (value := getattr(self, one.name)) is not None and one.name not in self.left_out
         }
 
 

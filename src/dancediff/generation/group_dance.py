@@ -45,7 +45,7 @@ from dancediff.motion.representation import TCDIFFPP, cut_to_range
 from dancediff.papers.edge.naive_long_sampling import Consistency, join
 from dancediff.papers.tcdiffpp.long_group_sampling import LongGroupSampler
 
-WIDER = 3  # times as wide a cut for places on the floor, where the caller tells some
+WIDER = 3  # times as wide a cut for places on the floor, where the caller fixes some
 
 
 def group_pieces(
@@ -134,8 +134,8 @@ def hooks_of(
         sources.append(InitialFrames())
     sources += more
     if constraint is not None:
-        told = control.normalized(constraint, normalizer)
-        sources += [told, control.HeldPlaces(told)]
+        fixed = control.normalized(constraint, normalizer)
+        sources += [fixed, control.NearbyFrames(fixed)]
     if request.order_constraint:
         sources.append(OrderConstraint(normalizer))
     if request.collision_avoidance:
@@ -188,17 +188,17 @@ def naive_dance(
 
 
 def largest_guess(
-    model, request: SegmentedRequest, told: Constraint | None = None
+    model, request: SegmentedRequest, constraint: Constraint | None = None
 ) -> Callable[[Tensor], Tensor]:
     """Where guesses are cut: at the training range, as published, or frequency by frequency.
 
-    ``told``: what the caller fixed; where that says where to be, places are cut wider.
+    ``constraint``: what the caller fixed; if some of it are places, places are cut wider.
     """
     if not request.frequency_clip:
         return cut_to_range
     spectrum = spectrum_asked(model, request)
     std = spectrum.std
-    if told is not None and told.mask[..., TCDIFFPP.floor].any():
+    if constraint is not None and constraint.mask[..., TCDIFFPP.floor].any():
         std = std.clone()
         std[:, TCDIFFPP.floor] *= WIDER
     formation, room = part_of(model, FormationPrior), None
@@ -220,15 +220,15 @@ def spectrum_asked(model, request: SegmentedRequest) -> Spectrum:
 
 
 def sampler_options(
-    model, request: SegmentedRequest, told: Constraint | None = None
+    model, request: SegmentedRequest, constraint: Constraint | None = None
 ) -> SamplerOptions:
-    """How a resolved request is sampled; ``told``: see `largest_guess`."""
+    """How a resolved request is sampled; ``constraint``: see `largest_guess`."""
     return SamplerOptions(
         model.abar,
         request.sampler,
         request.steps,
         request.eta,
-        clamp=largest_guess(model, request, told),
+        clamp=largest_guess(model, request, constraint),
         sigma_min=request.sigma_min,
     )
 

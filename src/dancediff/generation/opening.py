@@ -15,7 +15,7 @@ SHORTEST = 15.0  # seconds; so much holds a window of 5 s and the margin
 class Opening:
     """A song whose first ``seconds`` have features of their own, which are there at once.
 
-    The features of the whole song are made in a thread of their own, once `hear_all` is called.
+    The features of the whole song are made in a thread of their own, once `compute_features` is called.
     Tempo is that of the opening; length and loudness are those of the song.
 
     Raises: ValueError for less than 15 s.
@@ -60,13 +60,13 @@ class Opening:
         """Beats per minute of the opening."""
         return self._part.tempo
 
-    def hear_all(self) -> None:
+    def compute_features(self) -> None:
         """Begin to compute the features of the whole song; returns at once."""
         if self._thread is None:
             self._thread = Worker(self._hear).begin()
 
     @property
-    def all_heard(self) -> bool:
+    def has_features(self) -> bool:
         """Whether the features of the whole song are there."""
         return self._thread is not None and not self._thread.is_alive()
 
@@ -78,7 +78,7 @@ class Opening:
 
     def features(self) -> Tensor:
         """Of the whole song, (f, 35); waits until they are there."""
-        self.hear_all()
+        self.compute_features()
         assert self._thread is not None
         self._thread.join()
         if self._failed is not None:

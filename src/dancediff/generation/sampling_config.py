@@ -46,7 +46,7 @@ class SamplingConfig(DanceRequest):
     ValueError: eta=2 must lie in 0 ... 1
     """
 
-    not_told: ClassVar[tuple[str, ...]] = ("device", "at_once", "start", "end", "constraints")
+    left_out: ClassVar[tuple[str, ...]] = ("device", "at_once", "start", "end", "constraints")
 
     sampler: str = option(
         None,
@@ -114,10 +114,10 @@ class SamplingConfig(DanceRequest):
 
     def facts(self) -> dict:
         """As `DanceRequest.facts`, without a curve of energy."""
-        told = super().facts()
-        if is_curve(told.get("energy")):
-            del told["energy"]
-        return told
+        facts = super().facts()
+        if is_curve(facts.get("energy")):
+            del facts["energy"]
+        return facts
 
 
 def has_preconditioning(model) -> bool:

@@ -195,7 +195,7 @@ class SteeredDance:
     def _sampler(self, dtype) -> StyledGroupSampler:
         """A sampler of one segment."""
         model, request = self.model, self.request
-        M, music = self._heard()
+        M, music = self._features()
         style = {}
         if request.genre is not None:
             style["genre"] = mix_weights(request.genre, genres_of(model))
@@ -206,14 +206,14 @@ class SteeredDance:
             model, request, self._window(music), style, self._targets(), dtype=dtype
         )
         if self._formation is not None:
-            held = control.HeldPlaces(self._formation, self._stride // 3)  # two thirds to walk in
-            told = AtEnd(self._formation), AtEnd(held)
-            sampler = replace(sampler, hooks=hooks_of(model, request, None, *told))
+            near = control.NearbyFrames(self._formation, self._stride // 3)  # two thirds to walk in
+            sources = AtEnd(self._formation), AtEnd(near)
+            sampler = replace(sampler, hooks=hooks_of(model, request, None, *sources))
         if self._placed is not None:
             sampler = replace(sampler, options=sampler_options(model, request, self._placed))
         return replace(sampler, generator=self._generator)
 
-    def _heard(self) -> tuple[Tensor, Tensor]:
+    def _features(self) -> tuple[Tensor, Tensor]:
         """The song's features, raw and standardised; as much as the next segment needs to know."""
         M = self.song
         if not isinstance(M, Opening | LiveSong) or self._start < 0:

@@ -83,7 +83,7 @@ class Stream(Iterator[Motion]):
         if not self.timing.pieces:
             self.timing.first, self._shown = now - self._called, now
             if self._opening is not None:
-                self._opening.hear_all()
+                self._opening.compute_features()
         self.timing.add(now - begun)
         self.danced += piece.num_frames / FPS
         return piece
@@ -181,9 +181,9 @@ class Stream(Iterator[Motion]):
         return bool(self._changes)
 
     @property
-    def all_heard(self) -> bool:
+    def has_features(self) -> bool:
         """Whether the features of the whole song are there."""
-        return self._opening is None or self._opening.all_heard
+        return self._opening is None or self._opening.has_features
 
     def ahead(self, played: float | None = None) -> float:
         """Seconds of dance that are ready minus seconds that were played.

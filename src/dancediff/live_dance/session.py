@@ -228,7 +228,7 @@ class LiveSession:
             for call in calls[noted:]:
                 self._tell("knob", call | {"from": self.stream.begins})
             noted = len(calls)
-            if not told and self.stream.all_heard and not self.listens:
+            if not told and self.stream.has_features and not self.listens:
                 told = True
                 self._tell("beats", {"beats": self.song.beats()})
             self._slow_down(piece.num_frames / FPS)

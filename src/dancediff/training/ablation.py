@@ -170,8 +170,8 @@ def _dance(model, variant: Variant, out: Path) -> None:
     options = {name: value for name, value in vars(sample).items() if value is not None}
     files = _dance_files(variant, out)
     files[0].parent.mkdir(parents=True, exist_ok=True)
-    told = zip(files, held_out_songs(variant), _asked(variant, pipeline), strict=True)
-    for i, (path, song, asked) in enumerate(told):
+    jobs = zip(files, held_out_songs(variant), _asked(variant, pipeline), strict=True)
+    for i, (path, song, asked) in enumerate(jobs):
         if not path.exists():
             pipeline.generate(song, **asked | options | {"seed": sample.seed + i}).save(path)
 

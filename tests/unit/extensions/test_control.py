@@ -8,8 +8,8 @@ from dancediff.extensions.constraint import Constraint
 from dancediff.extensions.control import (
     HOLD,
     EndAt,
-    HeldPlaces,
     Keep,
+    NearbyFrames,
     StartAt,
     WalkAlong,
     combine,
@@ -165,13 +165,13 @@ def test_two_bodies_in_one_place_are_refused(control, name):
 
 
 def held(*places, frames=150):
-    """What `HeldPlaces` asks of a guess of zeros, where one dancer is told {frame: x}."""
+    """What `NearbyFrames` asks of a guess of zeros, where one dancer is given {frame: x}."""
     mask = torch.zeros(1, frames, TCDIFFPP.dim, dtype=torch.bool)
     value = torch.zeros(mask.shape)
     for frame, x in places:
         mask[0, frame, X], value[0, frame, X] = True, x
     segment = Segment(0, 0, tuple(mask.shape), order=torch.arange(1), mask=mask)
-    rule = HeldPlaces(Constraint(mask, value)).for_segment(segment)
+    rule = NearbyFrames(Constraint(mask, value)).for_segment(segment)
     return rule.at(torch.zeros(mask.shape), 0.5)
 
 

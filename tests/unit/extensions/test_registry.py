@@ -11,7 +11,7 @@ import torch
 import dancediff.extensions
 from dancediff import hub
 from dancediff.extensions.build import EXTENSIONS
-from dancediff.extensions.control import HeldPlaces
+from dancediff.extensions.control import NearbyFrames
 from dancediff.extensions.parts import Parts
 from dancediff.extensions.registry import KINDS, REGISTRY, SHARED
 from dancediff.generation.group_dance import hooks_of
@@ -94,7 +94,7 @@ def hooks_in_registry(model: str) -> list[str]:
 def modules_of(hooks: list) -> list[str]:
     """Modules of what acts on a guess, one after the other."""
     parts = [part for hook in hooks for part in getattr(hook, "sources", [hook])]
-    parts = [part for part in parts if not isinstance(part, HeldPlaces)]  # part of control
+    parts = [part for part in parts if not isinstance(part, NearbyFrames)]  # part of control
     acting = [step for part in parts for step in getattr(part, "steps", [type(part)])]
     names = [one.__module__.rsplit(".", 1)[1] for one in acting]
     return ["control" if name == "constraint" else name for name in names]
