@@ -15,8 +15,8 @@ SHORTEST = 15.0  # seconds; so much holds a window of 5 s and the margin
 class Opening:
     """A song whose first ``seconds`` have features of their own, which are there at once.
 
-    The features of the whole song are made in a thread of their own, once `compute_features` is called.
-    Tempo is that of the opening; length and loudness are those of the song.
+    The features of the whole song are made in a thread of their own, once `compute_features` is
+    called. Tempo is that of the opening; length and loudness are those of the song.
 
     Raises: ValueError for less than 15 s.
 
