@@ -128,45 +128,57 @@ class GroupDanceRequest(SegmentedRequest):
 
     def resolve(self, model, song) -> Self:
         """As `SamplingConfig.resolve`; an order that follows from places at the end is a swap."""
-        from dancediff.diffusion.pinning import NOISY_CONTEXT
-        from dancediff.extensions import control
+        filled = super().resolve(model, song)._with_genre_guidance(self)
+        if filled.swap_at is not None:
+            in_range("swap_at", filled.swap_at, 0, filled.seconds)
+        naive = filled.long_sampling == "naive"
+        filled = filled._naive(self) if naive else filled._with_pinning()
+        constraint = filled.constraint()
+        return filled if constraint is None else filled._with_constraint(constraint, model)
 
-        filled = super().resolve(model, song)
-        if self.genre in (None, ANY, BY_TEMPO) and self.genre_guidance is None:
-            filled = replace(filled, genre_guidance=1.0)  # nobody asked for a genre
+    def _with_genre_guidance(self, asked: "GroupDanceRequest") -> Self:
+        """As learned, where nobody asked for a genre."""
+        filled = self
+        if asked.genre in (None, ANY, BY_TEMPO) and asked.genre_guidance is None:
+            filled = replace(self, genre_guidance=1.0)
         if filled.genre is None and filled.genre_guidance != 1:
             raise ValueError(
                 f"genre_guidance={filled.genre_guidance:g} needs a model that knows genres; use 1"
             )
-        if filled.swap_at is not None:
-            in_range("swap_at", filled.swap_at, 0, filled.seconds)
-        if filled.long_sampling == "naive":
-            filled = filled._naive(self)
-        elif filled.pinning == "auto":
-            adds_noise = filled.sampler == "ddpm" or filled.eta > 0
-            filled = replace(filled, pinning="renoise" if adds_noise else "same_noise")
-        constraint = filled.constraint()
-        if constraint is None:
-            return filled
+        return filled
+
+    def _with_pinning(self) -> Self:
+        """The pinning that fits the sampler, for "auto"."""
+        if self.pinning != "auto":
+            return self
+        adds_noise = self.sampler == "ddpm" or self.eta > 0
+        return replace(self, pinning="renoise" if adds_noise else "same_noise")
+
+    def _with_constraint(self, constraint: "Constraint", model) -> Self:
+        """A swap to the order that follows from places at the end.
+
+        Raises: ValueError for what does not go with constraints.
+        """
+        from dancediff.diffusion.pinning import NOISY_CONTEXT
+        from dancediff.extensions import control
+
         if not has_preconditioning(model):
             raise ValueError(
                 "start=, end= and constraints= need statistics of the training data that only a "
                 "model with preconditioning has; leave them out"
             )
-        if filled.pinning not in NOISY_CONTEXT:
-            raise ValueError(
-                f"pinning={filled.pinning!r} goes with no constraint; use 'same_noise'"
-            )
+        if self.pinning not in NOISY_CONTEXT:
+            raise ValueError(f"pinning={self.pinning!r} goes with no constraint; use 'same_noise'")
         control.initial_order(constraint)
         order = control.final_order(constraint)
-        if order is None or filled.swap_at is not None:
-            return filled
-        if filled.swap not in (None, order.tolist()):
+        if order is None or self.swap_at is not None:
+            return self
+        if self.swap not in (None, order.tolist()):
             raise ValueError(
-                f"swap={filled.swap} asks for another order than the places at the end, "
+                f"swap={self.swap} asks for another order than the places at the end, "
                 f"{order.tolist()}; leave one out"
             )
-        return replace(filled, swap=order.tolist(), swap_at=filled.seconds)
+        return replace(self, swap=order.tolist(), swap_at=self.seconds)
 
     def _naive(self, asked: "GroupDanceRequest") -> Self:
         """Without what belongs to Long Group Diffusion Sampling."""
