@@ -31,6 +31,7 @@ LATE = 0.045  # seconds from a beat to its top in librosa's onset envelope, meas
 _MASKED = 1e6  # a std so large that no value is far from the mean
 _SHORTEST = 16 * HOP  # librosa's filters want half a second; shorter sound is padded with silence
 _WINDOW = 2048  # samples of a spectrum
+_BELOW = 1068  # samples of one that ends at 4 kHz, where librosa's pitches do
 _RATE: dict[str, Any] = {"sr": SAMPLE_RATE, "hop_length": HOP}
 BINS = 36  # notes an octave
 _AT_ONCE = 9000  # frames: spectra of five minutes take a quarter of a gigabyte
@@ -102,13 +103,30 @@ def _mel_and_tuning(y: np.ndarray, at_once: int) -> tuple[np.ndarray, float]:
         part = np.pad(part, (max(-first, 0), max(last - len(y), 0)))
         S = np.abs(librosa.stft(part, n_fft=_WINDOW, hop_length=HOP, center=False))
         mel.append(librosa.feature.melspectrogram(S=S**2, sr=SAMPLE_RATE))
-        pitch, strength = librosa.piptrack(S=S, sr=SAMPLE_RATE, n_fft=_WINDOW)
-        pitches.append(pitch[pitch > 0])
-        loud.append(strength[pitch > 0])
+        pitch, strength = _pitches(S)
+        pitches.append(pitch)
+        loud.append(strength)
     pitch, strength = np.concatenate(pitches), np.concatenate(loud)
     clear = pitch[strength >= np.median(strength)] if len(pitch) else pitch
     tuning = librosa.pitch_tuning(clear, bins_per_octave=BINS) if len(clear) else 0.0
     return np.concatenate(mel, axis=1), float(tuning)
+
+
+def _pitches(S: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Frequencies that sound in a spectrum, and how loud each is; both (k,).
+
+    librosa looks for pitches up to 4 kHz. The bins above take as long and say only which pitches
+    are too soft to count, so it gets the loudest bin of each frame instead of them.
+    """
+    librosa = import_librosa()
+
+    pitch, strength = librosa.piptrack(
+        S=S[: _BELOW // 2 + 1],
+        sr=_BELOW * SAMPLE_RATE / _WINDOW,
+        n_fft=_BELOW,
+        ref=lambda below, axis: S.max(axis=axis),
+    )
+    return pitch[pitch > 0], strength[pitch > 0]
 
 
 def _constant_q(y: np.ndarray, tuning: float, at_once: int) -> np.ndarray:

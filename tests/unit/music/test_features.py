@@ -11,9 +11,11 @@ from dancediff.music.features import (
     PEAKS,
     SAMPLE_RATE,
     MusicNormalizer,
+    _pitches,
     beat_times,
     music_features,
 )
+from dancediff.music.librosa_import import import_librosa
 from dancediff.music.song import Music
 from dancediff.music.synth import synth_song
 
@@ -127,3 +129,18 @@ def test_bad_samples_are_named():
         music_features(np.array([0.0, np.nan]))
     with pytest.raises(ValueError, match=r"\(2, 3\)"):
         music_features(np.zeros((2, 3)))
+
+
+@pytest.mark.parametrize("hiss", [0.0, 0.2])
+def test_pitches_are_those_of_the_whole_spectrum(song, hiss):
+    """The upper half of the bins is left out, but for what it says of loudness."""
+    librosa = import_librosa()
+    y = song[0].mono()
+    noise = np.random.default_rng(0).standard_normal(len(y) + 2, dtype=np.float32)
+    S = np.abs(librosa.stft(y + hiss * np.diff(noise, 2), n_fft=2048, hop_length=512))
+    pitch, strength = librosa.piptrack(S=S, sr=SAMPLE_RATE, n_fft=2048)
+    found, loud = _pitches(S)
+    np.testing.assert_array_equal(found, pitch[pitch > 0])
+    np.testing.assert_array_equal(loud, strength[pitch > 0])
+    own, _ = librosa.piptrack(S=S[:535], sr=SAMPLE_RATE * 1068 / 2048, n_fft=1068)
+    assert (hiss > 0) == (np.count_nonzero(own) > len(found)), "hiss hides soft pitches"
