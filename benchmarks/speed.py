@@ -30,6 +30,7 @@ from dancediff.data.choreographed import choreographed_corpus
 from dancediff.data.windows import GroupCut, WindowSampler
 from dancediff.diffusion.guidance import guided
 from dancediff.extensions import ssd
+from dancediff.generation import guided_denoiser
 from dancediff.generation.pipeline import pipeline_of
 from dancediff.generation.presets import PACKAGED
 from dancediff.nn import ssm
@@ -104,7 +105,7 @@ def naive():
     with (
         mock.patch.object(ssd, "ssd_scan", indexed_ssd),
         mock.patch.object(ssm, "selective_scan", indexed_scan),
-        mock.patch("dancediff.generation.group_dance.guided", two_passes),
+        mock.patch.object(guided_denoiser, "guided", two_passes),
         mock.patch("dancediff.nn.conditioning._same_place", lambda a, b: False),
     ):
         yield
