@@ -18,7 +18,7 @@ import sys
 from collections import defaultdict
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import permutations
 from pathlib import Path
 from unittest import mock
@@ -106,7 +106,7 @@ class Counted:
 
         def condition(hook: ConstraintHook, x: Tensor, abar: float) -> Tensor:
             for source in hook.sources:
-                alone = constraint(ConstraintHook(hook.std, [source]), x, abar)
+                alone = constraint(replace(hook, sources=[source]), x, abar)
                 self.note(rule_of(source), self.metres(x), self.metres(alone), abar)
             return constraint(hook, x, abar)
 

@@ -37,7 +37,8 @@ def joints(x):
 def spaced(x, abar, *before):
     norm = Normalizer(-torch.ones(151), torch.ones(151))
     std = 4.0 / (1 + torch.arange(F, dtype=torch.float32)[:, None]) ** 1.5
-    return ConstraintHook(std.expand(F, 151), [*before, CollisionAvoidance(norm)]).apply(x, abar)
+    sources = [*before, CollisionAvoidance(norm)]
+    return ConstraintHook(std.expand(F, 151), sources, as_linear=float).apply(x, abar)
 
 
 def gap(x):

@@ -47,7 +47,7 @@ def known_at(frames, value, slack=None):
 def draw(constraint, b=3000, eta=1.0):
     options, g = SamplerOptions(ABAR, "ddim", 60, eta=eta, clamp=None), gen(1)
     x_T = gaussian((b, 1, F, 1), generator=g, dtype=torch.float64)
-    hooks = [ConstraintHook(STD, [constraint])]
+    hooks = [ConstraintHook(STD, [constraint], as_linear=float)]  # `exact` is the linear guess
     return sample(exact(), x_T.shape, options, generator=g, x_T=x_T, hooks=hooks)[:, 0, :, 0]
 
 
@@ -113,6 +113,18 @@ def test_pasting_alone_leaves_a_jump():
 
     assert seam_over_natural() > 2
     assert seam_over_natural(hooks=[Hook()]) < 1.15
+
+
+def test_a_network_is_corrected_in_fewer_frames_than_the_linear_guess():
+    known, guess = known_at(torch.tensor([30]), 1.0), torch.zeros(1, 1, F, 1, dtype=torch.float64)
+    for t in (300, 600):
+        a = abar_at(ABAR, t)
+        narrow = ConstraintHook(STD, [known]).apply(guess, a).flatten()
+        wide = ConstraintHook(STD, [known], as_linear=float).apply(guess, a).flatten()
+        assert narrow[30] == pytest.approx(1, abs=1e-6) and wide[30] == pytest.approx(1, abs=1e-6)
+        assert narrow.abs().sum() < 0.9 * wide.abs().sum(), t
+        less_noise = a / (a + (1 - a) * ((1 + 2 * a**2) / 4) ** 2)  # the share, squared
+        assert torch.equal(narrow, known.condition(guess, less_noise, STD).flatten())
 
 
 def test_slack_gives_way():

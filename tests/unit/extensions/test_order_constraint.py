@@ -36,7 +36,7 @@ def ordered(x, abar, S, *before):
     norm = Normalizer(-torch.ones(151), torch.ones(151))
     std = 4.0 / (1 + torch.arange(F, dtype=torch.float32)[:, None]) ** 1.5
     sources = [*before, OrderConstraint(norm, torch.tensor(S))]
-    return ConstraintHook(std.expand(F, 151), sources).apply(x, abar)
+    return ConstraintHook(std.expand(F, 151), sources, as_linear=float).apply(x, abar)
 
 
 def test_places_are_the_nearest_in_order():
