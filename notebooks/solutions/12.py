@@ -1,13 +1,13 @@
 """Solutions of lesson 12."""
 
 # %% 12.1
-# The partner's rotation, R[:, swap], is seen from the other side: D from the left mirrors what comes
-# out of it, D from the right what goes into it. Two mirrors make a rotation again (determinant 1).
+# The partner's rotation, R[:, swap], is seen from the other side: Q from the left mirrors what comes
+# out of it, Q from the right what goes into it. Two mirrors make a rotation again (determinant 1).
 
 
 def mirror(R, swap):
-    D = R.new_tensor([-1.0, 1.0, 1.0]).diag()
-    return D @ R[:, swap] @ D
+    Q = R.new_tensor([-1.0, 1.0, 1.0]).diag()
+    return Q @ R[:, swap] @ Q
 
 
 # %% 12.2

@@ -6,7 +6,7 @@ a file that needs another says what it means in the table at its top.
     b batch · n dancers · f frames · d motion features or channels · m music features
     j joints · l tokens · h attention heads · s state of the SSM
 
-`t` is never a frame: it is only ever the diffusion step. Places are (x, y, z) in metres: x lateral,
+`t` is never a frame: it is only ever the noise level. Places are (x, y, z) in metres: x lateral,
 y up, z towards the audience; motion and music have `FPS` frames a second.
 """
 

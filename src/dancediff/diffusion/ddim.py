@@ -2,7 +2,7 @@ r"""DDIM: any number of steps, with as much fresh noise as one likes.
 
 Read first: notebook 06 · Song et al. 2021 (DDIM) eq. 12 and 16.
 
-Symbols (axes: b batch · n dancers · f frames · d motion features; t is ALWAYS the diffusion step)
+Symbols (axes: b batch · n dancers · f frames · d motion features; t is ALWAYS the noise level)
     x_t     noisy motion            (b, n, f, d)
     x0_hat  the network's guess     (b, n, f, d)      $\hat x_0$: we predict x_0, not the noise
     abar    $\bar\alpha_t$          (T,)              signal power left at step t

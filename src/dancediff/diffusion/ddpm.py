@@ -2,7 +2,7 @@ r"""DDPM: one step back in time, drawn from the posterior of the forward process
 
 Read first: notebook 06 · Ho et al. 2020 (DDPM) eq. 6-7.
 
-Symbols (axes: b batch · n dancers · f frames · d motion features; t is ALWAYS the diffusion step)
+Symbols (axes: b batch · n dancers · f frames · d motion features; t is ALWAYS the noise level)
     x_t     noisy motion            (b, n, f, d)
     x0_hat  the network's guess     (b, n, f, d)      $\hat x_0$: we predict x_0, not the noise
     abar    $\bar\alpha_t$          (T,)              signal power left at step t

@@ -2,7 +2,7 @@ r"""DPM-Solver++(2M): each guess is continued along a line through the last two.
 
 Read first: notebook 06 · Lu et al. 2022 (DPM-Solver++) algorithm 2.
 
-Symbols (axes: b batch · n dancers · f frames · d motion features; t is ALWAYS the diffusion step)
+Symbols (axes: b batch · n dancers · f frames · d motion features; t is ALWAYS the noise level)
     x_t     noisy motion            (b, n, f, d)
     x0_hat  the network's guess     (b, n, f, d)      $\hat x_0$: we predict x_0, not the noise
     abar    $\bar\alpha_t$          (T,)              signal power left at step t

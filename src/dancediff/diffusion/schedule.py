@@ -2,9 +2,9 @@ r"""How a dance is destroyed: the noise schedule and the forward process.
 
 Read first: notebook 04 · Ho et al. 2020 (DDPM) eq. 4 · Nichol and Dhariwal 2021 eq. 17.
 
-Symbols (axes: b batch · n dancers · f frames · d motion features; t is ALWAYS the diffusion step)
+Symbols (axes: b batch · n dancers · f frames · d motion features; t is ALWAYS the noise level)
     x_0    clean motion, normalised to [-1, 1]   (b, n, f, d)
-    x_t    the same after t steps of noise       (b, n, f, d)
+    x_t    the same at noise level t             (b, n, f, d)
     abar   $\bar\alpha_t$, the signal's power    (T,)   almost 1 at t = 0, almost 0 at t = T - 1
     eps    $\epsilon$, Gaussian noise            (b, n, f, d)
 """

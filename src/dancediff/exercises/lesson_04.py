@@ -48,7 +48,7 @@ def _fool_the_loss(eps, abar):
 def _fools_the_loss(got, eps, abar) -> str:
     t, guess = got
     if t != int(t) or not 0 <= t <= 960:
-        return f"t = {t}, expected a step from 0 to 960"
+        return f"t = {t}, expected a noise level from 0 to 960"
     if guess.shape != eps.shape:
         return f"shape {tuple(guess.shape)} of the guess, expected {tuple(eps.shape)}"
     loss = ((guess - eps) ** 2).mean().item()

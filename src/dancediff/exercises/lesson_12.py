@@ -14,8 +14,8 @@ from dancediff.papers.lodge.losses import l_critic, l_genre, l_recon
 
 
 def _mirror(R, swap):
-    D = torch.diag(R.new_tensor([-1.0, 1.0, 1.0]))
-    return D @ R[:, swap] @ D
+    Q = torch.diag(R.new_tensor([-1.0, 1.0, 1.0]))
+    return Q @ R[:, swap] @ Q
 
 
 def _poses() -> list[tuple]:

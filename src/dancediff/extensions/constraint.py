@@ -114,7 +114,7 @@ class Constraint:
         ]
 
     def condition(self, x0_hat: Tensor, abar: float, std: Tensor) -> Tensor:
-        """Condition a guess (b, n, f, d), made at noise level ``abar``, on the known entries."""
+        """Condition a guess (b, n, f, d) on what is known; ``abar``: the signal left in x_t."""
         x, device = x0_hat.double(), x0_hat.device  # neighbouring frames are nearly redundant
         out = x.clone()
         for n, d, frames, slack in self.groups:
@@ -135,7 +135,7 @@ class Source(Protocol):
         ...
 
     def at(self, guess: Tensor, abar: float) -> Constraint | None:
-        """What it asks of a guess (n, f, d) made at noise level ``abar``."""
+        """What it asks of a guess (n, f, d) made where ``abar`` of the signal is left."""
         ...
 
 

@@ -30,7 +30,7 @@ class SoloConstraintHook:
     std: Tensor
 
     def apply(self, x0_hat: Tensor, abar: float) -> Tensor:
-        """A guess made at noise level ``abar``."""
+        """A guess made where ``abar`` of the signal is left."""
         return self.constraint.condition(x0_hat[None], abar, self.std)[0]
 
 

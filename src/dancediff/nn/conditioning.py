@@ -1,10 +1,10 @@
-r"""Conditions of a decoder: step and music, as tokens to attend to and as one vector for FiLM.
+r"""Conditions of a decoder: noise level and music, as tokens to attend to and as one FiLM vector.
 
 Read first: notebooks 05 and 08 · EDGE section 3 · Perez et al. 2018 (FiLM) eq. 2.
 
 Symbols (axes: b batch · f frames · k music tokens · m music features · d channels
          p frames that share a music token)
-    t      the diffusion step, 0 (clean) .. T-1 (noise)   (b,)
+    t      the noise level, 0 (clean) .. T-1 (noise)     (b,)
     M      music features, standardised                   (b, f, m)
     cond   all conditions in one vector                   (b, d)
 """

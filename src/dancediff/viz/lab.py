@@ -74,7 +74,8 @@ def sampling_panel(model, song, *, report=None, **options):
     ax.plot(range(1, len(away) + 1), 100 * np.array(away), "o-", ms=3, color=dancer_color(0))
     ax.xaxis.get_major_locator().set_params(integer=True)
     ax.axhline(100 * NEAR, color=MUTED, lw=0.8, ls="--")
-    ax.set(xlabel="step", ylabel="from the dance (cm)", ylim=(0, None), xlim=(0.5, len(away) + 0.5))
+    ax.set(xlabel="step of the sampler", ylabel="from the dance (cm)")
+    ax.set(ylim=(0, None), xlim=(0.5, len(away) + 0.5))
     there = next(k for k in range(len(away)) if max(away[k:]) < NEAR) + 1
     set_title(ax, f"From step {there} of {len(away)} on, the guess is within 5 cm of the dance")
     return figure, dance, song
@@ -112,11 +113,11 @@ def long_panel(model, song, *, report=None, **options):
     for ax in (lanes, steps_ax):
         for at in dance.meta["seams"]:
             ax.axvline(at / dance.fps, color=MUTED, lw=1, ls="--")
-    bare(steps_ax).set(xlabel="time (s), seams dashed", ylabel="largest step (cm)", ylim=(0, None))
+    bare(steps_ax).set(xlabel="time (s), seams dashed", ylabel="largest move (cm)", ylim=(0, None))
     at_seams = [seam - 1 for seam in dance.meta["seams"]]
     if at_seams:
         found = (
-            f"largest step at a seam {step[at_seams].max():.1f} cm, anywhere {step.max():.1f} cm"
+            f"largest move at a seam {step[at_seams].max():.1f} cm, anywhere {step.max():.1f} cm"
         )
     else:
         found = "one segment, no seam"
@@ -146,7 +147,7 @@ def cue_panel(model, song, *, report=None, **options):
     colors = ListedColormap([PAPER, *(mix(PAPER, kind, SHADE[kind]) for kind in (SOFT, HARD))])
     extent = (0, dance.duration, len(times) - 0.5, 0.5)
     cues.imshow(ribbon, aspect="auto", cmap=colors, vmin=0, vmax=2, extent=extent)
-    bare(cues).set(xlabel="time (s)", ylabel="denoising step")
+    bare(cues).set(xlabel="time (s)", ylabel="step of the sampler")
     energy.set_xlabel("")
     score = beat_alignment(dance.joints(), beats[beats < dance.duration], direction="music")
     set_title(energy, f"{made['genre']}, s = {made['soft']:g}: BAS {score:.2f}")

@@ -150,7 +150,7 @@ def plot_schedule(abar, *, t=None, ax=None, title: str | None = None):
     if t is not None:
         ax.axvline(t, color=INK, lw=1)
         ax.plot([t, t], [abar[t] ** 0.5, (1 - abar[t]) ** 0.5], "o", color=INK, ms=5)
-    ax.set(xlim=(0, end), ylim=(0, 1.05), xlabel="diffusion step t", ylabel="weight")
+    ax.set(xlim=(0, end), ylim=(0, 1.05), xlabel="noise level t", ylabel="weight")
     return set_title(bare(ax), title)
 
 

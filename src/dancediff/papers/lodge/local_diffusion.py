@@ -4,7 +4,7 @@ Read first: notebook 12 · Lodge section 3.4.
 
 Symbols (axes: b batch · f frames · d motion, m music features)
     x_t            noisy motion, normalised                           (b, f, d)
-    t              diffusion step                                     (b,)
+    t              noise level                                        (b,)
     M              music features, standardised                       (b, f, m)
     style          the style token, see `dancediff.papers.lodge.style`   (b, d_model)
     x_raw, x_hat   the guess before and after the Foot Refine Block   (b, f, d)

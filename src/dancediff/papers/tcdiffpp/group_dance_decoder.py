@@ -4,7 +4,7 @@ Read first: notebooks 07 and 10 · TCDiff++ section 4.1, eq. 8.
 
 Symbols (axes: b batch · n dancers, ranked from left to right · f frames · d motion features)
     x_t      noisy motion, normalised                      (b, n, f, d)
-    t        diffusion step                                (b,)
+    t        noise level                                   (b,)
     S        swap mode: S[k] = rank at the first frame of the dancer who is k-th from
              the left at the last one, see `dancediff.motion.order`   (b, n)
     h        tokens                                        (b, n, f, d_model)
