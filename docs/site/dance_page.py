@@ -81,7 +81,7 @@ def table_of(family: str) -> str:
         there = [e for e in REGISTRY.values() if e.kind == kind and family in e.models]
         cells = [options(preset[family], kind) for preset in (PAPER, PACKAGED)]
         links = ", ".join(f"[{Path(file).stem}](../src/dancediff/{file})" for file in files)
-        as_in = f"As the paper has it: {links}." if links else "The paper has none."
+        as_in = f"As the paper or its code has it: {links}." if links else "The paper has none."
         lines.append(f"| **{WHERE[kind]}** | {cells[0]} | {cells[1]} | {as_in} |")
         for number, one in enumerate((e for e in there if e.packaged_in(family)), 1):
             name = f"{number}. " * (kind == "hook") + f"[{one.name}]({source(one)})"

@@ -49,7 +49,7 @@ SAID = [
     ),
     ("notebooks/06_*.ipynb", r"`generate` takes (\d+)", f"{PACKAGED}.tcdiffpp.guidance"),
     ("notebooks/12_*.ipynb", r"of its (\d+) steps", f"{PACKAGED}.lodge.steps"),
-    ("notebooks/16_*.ipynb", r"guidance \(the paper's: (\d+)\)", f"{PAPER}.tcdiffpp.guidance"),
+    ("notebooks/16_*.ipynb", r"guidance \(the papers' code: (\d+)\)", f"{PAPER}.tcdiffpp.guidance"),
     ("README.md", r"(\d+) in all, with", "dancediff.exercises.EXERCISES"),
     ("docs/teaching.md", r"(\d+) exercises that check", "dancediff.exercises.EXERCISES"),
     ("docs/results_tcdiffpp.md", r"(\d+) steps,\s+autoguidance", f"{PACKAGED}.tcdiffpp.steps"),

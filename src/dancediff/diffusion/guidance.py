@@ -3,7 +3,7 @@ r"""Classifier-free guidance: listen to the music more than the data ask for.
 Read first: notebook 06 · Ho and Salimans 2022 eq. 6 · EDGE section 3.3.
 
 Symbols (axes: b batch · n dancers · f frames · d motion features · m music features)
-    w     guidance weight     0: music ignored · 1: plain conditional · 2: the papers' value
+    w     guidance weight     0: music ignored · 1: plain conditional · 2: the papers' code
 """
 
 from collections.abc import Callable
@@ -26,8 +26,9 @@ def guided(
     With and without music run as one batch of 2 b. For w = 1 or w = 0 one of the two terms drops
     out and only the other is computed. ``guidance`` may be a function of the step t.
 
-    Source: Ho and Salimans 2022, eq. 6, in terms of x_0; w = 2 in EDGE, TCDiff++ and Lodge.
-    Differs: the official code runs the network twice in a row, for every w but 1.
+    Source: Ho and Salimans 2022, eq. 6, in terms of x_0; its w is ours less 1. EDGE and the code of
+    TCDiff++ and Lodge take 2; the two papers name no guidance.  Differs: the official code runs the
+    network twice in a row, for every w but 1.
 
     Shapes: denoise(x_t (b, ..., f, d), t (b,), conditions) -> x0_hat like x_t, as of a
     `dancediff.diffusion.conditions.Denoiser`; the result is a function of x_t and t: int.

@@ -126,7 +126,8 @@ def sample(
     $$x_T \sim \mathcal N(0, I), \qquad \hat x_0 = D(x_t, t), \qquad
       x_{t'} = \text{step}(x_t, \hat x_0), \qquad t = T - 1, \dots, -1$$
 
-    Source: EDGE, TCDiff++ and Lodge all use T = 1000, 50 DDIM steps, eta = 1, x0_hat cut at +-1.
+    Source: the code of EDGE, TCDiff++ and Lodge has T = 1000, 50 DDIM steps, eta = 1, x0_hat cut at
+    +-1; the papers name neither, but for the 1000 steps of DDPM or 100 of DDIM in Lodge.
 
     - ``generator``: one for all noise, or a list of one for each row of the batch, so that rows are
       the same whatever others are sampled with them.

@@ -25,7 +25,7 @@ def cosine_abar(num_steps: int = 1000) -> Tensor:
       \beta_s = \min\!\Big(1 - \frac{g((s+1)/T)}{g(s/T)},\ 0.999\Big), \quad
       g(u) = \cos^2\!\Big(\frac{u + 0.008}{1.008}\cdot\frac{\pi}{2}\Big)$$
 
-    Source: Nichol and Dhariwal 2021, eq. 17; used by EDGE, TCDiff++ and Lodge with T = 1000.
+    Source: Nichol and Dhariwal 2021, eq. 17; as in the code of EDGE, TCDiff++ and Lodge.
 
     Shapes: -> (T,) float64, because 1 - abar is as small as 4e-5.
     Raises: ValueError for num_steps < 1.
@@ -69,11 +69,11 @@ def check_step(t: int, t_next: int, eta: float) -> None:
 
 
 def q_sample(x_0: Tensor, t: int | Tensor, abar: Tensor, eps: Tensor) -> Tensor:
-    r"""Jump from the clean dance straight to step t.
+    r"""Jump from the clean dance straight to noise level t.
 
     $$x_t = \sqrt{\bar\alpha_t}\, x_0 + \sqrt{1 - \bar\alpha_t}\; \epsilon$$
 
-    Source: DDPM eq. 4; TCDiff++ eq. 1 applied t times.
+    Source: DDPM eq. 4; Lodge eq. 1; TCDiff++ eq. 1 from level to level.
 
     Shapes: x_0, eps (b, n, f, d); t an int (-1: clean) or long (b,); abar (T,) -> like x_0.
     Raises: ValueError when eps does not have the shape of x_0.

@@ -40,7 +40,7 @@ class DanceRequest:
     preset: str = option(
         "packaged",
         "What every option is that is not given: as the packaged models dance best, or as the "
-        "papers say.",
+        "papers and their code do.",
         choices=tuple(PRESETS),
     )
     seconds: float = option(None, "How much of the song, from its start; default: all of it.")

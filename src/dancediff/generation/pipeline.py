@@ -99,7 +99,7 @@ class Pipeline(ABC):
         """Dance to a song.
 
         - ``song``: a `Music`, or a path.
-        - ``options``: those of ``request``; ``preset="paper"`` dances as the papers say.
+        - ``options``: those of ``request``; ``preset="paper"`` dances without our additions.
         - ``progress``: True for a bar, or a function (done, total).
         - ``watch``: a function (done, total, guess) that gets to see what TCDiff++ takes the
           segment for after every step, a `Motion` (dancers as the network numbers them); an

@@ -1,7 +1,8 @@
 """Presets: what an option is where nobody says otherwise, for each family of models.
 
-``PAPER`` dances as the papers say, without our additions to sampling; ``PACKAGED`` is what the
-packaged models dance best with. Options that both leave out have their default in the requests,
+``PAPER`` has none of our additions to sampling; where the papers name no number (steps, eta,
+guidance), it takes that of their released code. ``PACKAGED`` is what the packaged models dance best
+with. Options that both leave out have their default in the requests,
 where each is described.
 """
 

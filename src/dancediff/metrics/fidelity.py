@@ -30,7 +30,8 @@ def fid(features: Tensor, reference: Tensor, *, compat: str | None = None) -> fl
     Source: Heusel et al. 2017; standardised as Lodge and AIST++ evaluate.  Differs: a feature
     that is constant in the reference is only centred, see `standardise`, and the root of the
     product is taken exactly also when a covariance is singular, where the public codes add 1e-6
-    to the diagonal on failure. ``compat="lodge"``, ``"aist"`` or ``"gcd"`` scales as they do.
+    or 1e-5 to the diagonal on failure. ``compat="lodge"``, ``"aist"`` or ``"gcd"`` scales as they
+    do.
 
     Shapes: features (N, d), reference (M, d), N and M at least 2.
     Raises: ValueError for less than 2 rows, another d, NaN, or an unknown ``compat``.

@@ -9,6 +9,7 @@ Symbols (axes: n dancers · f frames · j joints · 2 feet, left and right)
 """
 
 import torch
+import torch.nn.functional as F
 from torch import Tensor
 
 from dancediff.axes import ON_FLOOR
@@ -18,6 +19,7 @@ from dancediff.motion.skeleton import FOOT_JOINTS
 
 SLIDE_SPEED = 0.3  # metres a second: Lodge's 1 cm a frame at 30 fps
 LODGE_HEIGHT = (0.08, 0.08, 0.05, 0.05)  # metres: ankles, toes
+LODGE_TOES = 0.02  # metres between the toes of the first frame, up to which both say where it is
 STEP = 1 / 30  # seconds in which PFC measures how far a foot travels
 
 
@@ -73,11 +75,13 @@ def fsr(
     A foot is low when its ankle is under 12 cm and its toe under 5 cm, the heights of
     `foot_contact`. The sums run over both feet, all dancers and all pairs of frames.
 
-    Source: Lodge, section 4.  Differs: Lodge's evaluation code takes another floor, namely the
-    lowest joint of each dancer's first frame; other heights (8 and 5 cm, which just misses or just
-    catches a foot that stands flat); the mean of the signed x and z steps instead of their length,
-    so that a foot sliding along x = -z never skates; the height in one frame only; and the mean of
-    the feet's own ratios. ``compat="lodge"`` does that, with a threshold in metres a second too.
+    Source: Lodge, section 4.2.  Differs: there it is the share of frames in which either foot,
+    under 5 cm, skids. Lodge's code counts feet as we do, but takes another floor, namely the toes
+    of each dancer's first frame (the lower one if they differ by 2 cm); other heights (8 and 5 cm,
+    which just misses or just catches a foot that stands flat); the mean of the signed x and z steps
+    instead of their length, so that a foot sliding along x = -z never skates; the height in one
+    frame only, the last one too; and the mean of the feet's own ratios. ``compat="lodge"`` does
+    that, with a threshold in metres a second too.
 
     Shapes/units: joints (n, f, 24, 3) metres, threshold metres a second -> float in [0, 1].
     Raises: ValueError for less than 2 frames, no foot on the floor (in the lodge form: for a
@@ -92,10 +96,12 @@ def fsr(
     feet = as_group(joints, fps, least=2)[:, :, FOOT_JOINTS]
     step = feet[..., ON_FLOOR].diff(dim=1) * fps
     if compat == "lodge":
-        whole = as_group(joints, fps, least=2)
-        height = feet[..., 1] - whole[:, :1, :, 1].amin(-1, keepdim=True)
-        low = _both(height <= height.new_tensor(LODGE_HEIGHT), torch.logical_and)[:, :-1]
-        speed = step.mean(-1).abs()
+        toes = feet[:, 0, 2:, 1]  # (n, 2)
+        level = toes.diff(dim=-1).abs()[:, 0] < LODGE_TOES
+        floor = torch.where(level, toes.mean(-1), toes.amin(-1))
+        height = feet[..., 1] - floor[:, None, None]
+        low = _both(height <= height.new_tensor(LODGE_HEIGHT), torch.logical_and)
+        speed = F.pad(step.mean(-1).abs(), (0, 0, 0, 1))  # nothing slides in the last frame
     else:
         low = _both(feet[..., 1] < feet.new_tensor(CONTACT_HEIGHT), torch.logical_and)
         low = low[:, 1:] & low[:, :-1]

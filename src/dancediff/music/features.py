@@ -1,6 +1,6 @@
 r"""The 35-d music features at exactly 30 frames a second.
 
-Read first: notebook 02 · Lodge section 4.1 · TCDiff++ section 3.2.
+Read first: notebook 02 · Lodge section 3.1 · TCDiff++ section 3.2.
 
 Symbols (axes: f frames at 30 fps · m = 35 features)
     samples   mono sound at 15,360 Hz                               (n,)

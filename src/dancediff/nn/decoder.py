@@ -85,9 +85,9 @@ class FusionProjection(nn.Module):
 
     Every place in the row has its own weights: this is where left and right become different.
 
-    Source: TCDiff; TCDiff++ eq. 8; no residual and no norm, as in the released code.  Differs: the
-    papers train one model per group size; here the row has ``max_dancers`` places, and those behind
-    the last dancer count as zeros.
+    Source: TCDiff; TCDiff++ section 4.1 and figure 3; no residual and no norm, as in the released
+    code.  Differs: the papers train one model per group size; here the row has ``max_dancers``
+    places, and those behind the last dancer count as zeros.
 
     Shapes: h (b, n, f, d_model), n <= max_dancers -> the same.
     Raises: ValueError for more dancers.

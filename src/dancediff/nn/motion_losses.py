@@ -15,9 +15,10 @@ from dancediff.nn.losses import mean
 
 
 def l_simple(x_hat: Tensor, x_0: Tensor) -> Tensor:
-    r"""Plain reconstruction: $\mathbb E \lVert x_0 - \hat x_0 \rVert^2$.
+    r"""Plain reconstruction: $\operatorname{mean}\,(x_0 - \hat x_0)^2$.
 
-    Source: TCDiff++ eq. 12.  Shapes: (b, n, f, d) normalised -> scalar.
+    Source: TCDiff++ eq. 12.  Differs: all losses are means, where the paper prints sums over
+    features.  Shapes: (b, n, f, d) normalised -> scalar.
 
     >>> import torch
     >>> l_simple(torch.ones(1, 2, 3, 4), torch.zeros(1, 2, 3, 4)).item()
@@ -29,7 +30,7 @@ def l_simple(x_hat: Tensor, x_0: Tensor) -> Tensor:
 def l_vel(x_hat: Tensor, x_0: Tensor) -> Tensor:
     r"""Change from frame to frame of everything but the contacts.
 
-    $$\lVert (x_{i+1} - x_i) - (\hat x_{i+1} - \hat x_i) \rVert^2$$
+    $$\operatorname{mean}\,\big((x_{i+1} - x_i) - (\hat x_{i+1} - \hat x_i)\big)^2$$
 
     Source: TCDiff++ eq. 14.  Differs: the official code leaves the root out; the paper does not.
     Shapes: (b, n, f, d) normalised -> scalar.
@@ -44,7 +45,7 @@ def l_vel(x_hat: Tensor, x_0: Tensor) -> Tensor:
 
 
 def l_fk(joints_hat: Tensor, joints_0: Tensor) -> Tensor:
-    r"""Where the joints end up: $\lVert FK(x_0) - FK(\hat x_0) \rVert^2$.
+    r"""Where the joints end up: $\operatorname{mean}\,(FK(x_0) - FK(\hat x_0))^2$.
 
     Source: TCDiff++ eq. 13.  Differs: in metres; the official code runs FK on normalised values.
     Shapes: (b, n, f, j, 3) metres -> scalar.

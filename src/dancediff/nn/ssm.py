@@ -21,7 +21,7 @@ from torch import Tensor, nn
 def selective_scan_ref(
     u: Tensor, delta: Tensor, A: Tensor, B: Tensor, C: Tensor, D_skip: Tensor
 ) -> Tensor:
-    r"""The scan as the paper writes it, frame by frame. Read this one.
+    r"""The scan as Mamba writes it, frame by frame. Read this one.
 
     $$h_f = e^{\Delta_f A} \odot h_{f-1} + \Delta_f B_f u_f, \qquad y_f = C_f^\top h_f + D\,u_f$$
 
@@ -136,7 +136,7 @@ class MambaBlock(nn.Module):
       [\Delta', B, C] = W_x u,\quad \Delta = \text{softplus}(W_\Delta \Delta' + b)$$
     $$y = \text{scan}(u, \Delta, A, B, C, D),\qquad \text{out} = W_{out}\,(y \odot \text{SiLU}(z))$$
 
-    Source: Mamba section 3.4; TCDiff++ section 3.4 puts one into every decoder layer.
+    Source: Mamba section 3.4; TCDiff++ section 4.1 puts one into every decoder layer.
 
     Shapes: x (b, f, d_model) -> (b, f, d_model).
 

@@ -19,7 +19,7 @@ _NOW = {  # keys of before, and what they are now
     "joint_vel": "joint_velocity_loss in [extensions]",
     "slide": "slide_loss in [extensions]",
     "soft_contact": "gone: true is eq. 15 and the default; for false, hard_contact in [extensions]",
-    "dist_axis": "gone: dist compares pairs of dancers, eq. 16",
+    "dist_axis": "gone: dist compares pairs of dancers, eq. 17",
     "max_minutes": "gone: stop the run (SIGTERM writes a checkpoint) and go on with --resume",
     "beat_waves": "'beat_phase' in extensions of [model]",
     "non_local": "'non_local_filter' in extensions of [model]",

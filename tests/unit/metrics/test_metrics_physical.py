@@ -58,13 +58,15 @@ def slow_fsr_lodge(joints, fps, threshold):
     ratios = []
     for ankle, toe in FEET:
         for p in joints.numpy():
-            floor = min(p[0, :, 1])
+            left, right = p[0, 10, 1], p[0, 11, 1]
+            floor = (left + right) / 2 if abs(left - right) < 0.02 else min(left, right)
             slides = down = 0
-            for i in range(len(p) - 1):
+            for i in range(len(p)):
                 if p[i, ankle, 1] - floor <= 0.08 and p[i, toe, 1] - floor <= 0.05:
                     down += 1
-                    v = max(abs(sum(floor_step(p, i, j)) / 2) * fps for j in (ankle, toe))
-                    slides += v > threshold
+                    if i + 1 < len(p):
+                        v = max(abs(sum(floor_step(p, i, j)) / 2) * fps for j in (ankle, toe))
+                        slides += v > threshold
             ratios.append(slides / down)
     return sum(ratios) / len(ratios)
 

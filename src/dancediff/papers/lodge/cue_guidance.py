@@ -99,9 +99,9 @@ class CueGuidance:
     Hard cues are clean because the network was fine-tuned to find its borders so (eq. 10); they are
     there from the first input on. Soft cues have the noise of the rest of the dance.
 
-    Source: Lodge section 3.2 and its pseudocode.  Differs: the released code pastes soft cues
-    without noise under DDIM, has hard cues only from the second input on, and cannot do a single
-    segment.
+    Source: Lodge section 3.2 and its pseudocode, in which hard cues are clean; the text calls that
+    inpainting, which noises them.  Differs: pseudocode and code begin after the first step; the
+    code pastes soft cues without noise under DDIM and cannot do a single segment.
 
     Shapes: see the module's symbols.  ``generators``: of the noise, one for each segment or one.
     Raises: ValueError when shapes differ, or for s outside 0 ... 1.

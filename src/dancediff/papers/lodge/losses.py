@@ -68,7 +68,8 @@ class LodgeWeights:
         """The second stage with clean borders.
 
         Differs: eq. 5, 6 and 7, of which the paper gives no weights, weigh 0 in the code; here
-        they are on, and small. The code's root acceleration is its velocity once more.
+        they are on, and small. The code's terms of the root are in metres a frame, so that ours
+        count 900 times as much; its acceleration is its velocity once more.
         """
         weights = {
             "foot": 10.0,
@@ -87,11 +88,11 @@ class LodgeWeights:
 
 
 def l_recon(x_hat: Tensor, x_0: Tensor) -> Tensor:
-    r"""Plain reconstruction: $\mathbb E \lVert x_0 - \hat x_0 \rVert^2$.
+    r"""Plain reconstruction: $\operatorname{mean}\,(x_0 - \hat x_0)^2$.
 
     Source: Lodge eq. 2; in fine-tuning eq. 10, which is the same for an input with clean borders
-    (`dancediff.papers.lodge.cue_guidance.clean_borders`).  Shapes: (..., f, d) normalised ->
-    scalar.
+    (`dancediff.papers.lodge.cue_guidance.clean_borders`).  Differs: all losses are means, where
+    the paper prints sums over features.  Shapes: (..., f, d) normalised -> scalar.
 
     >>> l_recon(torch.ones(2, 3, 4), torch.zeros(2, 3, 4)).item()
     1.0
@@ -191,7 +192,9 @@ def l_contact(joints_hat: Tensor, contact: Tensor) -> Tensor:
 
 
 def motion_losses(c: Comparison, *, relative: bool) -> dict[str, Tensor]:
-    """The terms of eq. 8 but the discriminator's, unweighted and by name.
+    """The terms of eq. 8 but the discriminator's, and four more; unweighted, by name.
+
+    "vel" and "foot" are EDGE's, "root_vel" and "root_acc" are the released code's.
 
     ``relative``: of `LodgeWeights`.
     """
@@ -214,7 +217,8 @@ def lodge_losses(
 ) -> dict[str, Tensor]:
     r"""`motion_losses` and their weighted sum "total".
 
-    Source: Lodge eq. 8.
+    Source: Lodge eq. 8.  Differs: it has the weight 1 for "recon", joints of the whole stage in
+    "joint" (``relative=False``), and none of the other terms of `motion_losses`.
 
     Shapes: (..., f, d) normalised -> dict of scalars.
 
@@ -265,7 +269,7 @@ def l_genre(made: Tensor, *, form: str = "hinge") -> Tensor:
 def l_diversity(z_a: Tensor, z_b: Tensor, style_a: Tensor, style_b: Tensor) -> Tensor:
     r"""Other noise should be another style.
 
-    $$\frac{\lVert z_a - z_b \rVert_1}{\lVert s_a - s_b \rVert_1}$$
+    $$\frac{\operatorname{mean} |z_a - z_b|}{\operatorname{mean} |s_a - s_b|}$$
 
     Source: Lodge's code, after MNET.  Shapes: z (b, z), style (b, d_model) -> scalar.
 

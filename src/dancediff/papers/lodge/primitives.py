@@ -6,13 +6,13 @@ Symbols (axes: p primitives · k frames of a primitive · f frames · d = 139 mo
     N   frames of a global segment, 1024 = 34 s
     n   frames of a local segment, 256 = 8.5 s (in this package n never counts dancers)
     h   hard primitive: lies across the border of two locals, so that they fit together
-    r   soft primitive: a key motion within a local, so that something happens there
+    s   soft primitive: a key motion within a local, so that something happens there
     E   kinematic energy around a frame (f,)
 
 In a global segment they come in this order, two soft ones in each local:
 
     frame  0           n           2n           3n           N
-           h0  r   r   h1  r   r   h2   r   r   h3   r   r   h4
+           h0  s   s   h1  s   s   h2   s   s   h3   s   s   h4
 """
 
 import operator
@@ -110,7 +110,7 @@ def primitives_of(
 ) -> tuple[Tensor, Tensor]:
     r"""The primitives of a clip: what global diffusion learns to make.
 
-    $$h_k = x[kn - 4 : kn + 4], \qquad r = x[b - 4 : b + 4]$$
+    $$h_k = x[kn - 4 : kn + 4], \qquad s = x[b - 4 : b + 4]$$
 
     where b is, in each half of a local, the kinematic beat around which the body moves most. The
     first and the last hard primitive begin and end with the clip. Each primitive's root starts at
@@ -122,10 +122,10 @@ def primitives_of(
 
     Source: Lodge sections 1 ("with high kinematic energy") and 3.3 (local minima of velocity).
     Differs: the released code smooths with sigma 5, which merges beats above 120 a minute, takes
-    every so manieth beat without a look at energy, moves the soft primitives of a clip by up to 2
-    frames at random, looks for beats on normalised vectors, cuts h_k at multiples of 128 k / 4
-    wherever the borders are, trains on 25 primitives and dances with 13, and moves the root in
-    views, which damages the clip.
+    every so manieth beat without a look at energy, moves the primitives within a clip by up to 2
+    frames at random, looks for beats on normalised vectors, cuts h_k at even distances wherever
+    the borders are, trains on 25 primitives and dances with 13, and moves the root in views, which
+    damages the clip.
 
     Shapes: x (N, d) metres and 6-D rotations -> primitives (p, 8, d), their frames in x (p, 8).
     Raises: ValueError when x is no clip of N frames.

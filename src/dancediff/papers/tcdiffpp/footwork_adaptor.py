@@ -27,7 +27,7 @@ def ground_velocity(x_raw: Tensor) -> Tensor:
     """How fast the root moves over the floor: x and z, normalised units per second, frame 0 zero.
 
     Source: TCDiff++ eq. 9.  Differs: the paper's is 3-D; the released code's is per frame, which
-    leaves numbers of a few thousandths.
+    leaves numbers of a few thousandths. Ours is cut at 3 units a second.
 
     Shapes: (b, n, f, d) -> (b, n, f, 2).
 
@@ -47,7 +47,7 @@ class FootworkAdaptor(nn.Module):
     $$x_a = \text{CSL}_3(\phi(\text{CSL}_2(\phi(\text{CSL}_1(x_r, v)), v)), v), \qquad
       \hat x = [x_a]_{\text{legs}} \oplus [x_r]_{\text{rest}}$$
 
-    Source: TCDiff++ eq. 9-11; three layers and width 128 as in the released code.
+    Source: TCDiff++ eq. 9-11; $\phi$ is a leaky ReLU; width 128 as in the released code.
     Differs: the released code also replaces spine1 (joint 3), which is no leg.
 
     Shapes: x_raw (b, n, f, 151), v (b, n, f, 2) -> (b, n, f, 151).  Units: normalised features.

@@ -60,9 +60,9 @@ class SwapModeEmbedding(nn.Module):
 
     The sum is a linear map of the one-hot sequence: one learned vector per (place, dancer).
 
-    Source: TCDiff++ section 4.1 (linear map of the sequence of indices; through FiLM); the extra
-    memory token is the released code's.  Differs: the released code maps the indices themselves,
-    so that dancer 4 is four times dancer 1, and never passes S in training or inference.
+    Source: TCDiff++ section 4.1 (through FiLM); the extra memory token is the released code's.
+    Differs: paper and code map the indices themselves by a linear layer, so that dancer 4 is four
+    times dancer 1; the code never passes S in training or inference.
 
     Shapes: S (b, n) int -> (b, d_model).
 

@@ -31,7 +31,7 @@ class LossWeights:
     vel: float = 2.964  # eq. 14, change from frame to frame
     fk: float = 0.646  # eq. 13, where joints are
     contact: float = 10.942  # eq. 15, feet that stand still
-    dist: float = 0.636  # eq. 16, distances between dancers; the released code: 100
+    dist: float = 0.636  # eq. 17, distances between dancers; the released code: 100
 
     def terms(self) -> dict[str, float]:
         """The weights by the name of their term."""

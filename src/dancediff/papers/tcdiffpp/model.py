@@ -62,7 +62,11 @@ class TCDiffPPConfig:
 
     @classmethod
     def paper(cls, **changes) -> "TCDiffPPConfig":
-        """Sizes of TCDiff++ section 5.1: 8 layers, 8 heads, width 512."""
+        """Sizes of TCDiff++ section 5.1: 8 layers, 8 heads, width 512.
+
+        Feed-forward and Fusion Projection, 1024 wide, dropout and the Footwork Adaptor, 128 wide,
+        are the released code's; section 5.1 has "512 in all components".
+        """
         sizes = {"d_model": 512, "num_heads": 8, "num_layers": 8, "ff_dim": 1024}
         return cls(**sizes | {"fusion_hidden": 1024, "dropout": 0.1} | changes)
 

@@ -59,7 +59,7 @@ class GroupDanceLayer(DecoderLayer):
 
 
 class GroupDanceLayerWithoutSSM(DecoderLayer):
-    """`GroupDanceLayer` where Table 4 leaves the state space model out: EDGE's layer for groups."""
+    """`GroupDanceLayer` without the state space model: our reading of "w/o SD" in Table 4."""
 
     def forward(  # type: ignore[override] # a group's tokens tell their frames
         self, h: Tensor, memory: Tensor, cond: Tensor, memory_frames: Tensor
