@@ -29,8 +29,8 @@ from tqdm.auto import tqdm
 
 import dancediff as dd
 from dancediff.axes import FPS
-from dancediff.generation.group_dance import long_group_sampler
 from dancediff.generation.segments import SegmentPlan
+from dancediff.generation.tcdiffpp_dance import long_group_sampler
 from dancediff.metrics.rhythm import beat_alignment
 from dancediff.motion.motion import Motion
 from dancediff.music.causal import CausalMusic

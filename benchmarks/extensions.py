@@ -44,7 +44,7 @@ from dancediff.extensions.floor_contact import AIR, flights
 from dancediff.extensions.initial_frames import InitialFrames
 from dancediff.extensions.parts import Part, Parts
 from dancediff.extensions.registry import REGISTRY
-from dancediff.generation.request import GroupDanceRequest
+from dancediff.generation.request import TCDiffPPRequest
 from dancediff.metrics.bootstrap import bootstrap_interval
 from dancediff.metrics.collision import tif
 from dancediff.metrics.physical import fsr
@@ -203,7 +203,7 @@ SETTINGS = {
         {
             "initial_frames": patched(InitialFrames, "for_segment", lambda self, segment: None),
             "same_noise": Without({"pinning": "renoise"}),
-            "resampled_overlap": patched(GroupDanceRequest, "resampled", 0),
+            "resampled_overlap": patched(TCDiffPPRequest, "resampled", 0),
         },
         guided_group,
     ),

@@ -31,8 +31,8 @@ from tqdm.auto import tqdm
 
 from dancediff import hub
 from dancediff.bench.held_out import Window, windows
+from dancediff.generation.lodge_dance import LodgeSampler
 from dancediff.generation.request import LodgeRequest
-from dancediff.generation.solo_dance import LodgeSampler
 from dancediff.metrics.physical import fsr
 from dancediff.metrics.report import evaluate_dances
 from dancediff.metrics.rhythm import beat_alignment

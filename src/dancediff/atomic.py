@@ -1,5 +1,9 @@
-"""Files appear whole or not at all, whatever stops a program while it writes."""
+"""Files appear whole or not at all, whatever stops a program while it writes.
 
+Read first: docs/trust.md.
+"""
+
+import json
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -33,6 +37,42 @@ def atomic_write(path) -> Iterator[Path]:
             part.replace(path)
     finally:
         part.unlink(missing_ok=True)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text file whole or not at all, and its folder where there is none.
+
+    Raises: OSError when the folder cannot be written.
+
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_text(Path(folder, "new", "words.txt"), "whole")
+    ...     Path(folder, "new", "words.txt").read_text()
+    'whole'
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with atomic_write(path) as part:
+        part.write_text(text, encoding="utf-8")
+
+
+def write_toml(path: Path, tables: dict[str, dict]) -> None:
+    """Write tables of numbers, strings and lists, which TOML has in the form of JSON.
+
+    Raises: OSError when the folder cannot be written.
+
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_toml(Path(folder, "a.toml"), {"train": {"steps": 5, "precision": "fp32"}})
+    ...     print(Path(folder, "a.toml").read_text(), end="")
+    [train]
+    steps = 5
+    precision = "fp32"
+    """
+    lines = []
+    for name, values in tables.items():
+        written = {key: json.dumps(value, ensure_ascii=False) for key, value in values.items()}
+        lines += [f"[{name}]", *(f"{key} = {value}" for key, value in written.items())]
+    write_text(path, "\n".join(lines) + "\n")
 
 
 def hidden(path: Path) -> Path:

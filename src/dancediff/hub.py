@@ -26,7 +26,7 @@ from dancediff import __version__
 from dancediff.atomic import atomic_write, save_tensors, tensor_name
 from dancediff.extensions.build import build, extensions_of, paper_class
 from dancediff.extensions.genre_condition import genres_of
-from dancediff.extensions.own_class import class_name, own_network
+from dancediff.extensions.own_network import class_name, own_network
 from dancediff.generation.pipeline import Network, Pipeline, pipeline_of
 from dancediff.music.song import Music
 from dancediff.nn.sizes import check_sizes

@@ -13,7 +13,7 @@ from dancediff.diffusion.samplers import SamplerOptions
 from dancediff.diffusion.schedule import cosine_abar
 from dancediff.extensions import ssd
 from dancediff.extensions.hard_contact import hard_contact
-from dancediff.generation.request import GroupDanceRequest, default_of
+from dancediff.generation.request import TCDiffPPRequest, default_of
 from dancediff.generation.segments import SegmentPlan
 from dancediff.motion.representation import Normalizer
 from dancediff.nn import ssm as nn_ssm
@@ -125,7 +125,7 @@ def test_t22_segments_share_half_of_their_frames():
 def test_t25_long_dances_are_judged_at_720_frames():
     """Released: cut at 512."""
     assert HeldOut().seconds * 30 == 720
-    request = GroupDanceRequest(seconds=HeldOut().seconds)
+    request = TCDiffPPRequest(seconds=HeldOut().seconds)
     assert request.frames == 720 and SegmentPlan.of(request, 150).count == 9
 
 

@@ -9,9 +9,8 @@ from dancediff.generation.request import REQUESTS, default_of
 from places import SOURCE
 
 ITS_PLACE = {
-    f"generation/{name}_request.py" for name in ("dance", "group", "solo", "autoregressive")
-} | {
-    "generation/sampling_config.py",
+    f"generation/{name}_request.py"
+    for name in ("dance", "diffusion", "segmented", "tcdiffpp", "lodge", "autoregressive")
 }
 OF_OTHER_THINGS = {  # than a dance that a model makes; a seed is 0 wherever something is drawn
     "data/choreographer/choreograph.py::choreograph.dancers",

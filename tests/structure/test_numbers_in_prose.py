@@ -99,7 +99,7 @@ SAID = [
     (
         "docs/differences.md",
         r"`overlap`, default (\d+) \|",
-        "dancediff.generation.request.GroupDanceRequest.overlap",
+        "dancediff.generation.request.TCDiffPPRequest.overlap",
     ),
     (
         "docs/differences.md",

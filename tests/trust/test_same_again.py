@@ -12,9 +12,9 @@ from dancediff import hub
 from dancediff.diffusion.conditions import Conditions
 from dancediff.diffusion.samplers import SamplerOptions, sample
 from dancediff.extensions.foot_contact_projection import foot_contact_hook
-from dancediff.generation.group_dance import largest_guess
 from dancediff.generation.guided_denoiser import GuidedDenoiser
-from dancediff.generation.request import GroupDanceRequest
+from dancediff.generation.request import TCDiffPPRequest
+from dancediff.generation.segmented_dance import largest_guess
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(1200)]
 LONG = os.environ.get("DANCEDIFF_TRUST") == "long"
@@ -47,7 +47,7 @@ def test_in_another_process_and_after_other_work(name, tmp_path, record_property
 def test_a_group_dance_alone_and_among_others(n, record_property):
     """Four segments with their own music and noise, sampled apart and together."""
     model, b = hub.load("tcdiffpp").model, 4
-    request = GroupDanceRequest().resolve(model, hub.packaged_song())
+    request = TCDiffPPRequest().resolve(model, hub.packaged_song())
     M = model.music_normalizer.normalize(hub.packaged_song().features())
     M = torch.stack([M[200 * k : 200 * k + 150] for k in range(b)])
     S = torch.arange(n).expand(b, n).contiguous()

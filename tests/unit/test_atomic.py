@@ -1,11 +1,12 @@
 """`dancediff.atomic`."""
 
+import tomllib
 from pathlib import Path
 
 import pytest
 
 import dancediff
-from dancediff.atomic import UNFINISHED, atomic_write
+from dancediff.atomic import UNFINISHED, atomic_write, write_text, write_toml
 
 
 def test_a_file_appears_when_it_is_whole(tmp_path):
@@ -23,6 +24,25 @@ def test_the_old_file_outlives_a_failure(tmp_path):
     with pytest.raises(KeyboardInterrupt), atomic_write(path) as part:
         part.write_text("new")
         raise KeyboardInterrupt
+    assert path.read_text() == "old" and list(tmp_path.iterdir()) == [path]
+
+
+def test_tables_are_read_as_they_were_written(tmp_path):
+    tables = {
+        "data": {"folder": 'songs "of\\mine" \N{VIOLIN}', "mirror": 0.5, "varied": False},
+        "model": {"extensions": ["ssd", "beat_phase"], "d_model": 64},
+        "train": {"lr": 1e-30},
+        "weights": {},
+    }
+    write_toml(tmp_path / "new" / "a.toml", tables)
+    assert tomllib.loads((tmp_path / "new" / "a.toml").read_text(encoding="utf-8")) == tables
+
+
+def test_a_text_that_cannot_be_written_leaves_the_old_one(tmp_path):
+    path = tmp_path / "words.txt"
+    write_text(path, "old")
+    with pytest.raises(UnicodeEncodeError):
+        write_text(path, "half \ud800")
     assert path.read_text() == "old" and list(tmp_path.iterdir()) == [path]
 
 

@@ -16,7 +16,7 @@ from dancediff.diffusion.samplers import SamplerOptions, sample
 from dancediff.diffusion.schedule import cosine_abar
 from dancediff.extensions.build import build
 from dancediff.extensions.networks import ExtendedTCDiffPP
-from dancediff.generation.group_request import GroupDanceRequest
+from dancediff.generation.tcdiffpp_request import TCDiffPPRequest
 from dancediff.metrics.report import evaluate_dances
 from dancediff.nn.losses import compare
 from dancediff.own import own_part
@@ -26,7 +26,7 @@ from dancediff.papers.tcdiffpp.losses import LossWeights, five_losses
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 from dancediff.training.config import TrainingExtensions
 from dancediff.training.extended_losses import extended_losses
-from dancediff.training.own_network import check_network
+from dancediff.training.network_check import check_network
 from dancediff.training.run import check_tables
 
 SIZES = {"d_model": 16, "num_layers": 1, "num_heads": 2, "ff_dim": 32, "fusion_hidden": 32}
@@ -233,7 +233,7 @@ def test_a_sampler_must_return_what_it_was_given():
     with pytest.raises(ValueError, match=r"sampler='math:sqrt': .*called as ddim_step is"):
         sample(lambda x_t, t: x, x.shape, replace(options, sampler="math:sqrt"))
     with pytest.raises(ValueError, match="sampler='nowhere:f': module 'nowhere'"):
-        GroupDanceRequest(sampler="nowhere:f")
+        TCDiffPPRequest(sampler="nowhere:f")
 
 
 def test_metrics_that_fail_are_told_and_end_nothing():

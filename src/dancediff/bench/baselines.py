@@ -9,6 +9,7 @@ import torch
 
 from dancediff.bench.held_out import Window
 from dancediff.motion.motion import Motion
+from dancediff.motion.representation import TCDIFFPP
 
 TRUTH = "held-out dances"
 
@@ -28,7 +29,7 @@ def mean_poses(some: Sequence[Window]) -> list[Motion]:
     still = []
     for x, window in zip(features, some, strict=True):
         held = pose.expand_as(x).clone()
-        held[..., 4:7] = window.motion.root.mean(1, keepdim=True)
+        held[..., TCDIFFPP.root] = window.motion.root.mean(1, keepdim=True)
         still.append(Motion.from_features(held))
     return still
 

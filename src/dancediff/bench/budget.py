@@ -17,7 +17,6 @@ import json
 import math
 import shutil
 import time
-import tomllib
 import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -28,13 +27,16 @@ import numpy as np
 from tqdm.auto import tqdm
 
 from dancediff import hub
+from dancediff.atomic import write_toml
 from dancediff.training.checkpoint import NAME
 from dancediff.training.run import train_from_config
+from dancediff.training.tables import read_training
 from dancediff.training.trainer import Trainer
 
 FOREVER = 10**7  # steps of the run that branches leave
 STABLE = 0.8  # share of a budget at the constant rate
 UNITS = ("min", "windows")  # of a budget
+NO_EVALUATION = {"evaluate_every": 0, "metrics_every": 0, "patience": 0}  # it would be paid for
 
 
 class Counted:
@@ -91,7 +93,7 @@ class BudgetTrainer(Trainer):
         return np.inf if self.config.steps == FOREVER else self.config.steps
 
     def _save(self, step: int, logger, signals) -> None:
-        due = step % self.config.save_every == 0 or step == self.config.steps
+        due = self.is_due(step)
         if due or signals.stop or signals.save:
             line = json.dumps({"step": step, "spent": self.spent, "windows": self.data.windows})
             assert self.out is not None
@@ -143,14 +145,13 @@ def spent_until(folder: Path, step: int) -> tuple[float, int]:
 
 
 def write_config(path: Path, source: Path, **train) -> Path:
-    """A training config with other values in its table ``train``."""
-    tables = tomllib.loads(source.read_text(encoding="utf-8"))
-    tables["train"] = tables.get("train", {}) | {"evaluate_every": 0} | train
-    lines = []
-    for name, values in tables.items():
-        lines += [f"[{name}]", *(f"{key} = {json.dumps(value)}" for key, value in values.items())]
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    """A training config with other values in its table ``train``, in which nothing is evaluated."""
+    tables = read_training(source)
+    for name in tables:
+        if name == "train" or name.startswith("train_"):  # the latter are those of stages
+            tables[name] |= NO_EVALUATION
+    tables["train"] |= train
+    write_toml(path, tables)
     return path
 
 

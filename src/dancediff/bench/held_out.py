@@ -9,10 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
+from dancediff.axes import FPS
 from dancediff.data.prepared import PreparedData
 from dancediff.motion.motion import Motion
 
 OVERLAP, SEGMENT = 75, 150
+MOST = 5  # dancers in a window
 
 
 @dataclass
@@ -31,7 +33,7 @@ class Window:
     @property
     def duration(self) -> float:
         """In seconds."""
-        return len(self.M) / 30
+        return len(self.M) / FPS
 
     @property
     def tempo(self) -> float:
@@ -70,7 +72,7 @@ def windows(
         if take.M is None:
             continue
         for start in range(0, take.motion.num_frames - frames + 1, step or frames):
-            beats = np.asarray(take.beats) - start / 30
+            beats = np.asarray(take.beats) - start / FPS
             yield Window(
                 f"{take.name}-{start}",
                 take.kind,
@@ -80,12 +82,12 @@ def windows(
                     meta={"kind": take.kind},
                 ),
                 take.M[start : start + frames],
-                beats[(beats >= 0) & (beats < frames / 30)],
+                beats[(beats >= 0) & (beats < frames / FPS)],
                 take.genre,
             )
 
 
-def chosen(all_of_them: list[Window], count: int, max_dancers: int = 5) -> list[Window]:
+def chosen(all_of_them: list[Window], count: int, max_dancers: int = MOST) -> list[Window]:
     """So many windows with a beat, spread over the list."""
     usable = [w for w in all_of_them if len(w.beats) and w.motion.num_dancers <= max_dancers]
     picks = np.random.default_rng(0).permutation(len(usable))[:count]

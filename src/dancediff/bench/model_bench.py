@@ -6,8 +6,9 @@ In the output folder
 
     held/, reference/            windows to dance, takes to compare with, unless they are given
     SYSTEM-SEED/                 the run that branches leave
-    SYSTEM-SEED/BUDGETmin/       a branch: checkpoint, model/, dances-FRAMES/, point.json; or a
-                                 training, if the system is trained in stages: a folder each
+    SYSTEM-SEED/BUDGETmin/       a branch: checkpoint, model/, dances-FRAMES-STEPS-KEY/, KEY of
+                                 what is danced to, point.json; or a training, if the system is
+                                 trained in stages: a folder each
     SYSTEM-SEED/windows/         the same with budgets of dancer windows, BUDGETwindows/
 
 so what is done is not done again, and a training that was stopped goes on from its checkpoint.
@@ -21,9 +22,11 @@ from pathlib import Path
 from typing import Any
 
 from dancediff import hub
+from dancediff.atomic import write_text
+from dancediff.axes import FPS
 from dancediff.bench.baselines import BASELINES
 from dancediff.bench.budget import Run, last_line
-from dancediff.bench.held_out import SEGMENT, Window, chosen, windows
+from dancediff.bench.held_out import MOST, SEGMENT, Window, chosen, windows
 from dancediff.bench.scores import danced, reference_of, scores_of
 from dancediff.bench.stages import StagedRun, stages_of
 from dancediff.data.choreographed import choreograph_jobs
@@ -34,6 +37,7 @@ from dancediff.generation.presets import PACKAGED, PAPER
 from dancediff.metrics.measure import Measured
 from dancediff.motion.motion import Motion
 from dancediff.papers.edge.model import start_slots
+from dancediff.training.ablation_config import key_of
 from dancediff.training.tables import read_training
 
 HELD, REFERENCE = 500_000, 700_000  # the first songs of both sets; training begins at 0
@@ -83,7 +87,7 @@ class ModelBench:
     ``configs`` name the systems; ``held`` and ``other`` are prepared folders, by default made of
     ``songs`` synthetic dances each; ``data`` is learned from, by default what each config says.
 
-    Raises: ValueError for two configs of one name.
+    Raises: ValueError for two configs of one name, and for options that are empty.
     """
 
     configs: Sequence[Path]
@@ -105,6 +109,13 @@ class ModelBench:
         names = [config.stem for config in self.configs]
         if twice := {name for name in names if names.count(name) > 1}:
             raise ValueError(f"configs {sorted(twice)} have one name; give each its own")
+        for name, example in (("configs", "gcd_tiny"), ("seeds", 0), ("frames", SEGMENT)):
+            if not getattr(self, name):
+                raise ValueError(f"{name} is empty; name at least one, such as {example}")
+        if not (self.minutes or self.given_windows):
+            raise ValueError("minutes and windows are empty; name a budget, such as 30 minutes")
+        if self.count < 1:
+            raise ValueError(f"count={self.count} must be at least 1: so many windows are danced")
 
     @cached_property
     def systems(self) -> dict[str, str]:
@@ -116,7 +127,11 @@ class ModelBench:
         return {config: name for name, config in first.items()}
 
     def points(self) -> Iterator[dict]:
-        """Every point as soon as it is there, seed by seed: all systems have one before any two."""
+        """Every point as soon as it is there, seed by seed: all systems have one before any two.
+
+        Raises: ValueError for data that no dance can be scored with, before anything is trained.
+        """
+        self.check_data()
         for seed in self.seeds:
             for config in self.configs:
                 kind = StagedRun if stages_of(read_training(config)) else Run
@@ -127,10 +142,26 @@ class ModelBench:
                         about = {"config": config.stem, "seed": seed, key: budget}
                         yield self.point(about, branch)
 
+    def check_data(self) -> None:
+        """Make, read and measure what every system is scored with.
+
+        Raises: ValueError naming the folder in which there is none.
+        """
+        for frames in self.frames:
+            self.windows(frames)
+        _ = self.reference
+
+    @property
+    def danced_to(self) -> dict:
+        """What decides which windows are danced, and with which seeds."""
+        held = None if self.held is None else str(self.held.absolute())
+        return {"held": held, "songs": self.songs, "count": self.count, "frames": [*self.frames]}
+
     def point(self, about: dict, branch: Path) -> dict:
-        """Score a model, or read what was found before with the same windows and steps."""
+        """Score a model, or read what was found before with the same data and steps."""
         path = branch / "point.json"
-        how = {"count": self.count, "steps": self.steps, "frames": list(self.frames)}
+        other = None if self.other is None else str(self.other.absolute())
+        how = self.danced_to | {"other": other, "steps": self.steps}
         if path.exists():
             known = json.loads(path.read_text(encoding="utf-8"))
             if known["how"] == how:
@@ -141,7 +172,7 @@ class ModelBench:
             dances = self.dances(branch, frames)
             rows = scores_of(dances, self.windows(frames), self.reference, workers=self.workers)
             found["scores"][str(frames)] = {metric: rows[metric] for metric in METRICS}
-        path.write_text(json.dumps(found) + "\n", encoding="utf-8")
+        write_text(path, json.dumps(found) + "\n")
         return found
 
     def branch(self, point: dict) -> Path:
@@ -153,7 +184,7 @@ class ModelBench:
 
     def dances(self, branch: Path, frames: int) -> list[Path]:
         """The files of a model's dances, in the order of the windows."""
-        folder = branch / f"dances-{frames}-{self.steps}"
+        folder = branch / f"dances-{frames}-{self.steps}-{key_of(self.danced_to)}"
         dance = partial(bare_dance, steps=self.steps)
         return danced(folder, branch / "model", self.windows(frames), dance, workers=self.workers)
 
@@ -169,10 +200,20 @@ class ModelBench:
         return points
 
     def windows(self, frames: int) -> list[Window]:
-        """Those that every system dances."""
+        """Those that every system dances.
+
+        Raises: ValueError where there is none.
+        """
         if frames not in self._windows:
             folder = self.held or self._made("held", HELD)
-            self._windows[frames] = chosen(list(windows(str(folder), frames)), self.count)
+            some = chosen(list(windows(str(folder), frames)), self.count)
+            if not some:
+                raise ValueError(
+                    f"held={str(folder)!r} has no window of {frames} frames with music, a beat and "
+                    f"at most {MOST} dancers; prepare longer takes with music, or ask for fewer "
+                    "frames"
+                )
+            self._windows[frames] = some
         return self._windows[frames]
 
     @cached_property
@@ -188,7 +229,7 @@ class ModelBench:
     def _made(self, name: str, seed: int) -> Path:
         """A folder of synthetic dances to songs that no training has."""
         folder = self.out / name
-        seconds = max(*self.frames, SEGMENT) / 30 + 1
+        seconds = max(*self.frames, SEGMENT) / FPS + 1
         jobs = choreograph_jobs(self.songs, seconds=seconds, seed=seed, varied=True)
         prepare(jobs, folder, workers=self.workers, progress=False)
         return folder

@@ -5,6 +5,7 @@ Read first: `dancediff.bench.held_out` · `dancediff.metrics.rows`.
 
 import itertools
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 from pathlib import Path
 
 import joblib
@@ -54,12 +55,10 @@ def _dance_to(path: Path, model: Path, window: Window, seed: int, dance: Dance) 
     motion.save(path)
 
 
-def loaded(folder: Path, _known={}) -> Pipeline:  # noqa: B006 (one a process; models are small)
-    """A model folder, read once as long as no other is asked for."""
-    if folder not in _known:
-        _known.clear()
-        _known[folder] = hub.load(folder)
-    return _known[folder]
+@lru_cache(maxsize=1)
+def loaded(folder: Path) -> Pipeline:
+    """A model folder, which a process reads once as long as no other is asked for."""
+    return hub.load(folder)
 
 
 def scores_of(

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import ClassVar
 
 from dancediff import hub
+from dancediff.atomic import write_text
 from dancediff.bench.budget import (
     FOREVER,
     STABLE,
@@ -24,7 +25,6 @@ from dancediff.bench.budget import (
     steps_left,
     write_config,
 )
-from dancediff.training.ablation_table import write_text
 from dancediff.training.autoregressive import MODELS, is_autoregressive
 from dancediff.training.lodge import STAGES, is_lodge
 from dancediff.training.tables import read_training

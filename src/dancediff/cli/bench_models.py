@@ -6,6 +6,7 @@ from pathlib import Path
 
 import tyro
 
+from dancediff.atomic import write_text
 from dancediff.cli.files import check_folder, tell
 from dancediff.generation.presets import PACKAGED
 
@@ -53,8 +54,6 @@ class BenchModels:
         from dancediff.training.named_config import config_file
 
         check_folder(self.out)
-        if not self.configs:
-            raise ValueError("configs: none is given; name at least one, such as gcd_tiny")
         same = ("minutes", "seeds", "data", "held", "other", "frames", "count", "songs", "steps")
         bench = ModelBench(
             [config_file(config) for config in self.configs],
@@ -74,7 +73,7 @@ class BenchModels:
     def write(self, points: list[dict], bench) -> list[dict]:
         """The table of the points so far; returns its rows."""
         from dancediff.bench.results import rows_of
-        from dancediff.training.ablation_table import table, write_text
+        from dancediff.training.ablation_table import table
 
         rows = rows_of([*points, *bench.baselines])
         facts = {"points": points, "rows": rows}
@@ -85,7 +84,6 @@ class BenchModels:
     def papers(self, points: list[dict], bench) -> list[str]:
         """The papers' tables beside the largest budget and the first length; written, too."""
         from dancediff.bench.paper_tables import markdown, paper_tables, papers_beside
-        from dancediff.training.ablation_table import write_text
 
         minutes, frames = max(self.minutes, default=0.0), self.frames[0]
         rows, texts = papers_beside(points, bench.systems, minutes, frames), []

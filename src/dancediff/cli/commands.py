@@ -186,7 +186,8 @@ class Train:
         pipeline = pipeline_of(model)
         half = {"overlap": model.config.num_frames // 2}  # 75 is too long for short segments
         options = half if "overlap" in pipeline.request.names() else {}
-        dance = pipeline.generate(song, dancers=3, seconds=5, seed=0, **options)
+        dancers = min(3, getattr(model.config, "max_dancers", 3))  # Lodge has no such limit
+        dance = pipeline.generate(song, dancers=dancers, seconds=5, seed=0, **options)
         dance.save(folder / f"step_{step:06d}.npz")
         save_filmstrip(dance, folder / f"step_{step:06d}.png", song)
 

@@ -1,6 +1,5 @@
 """`dancediff evaluate`: every metric of some dances as a table."""
 
-import contextlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -71,12 +70,12 @@ class Evaluate:
         )
         if self.out is not None:
             report.save(self.out)
-        facts, lines = report.facts(), [str(report)]
-        if self.drift is not None:
-            found = self._draw_drift()
-            facts["drift"] = found.facts()
-            lines += ["", "mean over dances, window by window:", str(found)]
-        tell(self.json, facts, lines)
+        lines = [str(report)]
+        if self.drift is not None and report.drift is not None:
+            lines += ["", "mean over dances, window by window:", str(report.drift)]
+        tell(self.json, report.facts(), lines)
+        if self.drift is not None and report.drift is not None:
+            self._draw(report.drift, self.drift)
         if report.is_empty:
             why = next(row.reason for row in report.rows)
             raise RuntimeError(f"no metric could be computed; {report.rows[0].name}: {why}")
@@ -84,27 +83,23 @@ class Evaluate:
             raise RuntimeError(
                 f"{len(report.skipped)} dances could not be read and are left out, see above"
             )
+        if self.drift is not None and report.drift is None:
+            raise RuntimeError(
+                f"--drift {str(self.drift)!r} is not written: no dance of 5 s or more could be "
+                "measured; leave it out"
+            )
 
-    def _draw_drift(self):
-        """The mean over readable dances of five seconds or more, drawn into the file."""
+    @staticmethod
+    def _draw(drift, path: Path) -> None:
         from matplotlib.pyplot import close
 
         from dancediff.atomic import atomic_write
-        from dancediff.metrics.dances import find_dances, read_dance
-        from dancediff.metrics.drift import drift, mean_drift
         from dancediff.viz.charts import plot_drift
 
-        drifts = []
-        for source in find_dances(list(self.motion)):
-            with contextlib.suppress(ValueError, OSError):  # too short, or named in the table
-                motion = read_dance(source).motion
-                drifts.append(drift(motion.joints(), fps=motion.fps))
-        found = mean_drift(drifts)
-        figure = plot_drift(found, title="Posture over the dance").figure
-        with atomic_write(self.drift) as part:
+        figure = plot_drift(drift, title="Posture over the dance").figure
+        with atomic_write(path) as part:
             figure.savefig(part, format="png")
         close(figure)
-        return found
 
     @staticmethod
     def _check_file(name: str, path: Path | None) -> None:

@@ -7,7 +7,6 @@ from typing import Annotated, Union, get_args, get_origin
 
 from dancediff.cli.commands import COMMANDS
 from dancediff.cli.options import in_words
-from dancediff.generation.request import RENAMED
 
 
 def explain(args: list[str], words: str) -> str:
@@ -30,10 +29,6 @@ def explain(args: list[str], words: str) -> str:
         types = {one.name: one.type for one in fields(COMMANDS[command])}
         kind = _kind(types.get(option[2:].replace("-", "_")))
         return f"{option} {_value_of(option, args)!r}: give {kind}{see}"
-    for old, (new, values) in RENAMED.items() if command == "generate" else ():
-        if (value := _value_of(f"--{old}", args)) or f"--{old}" in args:
-            option = f"--{new.replace('_', '-')}"
-            return f"--{old} {value} is now {option} {values.get(value, value)}{see}"
     parts: list[str] = []
     near = re.search(r"meant: (--[\w-]+)", " ".join(bare))
     for line in bare[1:]:  # the first line is the title of the box

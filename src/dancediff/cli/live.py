@@ -10,7 +10,7 @@ import tyro
 
 from dancediff.cli.files import check_folder, check_formats, check_targets, song_named
 from dancediff.cli.options import NOT_HERE, command_option
-from dancediff.generation.group_request import GroupDanceRequest
+from dancediff.generation.tcdiffpp_request import TCDiffPPRequest
 
 
 @dataclass
@@ -70,6 +70,6 @@ class _Live:
             server.stop()
 
 
-OPTIONS = {one.name: one for one in fields(GroupDanceRequest) if one.name not in NOT_HERE}
+OPTIONS = {one.name: one for one in fields(TCDiffPPRequest) if one.name not in NOT_HERE}
 Live = make_dataclass("Live", map(command_option, OPTIONS.values()), bases=(_Live,))
 Live.__doc__ = "Make a group dance while the song plays, on a page in the browser."

@@ -30,13 +30,11 @@ def dance_to(
 ) -> tuple[dict, Motion]:
     """Dance and write: what is to be said of the dance, and a piece of it.
 
-    ``options``: those of a request; ``dtype`` may be a name. ``finish(folder)`` is called before
-    the files leave the hidden folder in which they are written.
+    ``options``: those of a request. ``finish(folder)`` is called before the files leave the hidden
+    folder in which they are written.
 
     Raises: ValueError as `generate`; OSError naming what cannot be written.
     """
-    import torch
-
     from dancediff.io.pieces import save_pieces
 
     def finished(write: Callable) -> Callable:
@@ -47,7 +45,6 @@ def dance_to(
 
         return both
 
-    options = options | {"dtype": getattr(torch, options.get("dtype", ""), options.get("dtype"))}
     if formats == ["npz"]:
         # nothing else is asked of the dance, so no more than a piece of it is held in memory
         with contextlib.closing(model.stream(song, **options)) as dancing:  # and its bar

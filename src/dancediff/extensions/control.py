@@ -16,6 +16,7 @@ will do; else number k must be the k-th from the left at the start.
 """
 
 import math
+import operator
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
@@ -122,6 +123,8 @@ class Keep:
 
     def constraint(self, n: int, frames: int, fps: float) -> Constraint:
         """Of a dance of n dancers."""
+        if not isinstance(self.dance, Motion):
+            raise ValueError(f"dance={self.dance!r} is no Motion; give Motion.load(path)")
         if self.dance.fps != fps:
             raise ValueError(f"dance has {self.dance.fps:g} frames a second, not {fps:g}")
         who = range(self.dance.num_dancers) if self.dancers is None else self.dancers
@@ -317,9 +320,12 @@ def _nothing(n: int, frames: int) -> tuple[Tensor, Tensor]:
 
 
 def _dancer(k, n: int) -> int:
-    if not (isinstance(k, int) and 0 <= k < n):
-        raise ValueError(f"dancer={k!r} must be a whole number in 0 ... {n - 1}")
-    return k
+    try:
+        if 0 <= (number := operator.index(k)) < n:
+            return number
+    except TypeError:  # no whole number
+        pass
+    raise ValueError(f"dancer={k!r} must be a whole number in 0 ... {n - 1}")
 
 
 def _numbers(rows, width: int, name: str) -> Tensor:

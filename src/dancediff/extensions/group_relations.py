@@ -1,6 +1,6 @@
 r"""A group that dances Lodge's solo: in unison, one after the other, or as in a mirror.
 
-Read first: `dancediff.generation.solo_dance` · `dancediff.data.choreographer.formations`.
+Read first: `dancediff.generation.lodge_dance` · `dancediff.data.choreographer.formations`.
 
 Lodge makes one dancer. Here the others repeat that dance, each from a place of a formation; no
 dancer depends on another. A model of groups is `dancediff.papers.tcdiffpp`.

@@ -7,7 +7,9 @@ docs/how_a_dance_is_made.md is made from it, and tests hold it against modules a
 dances lose without an addition: docs/ablations.md, measured by benchmarks/extensions.py.
 """
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 KINDS = ("network", "training", "hook", "guidance", "sampling")
 # modules that several extensions use
@@ -16,7 +18,7 @@ SHARED = (
     "constraint",
     "group_modes",
     "networks",
-    "own_class",
+    "own_network",
     "parts",
     "projection",
     "registry",
@@ -95,11 +97,11 @@ _ALL = (
     Extension("level_weights", "training", "Noise levels count by how hard they are.",
               "level_weights", ALL, needs=LINEAR),
     Extension("both_guesses", "training", "Guesses before and after their feet are reconstructed.",
-              "both_guesses", ("tcdiffpp", "lodge")),
+              "both_guesses", ALL, packaged=("tcdiffpp", "lodge")),
     Extension("hard_contact", "training", "In the losses feet are planted or not.",
               "hard_contact", ALL, lesson=5),
     Extension("joint_velocity_loss", "training", "Velocities of joints count.",
-              "joint_velocity_loss", BY_SEGMENTS),
+              "joint_velocity_loss", ALL, packaged=BY_SEGMENTS),
     Extension("slide_loss", "training", "Feet that truly stand should not slide.",
               "slide_loss", ALL),
     Extension("own_overlap", "training", "Windows begin as the network itself makes them.",
@@ -155,3 +157,31 @@ _ALL = (
               "group_relations", SOLO),
 )  # fmt: skip
 REGISTRY = {extension.name: extension for extension in _ALL}
+
+
+def check_training(
+    table: Mapping[str, Any], family: str, network: Sequence[str], source: str
+) -> None:
+    """Can a family whose network has these extensions be trained as a table [extensions] says?
+
+    Raises: ValueError naming the source, the key, its value, and who can have it or what it needs.
+
+    >>> check_training({"own_overlap": 0.25}, "lodge", ["preconditioning"], "a.toml: 'extensions'")
+    Traceback (most recent call last):
+    ValueError: a.toml: 'extensions': own_overlap=0.25 is for tcdiffpp, not for lodge; leave it out
+    """
+    for name, value in table.items():
+        extension = REGISTRY.get(name)  # none of a loss of the user's own
+        if extension is None or not value:
+            continue
+        if family not in extension.models:
+            raise ValueError(
+                f"{source}: {name}={value!r} is for {', '.join(extension.models)}, "
+                f"not for {family}; leave it out"
+            )
+        for needed in extension.needs:
+            if needed not in network:
+                raise ValueError(
+                    f"{source}: {name}={value!r} needs {needed!r} in extensions of [model]; "
+                    f"name it there, or leave {name} out"
+                )

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from typing import ClassVar, Self
 
 from dancediff.generation.dance_request import DanceRequest
+from dancediff.generation.diffusion_request import genre_option
 from dancediff.generation.genre_mix import BY_TEMPO, mix_weights, resolved_genre
 from dancediff.generation.option import option
-from dancediff.generation.sampling_config import genre_option
 
 
 @dataclass(frozen=True, kw_only=True)

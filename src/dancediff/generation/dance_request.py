@@ -2,7 +2,7 @@ r"""What can be asked of every model that dances: one frozen dataclass, every de
 
 Read first: notebook 00 · `dancediff.generation.presets`.
 
-    request = GroupDanceRequest(dancers=3, swap=(2, 1, 0))
+    request = TCDiffPPRequest(dancers=3, swap=(2, 1, 0))
     resolved = request.resolve(model, song)     # a new one, in which nothing is left open
 
 Most options are None until `resolve` fills in what the preset says; the others have their default
@@ -11,16 +11,29 @@ here. To import this module brings no torch, so that the command line can show i
 
 from dataclasses import dataclass, fields, replace
 from types import NoneType
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import Any, ClassVar, Self
 
 from dancediff.generation.option import checked, in_range, kinds_of, option
 from dancediff.generation.presets import PRESETS
 
-if TYPE_CHECKING:
-    import torch
-
 SEED_STRIDE = 0x9E3779B97F4A7C15  # far apart, so that seeds s and s + 1 share no dancer
 SHORTEST_SONG = 1.0  # seconds; less holds no beat
+DTYPES = ("float32", "bfloat16", "fastest")
+
+
+def dtype_name(asked) -> str:
+    """What to compute with, by its name; a dtype of torch may be given itself.
+
+    Raises: ValueError for anything but `DTYPES`.
+
+    >>> dtype_name("fastest")
+    'fastest'
+    """
+    name = str(asked).removeprefix("torch.")
+    if name not in DTYPES:
+        allowed = ", ".join(map(repr, DTYPES))
+        raise ValueError(f"dtype={asked!r} is not one of {allowed}")
+    return name
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,12 +58,12 @@ class DanceRequest:
     )
     seconds: float = option(None, "How much of the song, from its start; default: all of it.")
     seed: int = option(0, "The same seed gives the same dance.", low=0, high=2**63 - 1)
-    dtype: "torch.dtype | str | None" = option(  # noqa: RUF009 - it is a field
-        None, "Compute with all digits, with half of them (bfloat16), or with what is 'fastest'."
+    dtype: str | None = option(
+        None,
+        "Compute with all digits, with half of them (bfloat16), or with what is 'fastest'.",
+        parse=dtype_name,
     )
-    device: "torch.device | str | None" = option(  # noqa: RUF009 - it is a field
-        None, "Move the model there first, such as 'cuda'."
-    )
+    device: str | None = option(None, "Move the model there first, such as 'cuda'.", parse=str)
 
     def __post_init__(self):
         for one in fields(self):
@@ -107,7 +120,7 @@ class DanceRequest:
     def facts(self) -> dict:
         """What a dance says of how it was made: plain values only."""
         return {
-            one.name: value if one.name != "dtype" else str(value).removeprefix("torch.")
+            one.name: value
             for one in fields(self)
             if (value := getattr(self, one.name)) is not None and one.name not in self.left_out
         }

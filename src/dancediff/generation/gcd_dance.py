@@ -1,6 +1,6 @@
 """From a song and a resolved request to a dance of GCD.
 
-Read first: `dancediff.papers.gcd.long_sampling` · `dancediff.generation.group_dance`.
+Read first: `dancediff.papers.gcd.long_sampling` · `dancediff.generation.segmented_dance`.
 
 Symbols (axes: n dancers · f frames of a segment · F frames of the dance · k segments · d motion)
 """
@@ -13,14 +13,14 @@ from torch import Tensor
 from dancediff.diffusion.conditions import Conditions
 from dancediff.diffusion.samplers import sampling_times
 from dancediff.generation.all_segments import in_parts, sample_all
-from dancediff.generation.group_dance import (
+from dancediff.generation.guided_denoiser import GuidedDenoiser
+from dancediff.generation.segmented_dance import (
     foot_contact_hooks,
     music_of,
     sampler_options,
     style_of,
 )
-from dancediff.generation.group_request import GCDRequest
-from dancediff.generation.guided_denoiser import GuidedDenoiser
+from dancediff.generation.segmented_request import GCDRequest
 from dancediff.generation.segments import SegmentPlan
 from dancediff.papers.edge.naive_long_sampling import join
 from dancediff.papers.gcd.consistency_guidance import dialled

@@ -29,20 +29,17 @@ from dancediff.generation.autoregressive_request import (
 )
 from dancediff.generation.dance_request import DanceRequest
 from dancediff.generation.gcd_dance import gcd_dance
-from dancediff.generation.group_dance import group_pieces, naive_dance
-from dancediff.generation.group_request import (
-    EDGERequest,
-    GCDRequest,
-    GroupDanceRequest,
-    TCDiffRequest,
-)
+from dancediff.generation.lodge_dance import lodge_pieces, lodge_seams
+from dancediff.generation.lodge_request import LodgeRequest
 from dancediff.generation.request import request_of
+from dancediff.generation.segmented_dance import naive_dance
+from dancediff.generation.segmented_request import EDGERequest, GCDRequest, TCDiffRequest
 from dancediff.generation.segments import SegmentPlan
-from dancediff.generation.solo_dance import solo_pieces, solo_seams
-from dancediff.generation.solo_request import LodgeRequest
 from dancediff.generation.steered_dance import SteeredDance
 from dancediff.generation.stream import Stream
 from dancediff.generation.tcdiff_dance import tcdiff_dance
+from dancediff.generation.tcdiffpp_dance import tcdiffpp_pieces
+from dancediff.generation.tcdiffpp_request import TCDiffPPRequest
 from dancediff.motion.motion import Motion
 from dancediff.motion.representation import TCDIFFPP
 from dancediff.music.song import as_song
@@ -93,7 +90,10 @@ class Pipeline(ABC):
         Raises: ValueError as `generate`.
         """
         request = request_of(self.request.family, self.name, options)
-        return request.resolve(self.model, as_song(song))
+        song = as_song(song)
+        if song is None:
+            raise ValueError("song is None; give a Music or a path")
+        return request.resolve(self.model, song)
 
     def generate(self, song, *, progress=False, watch: Callable | None = None, **options) -> Motion:
         """Dance to a song.
@@ -110,8 +110,11 @@ class Pipeline(ABC):
         """
         song = as_song(song)
         request = self.resolve(song, **options)
+        if watch is not None and getattr(request, "long_sampling", None) != "lgds":
+            raise ValueError("watch= is for TCDiff++ with long_sampling='lgds' only; leave it out")
+        watched = {} if watch is None else {"watch": watch}
         with torch.inference_mode(), self._ready(request, progress) as how:
-            x = torch.cat(list(self._pieces(song, request, watch=watch, **how)), dim=1)
+            x = torch.cat(list(self._pieces(song, request, **how, **watched)), dim=1)
         # cloned: what was made in inference mode could not be used in training
         return self._motion(x[:, : request.frames].clone(), song, request)
 
@@ -157,7 +160,7 @@ class Pipeline(ABC):
         return Motion.from_features(x, fps=FPS, meta=facts)
 
     @abstractmethod
-    def _pieces(self, song, request: Any, *, report, dtype, watch=None) -> Iterator[Tensor]:
+    def _pieces(self, song, request: Any, *, report, dtype) -> Iterator[Tensor]:
         """The dance in pieces, features (n, f, d) in metres, on the CPU."""
 
     @abstractmethod
@@ -165,18 +168,24 @@ class Pipeline(ABC):
         """Frames in which a segment takes over from the one before; metrics look there."""
 
 
-class GroupDancePipeline(Pipeline):
+class SegmentedPipeline(Pipeline):
+    """Models that dance in segments of 5 s."""
+
+    def _seams(self, song, request):
+        return SegmentPlan.of(request, self.config.num_frames).seams()
+
+
+class TCDiffPPPipeline(SegmentedPipeline):
     """TCDiff++: a group whose dancers see each other."""
 
-    request = GroupDanceRequest
+    request = TCDiffPPRequest
 
     def _pieces(self, song, request, *, report, dtype, watch=None):
         if request.long_sampling == "naive":
-            _refuse(watch)
             yield naive_dance(self.model, song, request, report=report, dtype=dtype)
             return
         how = {"report": report, "dtype": dtype}
-        yield from group_pieces(self.model, song, request, watch=watch, **how)
+        yield from tcdiffpp_pieces(self.model, song, request, watch=watch, **how)
 
     def _seams(self, song, request):
         return SegmentPlan.of(request, self.config.num_frames).seams(request.resampled)
@@ -186,13 +195,12 @@ class GroupDancePipeline(Pipeline):
         return SteeredDance(self.model, song, request) if request.pinning else None
 
 
-class EDGEPipeline(Pipeline):
+class EDGEPipeline(SegmentedPipeline):
     """EDGE: each dancer alone, then placed side by side; others make no difference to a dancer."""
 
     request = EDGERequest
 
-    def _pieces(self, song, request, *, report, dtype, watch=None):
-        _refuse(watch)
+    def _pieces(self, song, request, *, report, dtype):
         n, solos = request.dancers, []
         for k in range(n):
             alone = replace(request, dancers=1, seed=request.seed_of(k))
@@ -201,34 +209,23 @@ class EDGEPipeline(Pipeline):
         x = torch.cat(solos)
         yield moved(x, start_slots(n) - x[:, :1, TCDIFFPP.root])
 
-    def _seams(self, song, request):
-        return SegmentPlan.of(request, self.config.num_frames).seams()
 
-
-class GCDPipeline(Pipeline):
+class GCDPipeline(SegmentedPipeline):
     """GCD: a group whose dancers see each other, all segments at once."""
 
     request = GCDRequest
 
-    def _pieces(self, song, request, *, report, dtype, watch=None):
-        _refuse(watch)
+    def _pieces(self, song, request, *, report, dtype):
         yield gcd_dance(self.model, song, request, report=report, dtype=dtype)
 
-    def _seams(self, song, request):
-        return SegmentPlan.of(request, self.config.num_frames).seams()
 
-
-class TCDiffPipeline(Pipeline):
+class TCDiffPipeline(SegmentedPipeline):
     """TCDiff: paths of the whole dance first, then all segments of bodies at once."""
 
     request = TCDiffRequest
 
-    def _pieces(self, song, request, *, report, dtype, watch=None):
-        _refuse(watch)
+    def _pieces(self, song, request, *, report, dtype):
         yield tcdiff_dance(self.model, song, request, report=report, dtype=dtype)
-
-    def _seams(self, song, request):
-        return SegmentPlan.of(request, self.config.num_frames).seams()
 
 
 class LodgePipeline(Pipeline):
@@ -236,19 +233,17 @@ class LodgePipeline(Pipeline):
 
     request = LodgeRequest
 
-    def _pieces(self, song, request, *, report, dtype, watch=None):
-        _refuse(watch)
-        return solo_pieces(self.model, song, request, report=report, dtype=dtype)
+    def _pieces(self, song, request, *, report, dtype):
+        return lodge_pieces(self.model, song, request, report=report, dtype=dtype)
 
     def _seams(self, song, request):
-        return solo_seams(self.model, song, request)
+        return lodge_seams(self.model, song, request)
 
 
 class AutoregressivePipeline(Pipeline):
     """Each dancer alone, bit by bit; others make no difference to a dancer."""
 
-    def _pieces(self, song, request, *, report, dtype, watch=None):
-        _refuse(watch)
+    def _pieces(self, song, request, *, report, dtype):
         return autoregressive_pieces(self.model, song, request, report=report, dtype=dtype)
 
     def _seams(self, song, request):
@@ -280,7 +275,7 @@ class CoDancersPipeline(AutoregressivePipeline):
 
 
 PIPELINES: dict[type, type[Pipeline]] = {
-    TCDiffPP: GroupDancePipeline,
+    TCDiffPP: TCDiffPPPipeline,
     EDGE: EDGEPipeline,
     GCD: GCDPipeline,
     TCDiff: TCDiffPipeline,
@@ -295,17 +290,17 @@ PIPELINES: dict[type, type[Pipeline]] = {
 def pipeline_of(model: Network, name: str | None = None) -> Pipeline:
     """The pipeline for a network.
 
+    Raises: ValueError for a network of no model that dances.
+
     >>> from dancediff.papers.tcdiffpp.model import TCDiffPPConfig
     >>> pipeline_of(TCDiffPP(TCDiffPPConfig(d_model=16, num_layers=1, ff_dim=32)), "tiny").name
     'tiny'
     """
-    kind = next(one for one in PIPELINES if isinstance(model, one))
-    return PIPELINES[kind](model, name)
-
-
-def _refuse(watch) -> None:
-    if watch is not None:
-        raise ValueError("watch= is for TCDiff++ with long_sampling='lgds' only; leave it out")
+    for kind, pipeline in PIPELINES.items():
+        if isinstance(model, kind):
+            return pipeline(model, name)
+    kinds = ", ".join(kind.__name__ for kind in PIPELINES)
+    raise ValueError(f"model is a {type(model).__name__}; give one of {kinds}")
 
 
 @contextmanager

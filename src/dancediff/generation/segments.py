@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from torch import Tensor
 
 from dancediff.axes import FPS
-from dancediff.generation.group_request import GroupDanceRequest, SegmentedRequest
+from dancediff.generation.segmented_request import SegmentedRequest
+from dancediff.generation.tcdiffpp_request import TCDiffPPRequest
 
 
 @dataclass(frozen=True)
@@ -71,7 +72,7 @@ class SegmentPlan:
         needed = self.window + self.stride * (self.count - 1)
         return M.repeat(-(-needed // len(M)), 1)[:needed]
 
-    def targets(self, request: GroupDanceRequest) -> Sequence[Sequence[int] | None]:
+    def targets(self, request: TCDiffPPRequest) -> Sequence[Sequence[int] | None]:
         """The order asked for at the end of each segment, or None; nothing without a swap."""
         if request.swap is None:
             return ()

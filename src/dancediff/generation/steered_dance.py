@@ -1,6 +1,6 @@
 r"""A group dance whose request may change from one segment to the next.
 
-Read first: `dancediff.diffusion.long_sampling` · `dancediff.generation.group_dance`.
+Read first: `dancediff.diffusion.long_sampling` · `dancediff.generation.tcdiffpp_dance`.
 
 Symbols (axes: n dancers · f frames of a segment · F of the song · d motion · m music features)
     context  the frames that the next segment goes on from, by dancer   (n, k, d)
@@ -21,18 +21,13 @@ from dancediff.extensions import control
 from dancediff.extensions.constraint import Constraint, Source
 from dancediff.extensions.genre_condition import genres_of
 from dancediff.extensions.preconditioning import preconditioning_of
-from dancediff.generation.energy_request import energy_for
+from dancediff.generation.energy_option import energy_for
 from dancediff.generation.genre_mix import mix_weights
-from dancediff.generation.group_dance import (
-    StyledGroupSampler,
-    hooks_of,
-    sampler_of,
-    sampler_options,
-    standardised,
-)
-from dancediff.generation.group_request import GroupDanceRequest
 from dancediff.generation.opening import Opening
+from dancediff.generation.segmented_dance import sampler_options, standardised
 from dancediff.generation.segments import SegmentPlan
+from dancediff.generation.tcdiffpp_dance import StyledGroupSampler, hooks_of, sampler_of
+from dancediff.generation.tcdiffpp_request import TCDiffPPRequest
 from dancediff.music.live_song import LiveSong
 
 JOIN = 15  # frames of the dance so far that a dance goes on from elsewhere in the song
@@ -55,10 +50,10 @@ class AtEnd:
 class SteeredDance:
     """Dances segment after segment; what is asked for is looked up before each of them.
 
-    Without a change it is the dance of `group_pieces`, to the last bit.
+    Without a change it is the dance of `tcdiffpp_pieces`, to the last bit.
     """
 
-    def __init__(self, model, song, request: GroupDanceRequest):
+    def __init__(self, model, song, request: TCDiffPPRequest):
         """``request`` is resolved; ``song`` is a `Music`, an `Opening` or a `LiveSong`."""
         self.model, self.song, self.request = model, song, request
         self.over = False  # the song's end was reached
@@ -78,7 +73,7 @@ class SteeredDance:
     def _stride(self) -> int:
         return self.model.config.num_frames - self.request.overlap
 
-    def ask(self, request: GroupDanceRequest, *, ordered: bool = False) -> None:
+    def ask(self, request: TCDiffPPRequest, *, ordered: bool = False) -> None:
         """What the next segments are asked for; ``ordered``: ``request.swap`` is new."""
         if request.dancers < self.request.dancers:
             self._leave(request.dancers)

@@ -16,10 +16,9 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
-import torch
-
 from dancediff.axes import FPS
 from dancediff.generation.opening import Opening
+from dancediff.generation.option import checked
 from dancediff.generation.steered_dance import SteeredDance
 from dancediff.generation.timing import Timing
 from dancediff.motion.motion import Motion
@@ -119,7 +118,8 @@ class Stream(Iterator[Motion]):
         self._refuse_constraints("dancers")
         if knobs.keys() & {"swap", "formation"}:
             raise ValueError("set dancers= alone, and swap= or formation= of those who stay later")
-        if not 1 <= knobs["dancers"] <= self._dancers:
+        one = type(self.request).__dataclass_fields__["dancers"]
+        if not 1 <= checked(one, knobs["dancers"]) <= self._dancers:
             raise ValueError(
                 f"dancers={knobs['dancers']} must lie in 1 ... {self._dancers}: who did not dance "
                 "so far cannot join"
@@ -195,19 +195,24 @@ class Stream(Iterator[Motion]):
         return self.danced - played
 
     @property
-    def log(self) -> dict:
-        """What was asked for, and before which piece it was taken up; to be stored as JSON.
+    def calls(self) -> list[dict]:
+        """What was asked for so far, and before which piece it was taken up."""
+        return list(self._taken)
 
-        Raises: ValueError for ``constraints=``, which are no plain values.
+    @property
+    def log(self) -> dict:
+        """The options and `calls`; to be stored as JSON.
+
+        Raises: ValueError for ``constraints=`` and ``seed_motion=``, which are no plain values.
         """
-        if self._given.get("constraints"):
-            raise ValueError("a log holds plain values; leave constraints= out")
+        for name in ("constraints", "seed_motion"):
+            if self._given.get(name):
+                raise ValueError(f"a log holds plain values; leave {name}= out")
+        names = {"dtype": self.request.dtype, "device": self.request.device}  # no objects of torch
         options = {
-            name: value if name != "dtype" else str(value).removeprefix("torch.")
-            for name, value in self._given.items()
-            if value is not None
+            name: value for name, value in (self._given | names).items() if value is not None
         }
-        return {"options": options, "opening": self._seconds, "calls": list(self._taken)}
+        return {"options": options, "opening": self._seconds, "calls": self.calls}
 
     @classmethod
     def replay(cls, pipeline, song, log: dict, *, progress=False) -> "Stream":
@@ -215,10 +220,7 @@ class Stream(Iterator[Motion]):
 
         The same machine and number of threads give the same bytes.
         """
-        options = dict(log["options"])
-        if "dtype" in options:
-            options["dtype"] = getattr(torch, options["dtype"], options["dtype"])
-        made = cls(pipeline, song, options, progress=progress, opening=log["opening"])
+        made = cls(pipeline, song, log["options"], progress=progress, opening=log["opening"])
         made._script.extend(log["calls"])
         return made
 

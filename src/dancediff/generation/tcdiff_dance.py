@@ -1,6 +1,6 @@
 """From a song and a resolved request to a dance of TCDiff.
 
-Read first: `dancediff.papers.tcdiff.model` · `dancediff.generation.group_dance`.
+Read first: `dancediff.papers.tcdiff.model` · `dancediff.generation.segmented_dance`.
 
 Symbols (axes: n dancers · f frames of a segment · F frames of the dance · k segments · d motion)
     path    where everybody goes, normalised x and z, by dancer       (k, n, f, 2)
@@ -16,9 +16,9 @@ from dancediff.diffusion.conditions import Conditions
 from dancediff.diffusion.samplers import GuessHook
 from dancediff.extensions.foot_contact_projection import foot_contact_hook
 from dancediff.generation.all_segments import in_parts, sample_all
-from dancediff.generation.group_dance import music_of, sampler_options, style_of
-from dancediff.generation.group_request import TCDiffRequest
 from dancediff.generation.guided_denoiser import GuidedDenoiser
+from dancediff.generation.segmented_dance import music_of, sampler_options, style_of
+from dancediff.generation.segmented_request import TCDiffRequest
 from dancediff.generation.segments import SegmentPlan
 from dancediff.motion.order import left_to_right
 from dancediff.motion.representation import TCDIFFPP

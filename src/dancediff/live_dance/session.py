@@ -223,7 +223,7 @@ class LiveSession:
             self._last = piece
             self._pieces.append((start, piece.num_frames))
             self.have[start : start + piece.num_frames] = True
-            calls = self.stream.log["calls"]
+            calls = self.stream.calls
             self._tell("piece", {"start": self.stream.begins, "motion": piece})
             for call in calls[noted:]:
                 self._tell("knob", call | {"from": self.stream.begins})

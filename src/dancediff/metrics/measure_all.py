@@ -31,10 +31,12 @@ def measure_all(
     `dancediff.metrics.kept`; what is there is not made again. ``how``: who computes, see
     `dancediff.backends.run_jobs`; the results do not depend on it.
 
-    Raises: ValueError when not one dance can be read; ``label`` says of what.
+    Raises: ValueError when there is no dance, or not one can be read; ``label`` says of what.
     """
     from tqdm.auto import tqdm
 
+    if not sources:
+        raise ValueError(f"there are no {label} to measure: the list is empty")
     jobs = [
         partial(
             _measure_or_reason,

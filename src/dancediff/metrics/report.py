@@ -10,12 +10,14 @@ import operator
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
+from os import PathLike
 from pathlib import Path
 
 import numpy as np
 
 from dancediff.atomic import atomic_write
 from dancediff.metrics.dances import find_dances
+from dancediff.metrics.drift import Drift, mean_drift
 from dancediff.metrics.measure import SHORTEST_WINDOW, Measured
 from dancediff.metrics.measure_all import measure_all
 from dancediff.metrics.rows import DRAWS, LEVEL, METRICS, Row, table_rows
@@ -28,7 +30,8 @@ class Report:
     """The rows, and what they were computed from; ``str`` is the table.
 
     ``dances`` and ``reference`` count and name the dances by kind, ``skipped`` has a reason for
-    each that could not be read, ``notes`` what a reader must know.
+    each that could not be read, ``notes`` what a reader must know. ``drift`` is the mean over
+    dances of 5 s and more, None where there is none.
     """
 
     rows: list[Row]
@@ -36,6 +39,7 @@ class Report:
     reference: dict | None = None
     skipped: dict[str, str] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
+    drift: Drift | None = None
 
     def __getitem__(self, name: str) -> Row:
         """The row of a metric.
@@ -62,7 +66,8 @@ class Report:
             row |= {
                 k: None if isinstance(v, float) and math.isnan(v) else v for k, v in row.items()
             }
-        return facts | {"level": LEVEL, "draws": DRAWS}
+        drift = None if self.drift is None else self.drift.facts()
+        return facts | {"drift": drift, "level": LEVEL, "draws": DRAWS}
 
     def to_json(self) -> str:
         """One line of JSON."""
@@ -216,12 +221,14 @@ def evaluate_dances(
         skipped |= {f"reference {name}": why for name, why in lost.items()}
         if both := len(_identities(sources) & _identities(others)):
             notes.append(f"{both} dances are in the reference too: distances to it are too small")
+    drifts = [one.drift for one in measured if one.drift is not None]
     return Report(
         rows=list(table_rows(measured, real, metrics=tuple(metrics), seed=seed)),
         dances=_about(measured),
         reference=None if real is None else _about(real),
         skipped=skipped,
         notes=notes,
+        drift=mean_drift(drifts) if drifts else None,
     )
 
 
@@ -240,8 +247,9 @@ def _beats(song, count: int) -> list:
 def _beats_of(song) -> np.ndarray | None:
     if song is None:
         return None
-    song = as_song(song)
-    return np.asarray(song.beats() if isinstance(song, Music) else song, dtype=np.float64)
+    if isinstance(song, Music | str | PathLike):
+        song = as_song(song).beats()
+    return np.asarray(song, dtype=np.float64)
 
 
 def _identities(sources) -> set:

@@ -131,27 +131,31 @@ def table_rows(
     ``metrics`` of the user's own come last.
     """
     if reference:
-        _compare_windows(dances, reference)
+        dances = _with_shares_in_range(dances, reference)
     for metric in (*METRICS, *(Metric(name, name, "", ALIKE) for name in metrics)):
         if not metric.optional or any(metric.source in dance.numbers for dance in dances):
             yield _row(metric, dances, reference, seed)
 
 
-def _compare_windows(dances: list[Measured], reference: list[Measured]) -> None:
-    """How many windows of each dance lie in the range of the reference, of its genre if it can."""
+def _with_shares_in_range(dances: list[Measured], reference: list[Measured]) -> list[Measured]:
+    """With the share of windows in the range of the reference, of the dance's genre if it can."""
     known = [one for one in reference if one.drift is not None]
     if not known:
-        return
+        return dances
     limits: dict[str | None, np.ndarray] = {None: ranges([one.drift for one in known if one.drift])}
     for genre in {one.genre for one in known} - {None}:
         same = [one.drift for one in known if one.drift and one.genre == genre]
         if sum(len(one.seconds) for one in same) >= LEAST_WINDOWS:
             limits[genre] = ranges(same)
+    found = []
     for dance in dances:
+        numbers = dict(dance.numbers)
         if dance.drift is not None:
             shares = in_range(dance.drift, limits.get(dance.genre, limits[None]))
             for name, share in zip(dance.drift.names, shares, strict=True):
-                dance.numbers[f"{name}{IN_RANGE}"] = [float(share)]
+                numbers[f"{name}{IN_RANGE}"] = [float(share)]
+        found.append(replace(dance, numbers=numbers))
+    return found
 
 
 def _row(

@@ -208,10 +208,14 @@ class Music:
 def as_song(song):
     """A song as it is; of a path the one in that file.
 
-    Raises: ValueError as `Music.load`.
+    Raises: ValueError as `Music.load`, and for what is no song.
 
     >>> song = Music(np.zeros(44100), 44100)
     >>> as_song(song) is song, as_song(None) is None
     (True, True)
     """
-    return Music.load(song) if isinstance(song, str | PathLike) else song
+    if isinstance(song, str | PathLike):
+        return Music.load(song)
+    if song is not None and not hasattr(song, "duration"):  # `Music`, `LiveSong`, `Opening`
+        raise ValueError(f"song is a {type(song).__name__}; give a Music or a path")
+    return song

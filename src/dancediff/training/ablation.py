@@ -25,6 +25,7 @@ from typing import Any
 import torch
 
 from dancediff import __version__
+from dancediff.atomic import write_text, write_toml
 from dancediff.extensions.genre_condition import genres_of
 from dancediff.generation.pipeline import Pipeline, pipeline_of, usable_device
 from dancediff.motion.motion import Motion
@@ -37,10 +38,10 @@ from dancediff.training.ablation_data import (
     held_out_songs,
     reference_dances,
 )
-from dancediff.training.ablation_table import mean_of_seeds, metric_scores, table, write_text
+from dancediff.training.ablation_table import mean_of_seeds, metric_scores, table
 from dancediff.training.run import train_from_config
 
-_own_device: list[str] = []  # of a worker process
+_worker_device: list[str] = []  # of a worker process
 
 
 def run_ablation(
@@ -55,7 +56,8 @@ def run_ablation(
 
     - ``devices``: trainings run side by side, one on each; a device may be named twice.
     - ``evaluate(dances, reference=, songs=) -> {metric: {"value", "low", "high", ...}}``, lists of
-      `Motion` and `Music`; default `dancediff.training.ablation_table.metric_scores`.
+      `Motion` and `Music`; default `dancediff.training.ablation_table.metric_scores`. It is known
+      by its name: what a function of another name found is not taken over.
     - ``save(model, folder)`` keeps each trained model, for instance `dancediff.hub.save_model`.
 
     A row is {"variant", "training", "scores"}, with "of" if it is one of several seeds. It has
@@ -69,25 +71,25 @@ def run_ablation(
     for device in devices:
         usable_device(device)
     first = variants[0]
-    takes = corpus(first, out)
-    reference = reference_dances(first)
-    songs, truth = held_out_songs(first), held_out_dances(first)
-    measure = partial(evaluate or metric_scores, reference=reference, songs=songs)
+    corpus(first, out)  # made once here, or every worker would begin to make it
+    how: dict[str, Any] = {"reference": reference_dances(first), "songs": held_out_songs(first)}
     if metrics := first.held_out.metrics:
-        measure = partial(measure, metrics=metrics)
+        how["metrics"] = metrics
+    scores = partial(_scores, evaluate=evaluate or metric_scores, how=how)
 
     key = first.held_out.key_with_metrics(key_of([first.tables["data"], first.held_out.facts()]))
-    rows = [{"variant": TRUTH, "scores": _scores(out / "variants" / TRUTH, key, truth, measure)}]
+    truth = scores(out / "variants" / TRUTH, key, held_out_dances(first))
+    rows = [{"variant": TRUTH, "scores": truth}]
     failed: dict[str, str] = {}
-    for found in _run_jobs(_jobs(variants, out), out, devices, save, takes):
+    for found in _run_jobs(_jobs(variants, out), out, devices, save):
         failed |= found
-        _write(rows + _rows(variants, failed, out, measure), out)
-    rows += _rows(variants, failed, out, measure)
+        _write(rows + _rows(variants, failed, out, scores), out)
+    rows += _rows(variants, failed, out, scores)
     _write(rows, out)
     return rows
 
 
-def _rows(variants: list[Variant], failed: dict[str, str], out: Path, measure: Callable) -> list:
+def _rows(variants: list[Variant], failed: dict[str, str], out: Path, scores: Callable) -> list:
     """A row of the table for each variant that has danced or failed."""
     rows = []
     for variant in variants:
@@ -97,7 +99,7 @@ def _rows(variants: list[Variant], failed: dict[str, str], out: Path, measure: C
             rows.append(row | {"failed": failed[variant.name]})
         elif all(path.exists() for path in _dance_files(variant, out)):
             folder = out / "variants" / variant.name
-            row["scores"] = _scores(folder, variant.measured, _dances(variant, out), measure)
+            row["scores"] = scores(folder, variant.scores_key, _dances(variant, out))
             rows.append(row)
     return rows
 
@@ -116,11 +118,11 @@ def _jobs(variants: list[Variant], out: Path) -> list[list[Variant]]:
     return list(jobs.values())
 
 
-def _run_jobs(jobs, out: Path, devices, save, takes) -> Iterator[dict[str, str]]:
+def _run_jobs(jobs, out: Path, devices, save) -> Iterator[dict[str, str]]:
     """Run all jobs; after each, why variants failed, by their names."""
     if len(devices) == 1 or len(jobs) < 2:
         for job in jobs:
-            yield _run_job(job, out, save, devices[0], takes)
+            yield _run_job(job, out, save, devices[0])
         return
     context = get_context("spawn")
     free = context.Queue()
@@ -134,14 +136,14 @@ def _run_jobs(jobs, out: Path, devices, save, takes) -> Iterator[dict[str, str]]
 def _take_device(free, threads: int) -> None:
     """A worker keeps the device that it finds."""
     torch.set_num_threads(threads)
-    _own_device.append(free.get())
+    _worker_device.append(free.get())
 
 
-def _run_job(job: list[Variant], out: Path, save, device=None, takes=None) -> dict[str, str]:
+def _run_job(job: list[Variant], out: Path, save, device=None) -> dict[str, str]:
     """Train once, then let each variant of the training dance."""
-    device = device or _own_device[0]
+    device = device or _worker_device[0]
     try:
-        model = _train(job[0], out, device, takes or corpus(job[0], out), save)
+        model = _train(job[0], out, device, save)
     except (RuntimeError, ValueError) as err:
         return {variant.name: f"training: {err}" for variant in job}
     failed = {}
@@ -153,11 +155,12 @@ def _run_job(job: list[Variant], out: Path, save, device=None, takes=None) -> di
     return failed
 
 
-def _train(variant: Variant, out: Path, device: str, takes: list, save):
+def _train(variant: Variant, out: Path, device: str, save):
     folder = out / "trainings" / variant.training
     config = folder / "config.toml"
     if not config.exists():
-        write_text(config, _toml(variant.tables))
+        write_toml(config, variant.tables)
+    takes = corpus(variant, out)  # its own: networks of other sizes learn from other takes
     model = train_from_config(config, folder, resume=True, takes=takes, device=device)
     if save is not None:
         save(model, folder / "model")
@@ -186,17 +189,9 @@ def _asked(variant: Variant, pipeline: Pipeline) -> list[dict[str, Any]]:
     return [one | {"swap": order} for one, order in zip(asked, orders, strict=True)]
 
 
-def _toml(tables: dict) -> str:
-    """Tables of numbers, strings and lists, which TOML writes as JSON does."""
-    lines = []
-    for name, values in tables.items():
-        lines += [f"[{name}]", *(f"{key} = {json.dumps(value)}" for key, value in values.items())]
-    return "\n".join(lines) + "\n"
-
-
 def _dance_files(variant: Variant, out: Path) -> list[Path]:
     """Where the dances of a variant go; another config of the same name goes elsewhere."""
-    folder = out / "variants" / variant.name / variant.key
+    folder = out / "variants" / variant.name / variant.dances_key
     return [folder / f"dance_{i}.npz" for i in range(variant.held_out.songs)]
 
 
@@ -204,14 +199,22 @@ def _dances(variant: Variant, out: Path) -> list[Motion]:
     return [Motion.load(path) for path in _dance_files(variant, out)]
 
 
-def _scores(folder: Path, key: str, dances: list[Motion], measure: Callable) -> dict:
-    """Evaluate, or read what this version of the library found before."""
+def _scores(
+    folder: Path, key: str, dances: list[Motion], *, evaluate: Callable, how: dict[str, Any]
+) -> dict:
+    """Evaluate, or read what this version of the library found before by the same function."""
     path = folder / "scores.json"
+    made_by = {"key": key, "dancediff": __version__, "evaluate": _name_of(evaluate)}
     if path.exists():
         stored = json.loads(path.read_text(encoding="utf-8"))
-        if (stored["key"], stored["dancediff"]) == (key, __version__):
+        if {name: stored.get(name) for name in made_by} == made_by:
             return stored["scores"]
-    scores = measure(dances)
-    stored = {"key": key, "dancediff": __version__, "scores": scores}
-    write_text(path, json.dumps(stored, indent=2) + "\n")
+    scores = evaluate(dances, **how)
+    write_text(path, json.dumps(made_by | {"scores": scores}, indent=2) + "\n")
     return scores
+
+
+def _name_of(function: Callable) -> str:
+    """Module and name; of an object that is called, those of its class."""
+    named = function if hasattr(function, "__qualname__") else type(function)
+    return f"{named.__module__}:{named.__qualname__}"

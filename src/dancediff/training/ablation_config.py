@@ -6,8 +6,9 @@ Read first: `dancediff.training.config`.
 `generate`), and ``variants.NAME`` which keys of the other tables a variant changes. ``seeds = [0,
 1, 2]`` at the top trains and samples every variant that often.
 
-A variant that switches to another ``class`` of model keeps the sizes and the options that both
-have. With ``class = "Lodge"`` the tables are those of `dancediff.training.lodge`.
+A variant that switches to another ``class`` of model keeps the sizes, weights of losses, extensions
+and options that both have. With ``class = "Lodge"`` the tables are those of
+`dancediff.training.lodge`.
 """
 
 import json
@@ -17,13 +18,20 @@ from hashlib import sha256
 from dancediff.data.choreographed import SIZES
 from dancediff.extensions.build import EXTENSIONS, paper_class
 from dancediff.extensions.build import FAMILIES as OF_NETWORKS
-from dancediff.extensions.own_class import own_network
+from dancediff.extensions.own_network import own_network
+from dancediff.extensions.registry import REGISTRY
 from dancediff.generation.dance_request import DanceRequest
 from dancediff.generation.request import REQUESTS, default_of, request_of
 from dancediff.own import is_own, own_function
-from dancediff.training.config import SHORTEST_SONG, GroupData, SoloData
+from dancediff.training.config import (
+    LARGEST_SEED,
+    SHORTEST_SONG,
+    GroupData,
+    SoloData,
+    TrainingExtensions,
+)
 from dancediff.training.lodge import STAGES, check_lodge_tables, is_lodge, stage_config
-from dancediff.training.run import MODELS, NAMES, check_tables, network_classes
+from dancediff.training.run import MODELS, NAMES, check_tables, network_classes, objective_class
 from dancediff.training.tables import check_table, read_toml
 
 SEED_STRIDE = 100_000  # more than there are held-out songs: no song meets the same noise twice
@@ -95,23 +103,24 @@ class Variant:
         return key_of(self.tables)
 
     @property
-    def key(self) -> str:
+    def dances_key(self) -> str:
         """Changes with everything that its dances depend on."""
-        return key_of([self.tables, self.sample.facts(), self.held_out.facts()])
+        asked = {name: value for name, value in self.sample.asked().items() if name != "device"}
+        return key_of([self.tables, asked, self.held_out.facts()])
 
     @property
-    def measured(self) -> str:
+    def scores_key(self) -> str:
         """Changes with everything that its scores depend on."""
-        return self.held_out.key_with_metrics(self.key)
+        return self.held_out.key_with_metrics(self.dances_key)
 
 
 def key_of(value) -> str:
-    """A short name for a value made of plain lists, dicts, numbers and strings.
+    """A short name for a value made of lists, dicts, numbers, strings and dates, as TOML has them.
 
     >>> key_of({"a": 1, "b": 2}) == key_of({"b": 2, "a": 1}) != key_of({"a": 1, "b": 3})
     True
     """
-    return sha256(json.dumps(value, sort_keys=True).encode()).hexdigest()[:12]
+    return sha256(json.dumps(value, sort_keys=True, default=str).encode()).hexdigest()[:12]
 
 
 def read_ablation(path) -> list[Variant]:
@@ -121,8 +130,11 @@ def read_ablation(path) -> list[Variant]:
     """
     config, source = read_toml(path), repr(str(path))
     variants, seeds = config.pop("variants", {}), config.pop("seeds", None)
-    if seeds is not None and not (isinstance(seeds, list) and seeds and _different(seeds)):
-        raise ValueError(f"{source}: seeds={seeds!r} must be different whole numbers, as [0, 1, 2]")
+    if seeds is not None and not (isinstance(seeds, list) and seeds and _are_seeds(seeds)):
+        raise ValueError(
+            f"{source}: seeds={seeds!r} must be different whole numbers in 0 ... "
+            f"{LARGEST_SEED - 1}, as [0, 1, 2]"
+        )
     if not isinstance(variants, dict) or not variants:
         raise ValueError(f"{source} has no [variants.NAME]; add one, it may be empty")
     for table, values in config.items():
@@ -133,8 +145,10 @@ def read_ablation(path) -> list[Variant]:
     return found if seeds is None else [_seeded(v, seed) for seed in seeds for v in found]
 
 
-def _different(seeds: list) -> bool:
-    return len(set(seeds)) == len(seeds) and all(type(seed) is int for seed in seeds)
+def _are_seeds(values: list) -> bool:
+    """Are these whole numbers that training takes, none of them twice?"""
+    whole = all(type(value) is int and 0 <= value < LARGEST_SEED for value in values)
+    return whole and len(set(values)) == len(values)
 
 
 def _seeded(variant: Variant, seed: int) -> Variant:
@@ -147,6 +161,21 @@ def _seeded(variant: Variant, seed: int) -> Variant:
 
 def _variant(name: str, changes: dict, config: dict, source: str) -> Variant:
     """One variant of the config, checked."""
+    _check_changes(name, changes, source)
+    source = f"{source}, variant {name!r}"
+    usual = config.get("model", {}).get("class", "TCDiffPP")
+    kind = changes.get("model", {}).get("class", usual)
+    paper = _paper(kind, source)
+    base = config if paper == _paper(usual, source) else _shared(config, kind, paper)
+    merged = {table: base.get(table, {}) | changes.get(table, {}) for table in base | changes}
+    held_out, sample = merged.pop("held_out", {}), merged.pop("sample", {})
+    held_out = HeldOut(**check_table(held_out, HeldOut, f"{source}: 'held_out'"))
+    tables = _checked(merged, held_out, source)
+    return Variant(name, tables, _sample(sample, kind, paper, held_out, source), held_out)
+
+
+def _check_changes(name: str, changes, source: str) -> None:
+    """Is this a name, and are these tables that a variant may change?"""
     if not name.replace("-", "_").isidentifier() or name == TRUTH:
         raise ValueError(f"{source}: variant {name!r} is no name; use a-z, 0-9, _ and -")
     if not isinstance(changes, dict):
@@ -156,33 +185,50 @@ def _variant(name: str, changes: dict, config: dict, source: str) -> Variant:
             raise ValueError(f"{source}: variant {name!r} changes {table!r}, the same for all")
         if not isinstance(values, dict):
             raise ValueError(f"{source}, variant {name!r}: {table!r} is no table")
-    source = f"{source}, variant {name!r}"
-    usual = config.get("model", {}).get("class", "TCDiffPP")
-    kind = changes.get("model", {}).get("class", usual)
-    paper, base = _paper(kind, source), config
-    if paper in MODELS and paper != _paper(usual, source):
-        sizes = {one.name for one in fields(network_classes(kind)[1])}
-        options = REQUESTS[FAMILIES[paper]].names()
-        base = config | {
-            table: {key: value for key, value in config.get(table, {}).items() if key in known}
-            for table, known in (("model", {*sizes, *NAMES}), ("sample", options))
-        }
-        names = base["model"].get("extensions", [])
-        base["model"]["extensions"] = [n for n in names if n in EXTENSIONS[MODELS[paper][0]]]
-    merged = {table: base.get(table, {}) | changes.get(table, {}) for table in base | changes}
-    held_out = merged.pop("held_out", {})
-    held_out = HeldOut(**check_table(held_out, HeldOut, f"{source}: 'held_out'"))
-    sample = merged.pop("sample", {})
-    tables = _checked(merged, held_out, source)
-    for key in {"dancers", "seconds", "genre"} & sample.keys():
-        raise ValueError(f"{source}: 'sample': {key} is that of 'held_out'")
-    sample = {key: value for key, value in sample.items() if value != []}  # taken back
-    sample |= {"dancers": held_out.dancers, "seconds": held_out.seconds}
+
+
+def _shared(config: dict, kind, paper: str) -> dict:
+    """The config with those keys only that the network of another paper has, too."""
+    if paper not in MODELS:  # Lodge has tables of its own
+        return config
+    model_class, config_class = network_classes(kind)
+    known = {
+        "model": {*_names(config_class), *NAMES},
+        "weights": _names(objective_class(model_class).weights),
+        "extensions": [name for name in _names(TrainingExtensions) if _goes_with(name, paper)],
+        "sample": REQUESTS[FAMILIES[paper]].names(),
+    }
+    kept = {
+        table: {key: value for key, value in config.get(table, {}).items() if key in names}
+        for table, names in known.items()
+    }
+    extensions = kept["model"].get("extensions", [])
+    if isinstance(extensions, list):
+        possible = EXTENSIONS[MODELS[paper][0]]
+        kept["model"]["extensions"] = [one for one in extensions if one in possible]
+    return config | kept
+
+
+def _goes_with(name: str, paper: str) -> bool:
+    """Can a paper's network be trained with a key of [extensions]? All can with an own loss."""
+    return name not in REGISTRY or FAMILIES[paper] in REGISTRY[name].models
+
+
+def _names(config_class: type) -> list[str]:
+    return [one.name for one in fields(config_class)]
+
+
+def _sample(options: dict, kind, paper: str, held_out: HeldOut, source: str) -> DanceRequest:
+    """How a variant dances; how long, and how many, is that of the held-out songs."""
+    for key in ("dancers", "seconds", "genre"):
+        if key in options:
+            raise ValueError(f"{source}: 'sample': {key} is that of 'held_out'")
+    given = {key: value for key, value in options.items() if value != []}  # taken back
+    given |= {"dancers": held_out.dancers, "seconds": held_out.seconds}
     try:
-        sample = request_of(FAMILIES[paper], kind, sample)
+        return request_of(FAMILIES[paper], kind, given)
     except ValueError as err:
         raise ValueError(f"{source}: 'sample': {err}") from err
-    return Variant(name, tables, sample, held_out)
 
 
 def _paper(kind, source: str) -> str:

@@ -18,7 +18,7 @@ from dancediff.training.ablation_config import Variant
 from dancediff.training.config import GroupData, SoloData
 from dancediff.training.group_takes import takes_for
 from dancediff.training.lodge import is_lodge, solos_for
-from dancediff.training.run import MODELS, NAMES
+from dancediff.training.run import NAMES, network_classes
 
 
 def corpus(variant: Variant, out: Path) -> list[DanceTake]:
@@ -29,8 +29,8 @@ def corpus(variant: Variant, out: Path) -> list[DanceTake]:
         return solos_for(SoloData(**data), None, genres, out / "songs")
     model = tables["model"]
     sizes = {key: value for key, value in model.items() if key not in ("class", *NAMES)}
-    kind = MODELS[tables["model"].get("class", "TCDiffPP")][1]
-    return takes_for(GroupData(**data), None, kind(**sizes), cache=out / "songs")[0]
+    _, config_class = network_classes(model.get("class", "TCDiffPP"))
+    return takes_for(GroupData(**data), None, config_class(**sizes), cache=out / "songs")
 
 
 def held_out_songs(variant: Variant) -> list[Music]:

@@ -1,9 +1,6 @@
 """The table of an ablation: a row for each variant, a column for each metric, with intervals."""
 
 import math
-from pathlib import Path
-
-from dancediff.atomic import atomic_write
 
 
 def metric_scores(
@@ -106,10 +103,3 @@ def cell(score: dict | None) -> str:
     if score.get("low") is None:
         return text
     return f"{text} [{score['low']:.3g}, {score['high']:.3g}]"
-
-
-def write_text(path: Path, text: str) -> None:
-    """Write a file whole or not at all."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with atomic_write(path) as part:
-        part.write_text(text, encoding="utf-8")

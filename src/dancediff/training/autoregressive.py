@@ -31,10 +31,10 @@ from dancediff.papers.mnet.model import MNET, MNETConfig
 from dancediff.training.checkpoint import check_free
 from dancediff.training.config import GroupData, TrainConfig
 from dancediff.training.distributed import World
-from dancediff.training.evaluator import Evaluator
-from dancediff.training.group_takes import solos_of, takes_for, windows_of
+from dancediff.training.evaluator import Evaluator, forget
+from dancediff.training.group_takes import held_out_takes, solos_of, takes_for, windows_of
 from dancediff.training.objective import BatchLosses
-from dancediff.training.stages import StageConfig, kept_of, stage_settings
+from dancediff.training.stages import StageConfig, check_stages, kept_of, stage_settings
 from dancediff.training.statistics import fit_statistics
 from dancediff.training.tables import check_all
 from dancediff.training.trainer import Trainer, name_of
@@ -57,7 +57,7 @@ class StageObjective(BatchLosses[AutoregressiveNetwork]):
     def losses(self, model: AutoregressiveNetwork, batch, number: int) -> dict[str, Tensor]:
         """See `AutoregressiveNetwork.losses`."""
         g = torch.Generator().manual_seed(self.seed(number))
-        with self.deterministic_autocast(number):
+        with self.same_dropout(number), self.autocast():
             return model.losses(self.to_network(batch), self.stage, g)
 
 
@@ -84,6 +84,7 @@ def check_autoregressive_tables(config: dict, source: str) -> dict:
     except ValueError as err:
         raise ValueError(f"{source}: 'model': {err}") from err
     tables["model"]["extensions"] = list(names)
+    check_stages(tables, model_class.stages, source)
     return tables
 
 
@@ -107,8 +108,9 @@ def train_autoregressive(
 ) -> AutoregressiveNetwork:
     """Train all stages in folders of ``out``; returns the averaged model.
 
-    ``data``, else ``folder`` in the config: a prepared folder; else the choreographer's dances;
-    ``takes`` replaces both. Models of solos learn from every dancer alone.
+    ``data``, else ``folder`` in the config: a prepared folder; else the choreographer's dances.
+    ``takes`` replaces what is learned from, not what is evaluated on. Models of solos learn from
+    every dancer alone.
     ``preview(model, step)``: in the last stage.  ``trainer``: the class that trains every stage.
     ``run``: ``device``, and as `dancediff.training.trainer.Trainer` has them ``world``, ``resume``,
     ``overwrite`` and ``log``.
@@ -123,16 +125,16 @@ def train_autoregressive(
         check_free(Path(out) / stage, run.get("resume"), run.get("overwrite"))
     extensions = tables["model"].pop("extensions")
     corpus, sizes = GroupData(**tables["data"]), config_class(**tables["model"])
-    held_out: list[DanceTake] = []
     if takes is None:
-        evaluates = any(one.evaluate_every > 0 for one in settings.values() if one is not None)
-        takes, held_out = takes_for(corpus, data, sizes, evaluates=evaluates)
+        takes = takes_for(corpus, data, sizes)
+    evaluates = any(one is not None and one.evaluate_every for one in settings.values())
+    held_out = held_out_takes(corpus, data, sizes) if evaluates else []
     if model_class.solo:
         takes, held_out = solos_of(takes), solos_of(held_out)
     takes, held_out = _of_genres(takes, sizes), _of_genres(held_out, sizes)
     if not takes and hasattr(sizes, "genres"):
         raise ValueError(f"no take has one of the genres {', '.join(sizes.genres)}; name others")
-    torch.manual_seed(tables["train"].get("seed", 0))
+    torch.manual_seed(tables["train"].get("seed", 0))  # from it layers draw their weights
     model: AutoregressiveNetwork = build(model_class, sizes, extensions)
     if world is not None and world.size > 1 and has_codebook(model):
         raise ValueError(
@@ -142,6 +144,8 @@ def train_autoregressive(
     fit_statistics(model, takes, real=corpus.real, mirror=corpus.mirror > 0)
     model.standing = torch.stack([take.x.mean((0, 1)) for take in takes]).mean(0)
     model.to(device if world is None else world.device)
+    if run.get("overwrite") and (world is None or world.first):
+        forget(Path(out))  # previews of the last stage lie there
     for stage, one in settings.items():
         seed = tables["train"].get("seed", 0)
         windows = windows_of(takes, corpus, model, seed=seed)

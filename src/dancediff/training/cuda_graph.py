@@ -159,7 +159,7 @@ class GraphTrainer(Trainer[NormalizedNetwork]):
 
     def _save(self, step: int, logger: Logger, signals: Signals) -> None:
         """As `Trainer`, but not before the last step is known to be sound."""
-        due = step % self.config.save_every == 0 or step == self.config.steps
+        due = self.is_due(step)
         if self.late is not None and (due or signals.save or signals.stop):
             _check_finite(self.late.read()[-1], step - 1)
         super()._save(step, logger, signals)

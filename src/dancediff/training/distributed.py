@@ -75,12 +75,12 @@ class World:
             torch.distributed.barrier()
 
 
-def own_number(number: int) -> int:
+def number_in_process(number: int) -> int:
     """How many batches this process had before batch ``number``, see `World.share`.
 
     Of two processes one has the even numbers, the other the odd ones.
 
-    >>> own_number(7)
+    >>> number_in_process(7)
     7
     """
     several = torch.distributed.is_available() and torch.distributed.is_initialized()

@@ -11,7 +11,7 @@ from dancediff.nn.dance_network import NormalizedNetwork
 from dancediff.training.checkpoint import read_facts, save_average
 from dancediff.training.config import TrainConfig
 from dancediff.training.objective import BatchLosses
-from dancediff.training.validation_metrics import ValidationMetrics
+from dancediff.training.validation_metrics import METRICS_FILE, ValidationMetrics
 
 BEST = "best.safetensors"
 BATCHES = 8  # that the validation loss is a mean of
@@ -73,6 +73,17 @@ class Evaluator:
         most = self.config.patience * self.config.evaluate_every
         return self.evaluates and 0 < most <= step - self.best_step
 
-    def due(self, step: int, every: int) -> bool:
-        """Is it time after ``step`` steps?"""
-        return every > 0 and step % every == 0
+
+def due(step: int, every: int) -> bool:
+    """Is it time after ``step`` steps, where it is time every so many, or never (0)?
+
+    >>> [step for step in range(1, 7) if due(step, every=3)], due(6, every=0)
+    ([3, 6], False)
+    """
+    return every > 0 and step % every == 0
+
+
+def forget(folder: Path) -> None:
+    """Remove what the training before has evaluated and shown: a new one does not replace it."""
+    for old in (folder / BEST, folder / METRICS_FILE, *folder.glob("previews/step_*")):
+        old.unlink(missing_ok=True)

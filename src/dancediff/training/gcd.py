@@ -38,7 +38,7 @@ class GCDObjective(GroupObjective):
         """Reconstruction and geometry."""
         return geometric_losses(c)
 
-    def own_terms(self, model: Any, batch: Batch, noised: Noised, c: Conditions) -> dict:
+    def extra_terms(self, model: Any, batch: Batch, noised: Noised, c: Conditions) -> dict:
         """The contrast: groups of the batch against dancers thrown together, equally noisy.
 
         It is 0 where the batch has one group only.

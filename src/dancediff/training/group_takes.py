@@ -1,7 +1,6 @@
 """What models of groups learn from: takes of a prepared folder or choreographed ones; windows."""
 
 import warnings
-from functools import partial
 from pathlib import Path
 
 from dancediff.data.augment import Augmentation
@@ -35,22 +34,28 @@ def solos_of(takes: list[DanceTake]) -> list[DanceTake]:
     return [solo for take in takes for solo in take.solos(centred=True)]
 
 
-def takes_for(
-    corpus: GroupData, folder, sizes, *, evaluates: bool = False, cache: Path | None = None
-) -> tuple[list[DanceTake], list[DanceTake]]:
-    """Takes to learn from, and takes to evaluate on where that is wanted."""
+def takes_for(corpus: GroupData, folder, sizes, *, cache: Path | None = None) -> list[DanceTake]:
+    """Takes to learn from: of a prepared folder, else choreographed."""
     if folder := folder or corpus.folder:
-        held_out = prepared_takes(folder, sizes, "val") if evaluates else []
-        return prepared_takes(folder, sizes), held_out
-    end = corpus.songs + (corpus.held_out if evaluates else 0)
-    make = partial(
-        choreographed_corpus,
-        seconds=corpus.seconds,
-        varied=corpus.varied,
-        workers=corpus.workers,
-        cache=cache,
+        return prepared_takes(folder, sizes)
+    return _choreographed(corpus, range(corpus.songs), cache)
+
+
+def held_out_takes(corpus: GroupData, folder, sizes) -> list[DanceTake]:
+    """Takes to evaluate a model of groups on, whatever it learns from.
+
+    ``folder``, else that of ``corpus``: a prepared folder, of which it is the validation split;
+    else choreographed dances to songs after those that training would have.
+    """
+    if folder := folder or corpus.folder:
+        return prepared_takes(folder, sizes, "val")
+    return _choreographed(corpus, range(corpus.songs, corpus.songs + corpus.held_out))
+
+
+def _choreographed(corpus: GroupData, songs: range, cache: Path | None = None) -> list[DanceTake]:
+    return choreographed_corpus(
+        songs, seconds=corpus.seconds, varied=corpus.varied, workers=corpus.workers, cache=cache
     )
-    return make(range(corpus.songs)), make(range(corpus.songs, end))
 
 
 def windows_of(

@@ -31,6 +31,7 @@ from dancediff.extensions.build import build, check_extensions
 from dancediff.extensions.energy_condition import listens_to_energy
 from dancediff.extensions.metre_unit import metre_unit_normalizer
 from dancediff.extensions.preconditioning import preconditioning_of
+from dancediff.extensions.registry import check_training
 from dancediff.motion.representation import LODGE, Normalizer
 from dancediff.music.features import MusicNormalizer
 from dancediff.nn.sizes import check_sizes
@@ -45,7 +46,7 @@ from dancediff.training.checkpoint import NAME, check_free
 from dancediff.training.config import SoloData, TrainConfig, TrainingExtensions
 from dancediff.training.cuda_graph import trainer_for
 from dancediff.training.distributed import World
-from dancediff.training.evaluator import Evaluator
+from dancediff.training.evaluator import Evaluator, forget
 from dancediff.training.lodge_data import (
     PrimitiveCut,
     choreographed_solos,
@@ -53,8 +54,8 @@ from dancediff.training.lodge_data import (
     long_enough,
     prepared_solos,
 )
-from dancediff.training.lodge_losses import Critic, LodgeObjective
-from dancediff.training.stages import StageConfig, kept_of, stage_settings
+from dancediff.training.lodge_losses import DiscriminatorTraining, LodgeObjective
+from dancediff.training.stages import StageConfig, check_stages, kept_of, stage_settings
 from dancediff.training.statistics import PLAIN, window_weights
 from dancediff.training.tables import check_all
 from dancediff.training.trainer import Trainer, name_of
@@ -101,7 +102,11 @@ def check_lodge_tables(config: dict, source: str) -> dict:
     for table in ("global_stage", "local_stage", "discriminator"):
         if isinstance(config.get(table), dict):
             check_sizes(config[table], f"{source}: {table!r}")
-    return check_all(config, known, source)
+    tables = check_all(config, known, source)
+    check_stages(tables, STAGES, source)
+    names = tables["model"].get("extensions", ())
+    check_training(tables["extensions"], "lodge", names, f"{source}: 'extensions'")
+    return tables
 
 
 def is_lodge(tables: dict) -> bool:
@@ -166,8 +171,9 @@ def train_lodge(
 ) -> Lodge:
     """Train all stages, one after the other, in folders of ``out``; returns the averaged models.
 
-    ``data``, else ``folder`` in the config: a prepared folder; else the choreographer's solos;
-    ``solos`` replaces both.  ``preview(model, step)`` sees a `Lodge`, from the local stage on.
+    ``data``, else ``folder`` in the config: a prepared folder; else the choreographer's solos.
+    ``solos`` replaces what is learned from, not what is evaluated on.
+    ``preview(model, step)`` sees a `Lodge`, from the local stage on.
     ``run``: see `LodgeTraining`.
 
     Raises: ValueError for a bad config or folder, or takes that are too short for a global segment.
@@ -209,7 +215,9 @@ class LodgeTraining:
         self.trainer = trainer
         for stage in (name for name in STAGES if self.settings[name] is not None):
             check_free(self.out / stage, resume, overwrite)
-        torch.manual_seed(tables["train"].get("seed", 0))
+        if overwrite and (world is None or world.first):
+            forget(self.out)  # previews of all stages lie there
+        torch.manual_seed(tables["train"].get("seed", 0))  # from it layers draw their weights
         model = build(Lodge, sizes_of(tables), tables["model"].get("extensions", ()))
         self.model = model.to(device if world is None else world.device)
 
@@ -259,13 +267,13 @@ class LodgeTraining:
         whole.extensions = self.model.extensions
         preview(whole, step)
 
-    def _critic(self, stage: str, lr: float) -> Critic | None:
+    def _discriminator(self, stage: str, lr: float) -> DiscriminatorTraining | None:
         """The discriminator, if the config has one; as it was left, where the run goes on."""
         if "discriminator" not in self.tables or stage == "global":
             return None
         sizes, weights = self.model.config, stage_weights(self.tables, stage)
         fixed = {"num_frames": sizes.num_frames, "genres": sizes.genres}
-        return Critic(
+        return DiscriminatorTraining(
             DiscriminatorConfig(**fixed | self.tables["discriminator"]),
             lr=lr,
             weight=weights.critic,
@@ -279,10 +287,10 @@ class LodgeTraining:
         settings, folder = self.settings[stage], self.out / stage
         if settings is None:
             return kept_of(network, folder)
-        critic = self._critic(stage, settings.lr)
         clean = stage == "fine_tune"
         kind = "global" if stage == "global" else "local"
-        objective = LodgeObjective(network, settings, clean=clean, critic=critic)
+        discriminator = self._discriminator(stage, settings.lr)
+        objective = LodgeObjective(network, settings, clean=clean, discriminator=discriminator)
         kind_of_trainer = self.trainer or trainer_for(objective, settings, self.options["world"])
         trainer = kind_of_trainer(
             network,

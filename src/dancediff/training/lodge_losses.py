@@ -37,7 +37,7 @@ from dancediff.papers.lodge.losses import (
 )
 from dancediff.training.checkpoint import load_extra
 from dancediff.training.config import TrainConfig
-from dancediff.training.distributed import own_number
+from dancediff.training.distributed import number_in_process
 from dancediff.training.extended_losses import extended_losses
 from dancediff.training.objective import Drawn, Objective
 
@@ -45,7 +45,7 @@ from dancediff.training.objective import Drawn, Objective
 class LodgeObjective(Objective):
     """The losses of a stage of Lodge.
 
-    ``clean``: fine-tuning, with clean borders (eq. 10).  ``critic``: adds its terms (eq. 9).
+    ``clean``: fine-tuning, with clean borders (eq. 10).  ``discriminator``: adds its terms (eq. 9).
     Raises: TypeError for weights of another model's losses.
     """
 
@@ -55,26 +55,26 @@ class LodgeObjective(Objective):
         config: TrainConfig,
         *,
         clean: bool = False,
-        critic: "Critic | None" = None,
+        discriminator: "DiscriminatorTraining | None" = None,
     ):
         super().__init__(model, config)
         if not isinstance(config.weights, LodgeWeights):
             raise TypeError(f"weights={config.weights} are not Lodge's; use LodgeWeights")
-        self.weights, self.clean, self.critic = config.weights, clean, critic
+        self.weights, self.clean, self.discriminator = config.weights, clean, discriminator
 
     def state(self) -> dict[str, Tensor]:
         """Weights and moments of the discriminator, if there is one."""
-        return {} if self.critic is None else self.critic.state()
+        return {} if self.discriminator is None else self.discriminator.state()
 
     def losses(self, model, batch, number: int) -> dict[str, Tensor]:
         """All terms of a `Batch` by name, and their weighted sum "total"."""
         drawn = self.drawn(model, batch, number)
         with self.same_dropout(number):
             terms, x_hat, style = self._compared(model, drawn)
-        if self.critic is not None and model.training:
+        if self.discriminator is not None and model.training:
             there, generator = drawn.batch, drawn.noised.generator
             x_0, M, genre = there.x, there.M, there.label
-            added = self.critic.terms(x_hat, x_0, M, genre, number, generator)
+            added = self.discriminator.terms(x_hat, x_0, M, genre, number, generator)
             other = style_noise(model, genre, generator)
             if style is not None and other is not None and drawn.z is not None:
                 added["diversity"] = l_diversity(drawn.z, other, style, model.style(genre, other))
@@ -86,7 +86,7 @@ class LodgeObjective(Objective):
     @property
     def draws_first(self) -> bool:
         """The discriminator draws."""
-        return self.critic is None
+        return self.discriminator is None
 
     def drawn(self, model: Any, batch, number: int) -> Drawn:
         """A `Batch` on the network's device, with noise."""
@@ -132,7 +132,7 @@ def style_noise(model, genre: Tensor, g: torch.Generator) -> Tensor | None:
     return send(torch.randn(len(genre), model.style.noise, generator=g), genre.device)
 
 
-class Critic:
+class DiscriminatorTraining:
     r"""The discriminator with its own optimiser; it learns at every second batch.
 
     Source: Lodge section 3.4, eq. 9.  Differs: the released code trains it beside the generator in
@@ -193,7 +193,7 @@ class Critic:
 
         Every batch has the same terms: a log has its columns, and processes average them.
         """
-        if own_number(number) % 2:
+        if number_in_process(number) % 2:
             terms = {"critic": self.learn(x_hat.detach(), x_0, M, genre)}
         else:
             with torch.no_grad():

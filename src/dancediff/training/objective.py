@@ -118,12 +118,6 @@ class BatchLosses(ABC, Generic[Network]):
         return there._replace(x=x, M=M)
 
     @contextmanager
-    def deterministic_autocast(self, number: int):
-        """Inside, dropout follows from the batch's number, in the precision of the config."""
-        with self.same_dropout(number), self.autocast():
-            yield
-
-    @contextmanager
     def same_dropout(self, number: int):
         """Inside, dropout follows from the batch's number."""
         device = self.device
@@ -225,7 +219,7 @@ class GroupObjective(Objective):
         """The terms that compare a guess with the truth."""
         return five_losses(c)
 
-    def own_terms(self, model: Any, batch: Batch, noised: Noised, c: Conditions) -> dict:
+    def extra_terms(self, model: Any, batch: Batch, noised: Noised, c: Conditions) -> dict:
         """Terms that need more than a guess and the truth; here none."""
         return {}
 
@@ -244,7 +238,7 @@ class GroupObjective(Objective):
         x_t = self._with_own_overlap(model, drawn)
         with self.autocast():
             guess = model(x_t, noised.t, conditions)
-            own = self.own_terms(model, batch, noised, conditions)
+            own = self.extra_terms(model, batch, noised, conditions)
         x_raw, x_hat = guess if isinstance(guess, tuple) else (guess, guess)  # EDGE adapts nothing
         return extended_losses(
             compare(x_raw.float(), x_hat.float(), batch.x, model.normalizer),

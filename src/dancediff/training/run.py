@@ -12,9 +12,10 @@ import torch
 from torch import nn
 
 from dancediff.data.take import DanceTake
-from dancediff.extensions.build import build, check_extensions, paper_class
+from dancediff.extensions.build import FAMILIES, build, check_extensions, paper_class
 from dancediff.extensions.genre_condition import check_genres
-from dancediff.extensions.own_class import own_network
+from dancediff.extensions.own_network import own_network
+from dancediff.extensions.registry import check_training
 from dancediff.genre import GENRES
 from dancediff.nn.dance_network import DanceNetwork
 from dancediff.nn.sizes import check_sizes
@@ -32,15 +33,15 @@ from dancediff.training.config import GroupData, TrainConfig, TrainingExtensions
 from dancediff.training.cuda_graph import trainer_for
 from dancediff.training.evaluator import Evaluator
 from dancediff.training.gcd import GCDObjective
-from dancediff.training.group_takes import solos_of, takes_for, windows_of
+from dancediff.training.group_takes import held_out_takes, solos_of, takes_for, windows_of
 from dancediff.training.lodge import is_lodge, train_lodge
+from dancediff.training.network_check import check_network
 from dancediff.training.objective import GroupObjective
-from dancediff.training.own_network import check_network
 from dancediff.training.statistics import fit_statistics, take_over
 from dancediff.training.tables import check_all, read_training
 from dancediff.training.tcdiff import TCDiffObjective
 from dancediff.training.trainer import Trainer, name_of
-from dancediff.training.validation_metrics import ValidationMetrics
+from dancediff.training.validation_metrics import METRICS_FILE, ValidationMetrics
 
 MODELS: dict[str, tuple[type[DanceNetwork], type]] = {
     "TCDiffPP": (TCDiffPP, TCDiffPPConfig),
@@ -95,6 +96,8 @@ def check_tables(config: dict, source: str) -> dict:
             check_genres(genres)
     except ValueError as err:
         raise ValueError(f"{source}: 'model': {err}") from err
+    family = FAMILIES[paper_class(model_class)]
+    check_training(tables["extensions"], family, names, f"{source}: 'extensions'")
     tables["model"]["extensions"] = list(names)
     if "genre_condition" in names:
         tables["model"]["genres"] = list(GENRES if genres is None else genres)
@@ -115,9 +118,9 @@ def network_classes(kind) -> tuple[type, type]:
         usual = MODELS[paper_class(model_class).__name__][1]
         return model_class, getattr(model_class, "config_class", usual)
     if not isinstance(kind, str) or kind not in MODELS:
-        words = ", ".join([*MODELS, *AUTOREGRESSIVE])
         raise ValueError(
-            f"class {kind!r} is not one of {words}, Lodge, nor 'module:Class' of your own"
+            f"class {kind!r} is not one of {', '.join(MODELS)}, Lodge, nor 'module:Class' of your "
+            f"own; {', '.join(AUTOREGRESSIVE)} can be trained, but not ablated"
         )
     return MODELS[kind]
 
@@ -174,9 +177,8 @@ def train_from_config(
     """Make or read the data, build the model, train it; returns the averaged model.
 
     - ``data``, else ``folder`` in the config: a prepared folder, whose training split replaces the
-      choreographed corpus and whose validation split is evaluated on; ``takes`` does so directly.
-      With ``class = "Lodge"`` all of it is up to `dancediff.training.lodge.train_lodge`, and
-      ``takes`` are solos; other classes have `dancediff.training.autoregressive`.
+      choreographed corpus and whose validation split is evaluated on.
+    - ``takes`` replaces what is learned from, not what is evaluated on; for Lodge they are solos.
     - ``start``: a trained model to start from, see `take_over`; of those in `MODELS`.
     - ``preview(model, step)``: see `dancediff.training.evaluator`.
     - ``trainer``: a class that trains in another way, every stage. By default `Trainer`, or on a
@@ -187,32 +189,38 @@ def train_from_config(
     Raises: ValueError for a bad config or folder.
     """
     raw, source = read_training(path), repr(str(path))
-    if is_lodge(raw):
-        if start is not None:
-            raise ValueError("start is not for Lodge, whose stages are trained one after the other")
-        options |= {"solos": takes, "data": data, "preview": preview, "trainer": trainer}
-        return train_lodge(raw, out, source=source, **options)
-    if is_autoregressive(raw):
-        if start is not None:
-            raise ValueError(f"start is for {', '.join(MODELS)} only; leave it out")
-        options |= {"takes": takes, "data": data, "preview": preview}
-        return train_autoregressive(raw, out, source=source, trainer=trainer or Trainer, **options)
+    if start is not None and (is_lodge(raw) or is_autoregressive(raw)):
+        raise ValueError(f"start is for {', '.join(MODELS)} only; leave it out")
     if start is not None and not isinstance(start, DanceNetwork):
         raise ValueError(f"start, a {type(start).__name__}, is none of {', '.join(MODELS)}")
-    tables = check_tables(raw, source)
+    options |= {"data": data, "preview": preview}
+    if is_lodge(raw):
+        return train_lodge(raw, out, source=source, solos=takes, trainer=trainer, **options)
+    options |= {"takes": takes}
+    if is_autoregressive(raw):
+        return train_autoregressive(raw, out, source=source, trainer=trainer or Trainer, **options)
+    return _train_denoiser(check_tables(raw, source), out, start=start, trainer=trainer, **options)
+
+
+def _train_denoiser(
+    tables: dict,
+    out,
+    *,
+    takes: list[DanceTake] | None,
+    data,
+    start: DanceNetwork | None,
+    preview: Callable | None,
+    trainer: type[Trainer] | None,
+    **options,
+) -> DanceNetwork:
+    """As `train_from_config`, of checked tables with a class of `MODELS` or of the user's own."""
     settings, corpus = settings_of(tables), GroupData(**tables["data"])
     check_free(Path(out), options.get("resume"), options.get("overwrite"))
-    model_class, config_class = network_classes(tables["model"].pop("class", "TCDiffPP"))
-    extensions, genres = (tables["model"].pop(name, ()) for name in ("extensions", "genres"))
-    sizes = config_class(**tables["model"])
-    held_out: list[DanceTake] = []
+    model = _new_network(tables["model"], settings.seed)
     if takes is None:
-        evaluates = settings.evaluate_every > 0 or settings.metrics_every > 0
-        takes, held_out = takes_for(corpus, data, sizes, evaluates=evaluates)
-    torch.manual_seed(settings.seed)
-    model: DanceNetwork = build(model_class, sizes, extensions, genres)
-    if all(model_class is not ours for ours, _ in MODELS.values()):
-        check_network(model, paper_class(model_class))
+        takes = takes_for(corpus, data, model.config)
+    evaluates = settings.evaluate_every > 0 or settings.metrics_every > 0
+    held_out = held_out_takes(corpus, data, model.config) if evaluates else []
     if isinstance(model, EDGE):
         takes, held_out = solos_of(takes), solos_of(held_out)
     if not (options.get("resume") and (Path(out) / NAME).exists()):  # else it holds all of this
@@ -220,10 +228,10 @@ def train_from_config(
     how: dict[str, Any] = {"seed": settings.seed, "any_song": settings.extensions.any_song}
     windows = partial(windows_of, corpus=corpus, model=model, **how)
     validation = windows(takes=held_out) if held_out else None
-    metrics = ValidationMetrics(validation, Path(out) / "metrics.csv") if validation else None
+    metrics = ValidationMetrics(validation, Path(out) / METRICS_FILE) if validation else None
     device, world = options.pop("device", "cpu"), options.get("world")
     model = model.to(device if world is None else world.device)
-    objective = objective_class(model_class)(model, settings)
+    objective = objective_class(type(model))(model, settings)
     return (trainer or trainer_for(objective, settings, world))(
         model,
         windows(takes=takes),
@@ -234,6 +242,21 @@ def train_from_config(
         data_name=name_of(takes, tables["data"]),
         **options,
     ).run()
+
+
+def _new_network(table: dict, seed: int) -> DanceNetwork:
+    """The network of the checked table [model], with random weights; one's own is tried out.
+
+    Raises: ValueError naming the part of the user's own that does not fit.
+    """
+    model_class, config_class = network_classes(table.get("class", "TCDiffPP"))
+    extensions, genres = (table.get(name, ()) for name in NAMES)
+    sizes = {key: value for key, value in table.items() if key not in ("class", *NAMES)}
+    torch.manual_seed(seed)  # of torch's own generator: from it layers draw their weights
+    model: DanceNetwork = build(model_class, config_class(**sizes), extensions, genres)
+    if all(model_class is not ours for ours, _ in MODELS.values()):
+        check_network(model, paper_class(model_class))
+    return model
 
 
 def _begin(

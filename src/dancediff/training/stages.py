@@ -1,5 +1,6 @@
 """Models that are trained in stages: the settings of each, and what a stage left out keeps."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
@@ -14,15 +15,19 @@ Network = TypeVar("Network", bound=nn.Module)
 
 @dataclass(frozen=True)
 class StageConfig(TrainConfig):
-    """A table of settings, in which ``steps = 0`` leaves a stage out."""
+    """A table of settings, in which ``steps = 0`` leaves a stage out.
+
+    Raises: ValueError naming the key, its value and what is allowed; what two keys must be
+    together is known of the tables together only, see `check_stages`.
+    """
 
     def __post_init__(self):
         if self.metrics_every:
             raise ValueError(
                 f"metrics_every={self.metrics_every} is for models of one stage; leave it out"
             )
-        if self.steps != 0:
-            super().__post_init__()
+        if self.steps != 0:  # evaluate_every, which patience needs, may stand in another table
+            TrainConfig(**vars(self) | {"evaluate_every": self.evaluate_every or 1})
 
 
 def stage_settings(tables: dict, stage: str, **more) -> TrainConfig | None:
@@ -34,6 +39,18 @@ def stage_settings(tables: dict, stage: str, **more) -> TrainConfig | None:
     """
     settings = tables["train"] | tables[f"train_{stage}"]
     return None if settings.get("steps") == 0 else TrainConfig(**settings, **more)
+
+
+def check_stages(tables: dict, stages: Iterable[str], source: str) -> None:
+    """Do the settings of every stage, those of [train] with what differs, fit together?
+
+    Raises: ValueError naming the source, the table of the stage and the key that does not fit.
+    """
+    for stage in stages:
+        try:
+            stage_settings(tables, stage)
+        except ValueError as err:
+            raise ValueError(f"{source}: 'train_{stage}': {err}") from err
 
 
 def kept_of(network: Network, folder: Path) -> Network:

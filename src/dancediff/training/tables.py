@@ -11,28 +11,6 @@ from types import UnionType
 from typing import Any, get_args, get_origin, get_type_hints
 
 _WORDS = {int: "a whole number", float: "a number", str: "a text", bool: "true or false"}
-_NOW = {  # keys of before, and what they are now
-    "unheard": "masked_music in [extensions]",
-    "captured": "real",
-    "any_song": "any_song in [extensions]",
-    "level_power": "level_weights in [extensions]",
-    "joint_vel": "joint_velocity_loss in [extensions]",
-    "slide": "slide_loss in [extensions]",
-    "soft_contact": "gone: true is eq. 15 and the default; for false, hard_contact in [extensions]",
-    "dist_axis": "gone: dist compares pairs of dancers, eq. 17",
-    "max_minutes": "gone: stop the run (SIGTERM writes a checkpoint) and go on with --resume",
-    "beat_waves": "'beat_phase' in extensions of [model]",
-    "non_local": "'non_local_filter' in extensions of [model]",
-    "precondition": "'preconditioning' in extensions of [model]",
-    "ssm": "'ssd' in extensions of [model], or 'ssm' in without",
-    "dpe": "'dancer_positioning' in without",
-    "fp": "'fusion_projection' in without",
-    "fa": "'footwork_adaptor' in without",
-    "swap_mode": "'swap_mode' in without",
-} | {
-    name: f"{name!r} in extensions of [model]"
-    for name in ("foot_cues", "formation_prior", "fusion_residual", "footwork_residual")
-}
 
 
 def read_toml(path) -> dict:
@@ -113,9 +91,7 @@ def check_table(values, kind: type, source: str) -> dict:
     if not isinstance(values, dict):
         raise ValueError(f"{source} is {values!r}, no table; write its keys below its [name]")
     kinds = kinds_of(kind) | {"class": str}
-    for key, value in values.items():
-        if key in _NOW and key not in kinds:
-            raise ValueError(f"{source}: {key}={value!r} is now {_NOW[key]}")
+    for key in values:
         if key not in kinds:
             raise ValueError(f"{source} has no {key!r}; known: {', '.join(sorted(kinds))}")
     checked = {key: _checked(key, value, kinds[key], source) for key, value in values.items()}

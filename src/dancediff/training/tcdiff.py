@@ -30,6 +30,6 @@ class TCDiffObjective(GroupObjective):
         """Those of the bodies."""
         return body_losses(c)
 
-    def own_terms(self, model: Any, batch: Batch, noised: Noised, c: Conditions) -> dict:
+    def extra_terms(self, model: Any, batch: Batch, noised: Noised, c: Conditions) -> dict:
         """Those of the paths; where in a roll-out follows from the noise level, drawn before."""
         return path_losses(*model.guessed_paths(c.path, c.music, noised.t % model.path_parts))

@@ -26,7 +26,7 @@ from dancediff.training.checkpoint import NAME, Checkpointer, Signals, check_fre
 from dancediff.training.config import TrainConfig
 from dancediff.training.distributed import World
 from dancediff.training.ema import EMA
-from dancediff.training.evaluator import BEST, Evaluator
+from dancediff.training.evaluator import Evaluator, due, forget
 from dancediff.training.logger import Logger
 from dancediff.training.objective import BatchLosses, GroupObjective
 from dancediff.training.optimizer import make_optimizer, set_learning_rate
@@ -96,7 +96,7 @@ class Trainer(Generic[Network]):
             self.first = self.checkpointer.load()
             self.evaluator.go_on(self.out)
         elif self.world.first:
-            (self.out / BEST).unlink(missing_ok=True)
+            forget(self.out)
 
     def run(self) -> Network:
         """All steps that are left; returns the averaged model.
@@ -148,6 +148,10 @@ class Trainer(Generic[Network]):
         losses = {name: value.item() for name, value in total.items()}
         return losses | {"lr": lr, "gradient": norm.item()}
 
+    def is_due(self, step: int) -> bool:
+        """Is it time for a checkpoint after ``step`` steps?"""
+        return step % self.config.save_every == 0 or step == self.config.steps
+
     def _logger(self) -> Logger:
         if self.out is None or self.checkpointer is None or not self.world.first:
             return Logger(None)
@@ -181,7 +185,7 @@ class Trainer(Generic[Network]):
         """The validation loss after ``step`` steps, None when it is not its turn."""
         if not self.evaluator.evaluates:
             return {}
-        if not self.evaluator.due(step, self.config.evaluate_every):
+        if not due(step, self.config.evaluate_every):
             return {"validation": None}
         loss = None
         if self.world.first:
@@ -193,8 +197,7 @@ class Trainer(Generic[Network]):
     def _save(self, step: int, logger: Logger, signals: Signals) -> None:
         """Write a checkpoint when it is time or somebody asks for one, and stop if asked to."""
         stop, asked = self.world.any(signals.stop), self.world.any(signals.save)
-        due = step % self.config.save_every == 0 or step == self.config.steps
-        if self.checkpointer is not None and self.world.first and (due or asked):
+        if self.checkpointer is not None and self.world.first and (self.is_due(step) or asked):
             logger.flush()  # first, so that the log never lacks a step which the checkpoint has
             self.checkpointer.save(step, self.objective.state())
         signals.save = False
@@ -202,11 +205,11 @@ class Trainer(Generic[Network]):
             raise SystemExit(128 + signal.SIGTERM)
 
     def _preview(self, step: int, logger: Logger) -> None:
-        if self.evaluator.preview and self.evaluator.due(step, self.config.preview_every):
+        if self.evaluator.preview and due(step, self.config.preview_every):
             if self.world.first:
                 self.evaluator.preview(self.ema.model, step)
             self.world.wait()
-        if self.evaluator.metrics and self.evaluator.due(step, self.config.metrics_every):
+        if self.evaluator.metrics and due(step, self.config.metrics_every):
             if self.world.first:
                 model = cast(DanceNetwork, self.ema.model)
                 scores = self.evaluator.metrics.row(model, self.objective, step)

@@ -33,6 +33,7 @@ from dancediff.training.objective import BatchLosses
 BATCHES = 6  # of dances, and as many others to compare with
 STEPS = 12
 SIGMA_MIN = 0.16
+METRICS_FILE = "metrics.csv"  # beside the checkpoint
 METRICS = (
     *("FID_k", "FID_g", "Div_k", "Div_g", "GMR", "unison", "TIF", "MMC", "FSR", "PFC"),
     "joint speed",

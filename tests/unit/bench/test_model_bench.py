@@ -6,14 +6,19 @@ import pytest
 import torch
 
 from dancediff import hub
-from dancediff.bench.budget import last_line
+from dancediff.bench.budget import NO_EVALUATION, Run, last_line, write_config
 from dancediff.bench.model_bench import METRICS, ModelBench
 from dancediff.bench.results import rows_of
+from dancediff.bench.scores import scores_of
 from dancediff.bench.stages import StagedRun, stage_shares
 from dancediff.cli import main
+from dancediff.data.choreographed import choreograph_jobs
+from dancediff.data.prepare import prepare
 from dancediff.genre import GENRES
 from dancediff.motion.motion import Motion
 from dancediff.papers.edge.model import SPACING
+from dancediff.training.config import TrainConfig
+from dancediff.training.tables import read_training
 
 DATA = """
 [data]
@@ -215,8 +220,8 @@ def test_each_dancer_of_a_solo_system_dances_alone(staged):
     bench, _ = staged
     groups = [w for w in bench.windows(150) if w.motion.num_dancers > 1]
     assert groups
-    folder = bench.out / "tiny_lodge-0" / f"{1 / 60:g}min"
-    dance = Motion.load(folder / "dances-150-2" / f"{groups[0].name}.npz")
+    dances = bench.dances(bench.out / "tiny_lodge-0" / f"{1 / 60:g}min", 150)
+    dance = Motion.load(next(path for path in dances if path.stem == groups[0].name))
     assert dance.num_dancers == groups[0].motion.num_dancers
     gaps = dance.root[1:, 0, 0] - dance.root[:-1, 0, 0]
     assert torch.allclose(gaps, torch.tensor(SPACING), atol=1e-4)
@@ -255,6 +260,76 @@ def test_bad_arguments_are_told(tmp_path, capsys):
     paths = [str(tmp_path / folder / "same.toml") for folder in ("a", "b")]
     assert main(["bench-models", *paths, "--out", str(tmp_path / "out")]) == 2
     assert "have one name" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("empty", "words"),
+    [
+        ({"configs": []}, "configs is empty; name at least one, such as gcd_tiny"),
+        ({"seeds": ()}, "seeds is empty; name at least one, such as 0"),
+        ({"frames": ()}, "frames is empty; name at least one, such as 150"),
+        ({"minutes": ()}, "minutes and windows are empty; name a budget"),
+        ({"count": 0}, "count=0 must be at least 1"),
+    ],
+)
+def test_empty_options_are_told(configs, tmp_path, empty, words):
+    with pytest.raises(ValueError, match=words):
+        ModelBench(**{"configs": configs, "out": tmp_path} | empty)
+
+
+@pytest.mark.parametrize("name", ["held", "other"])
+def test_data_that_cannot_be_scored_is_told_before_training(
+    out, configs, tmp_path, monkeypatch, name
+):
+    def never(*_):
+        raise AssertionError("trained")
+
+    monkeypatch.setattr(Run, "models", never)
+    frames, folder = (150,), tmp_path / "none"
+    words = "'.*none' is no folder of prepared data" if name == "held" else "none' does not exist"
+    given = {"held": out / "held", "other": out / "reference"} | {name: folder}
+    with pytest.raises(ValueError, match=words):
+        next(ModelBench(configs, tmp_path, frames=frames, **given).points())
+    if name == "held":
+        given, frames = given | {name: out / "held"}, (1000,)
+        words = "held='.*held' has no window of 1000 frames with music.* or ask for fewer frames"
+        with pytest.raises(ValueError, match=words):
+            next(ModelBench(configs, tmp_path, frames=frames, **given).points())
+
+
+def test_no_dance_has_no_scores():
+    with pytest.raises(ValueError, match="there are no dances to measure: the list is empty"):
+        scores_of([], [], [])
+
+
+def test_other_data_of_the_same_names_is_danced_and_scored_anew(out, configs, tmp_path):
+    """Windows are called after their songs: those of another folder may have the same names."""
+    prepare(choreograph_jobs(6, seconds=8.0, seed=500_000), tmp_path / "held", progress=False)
+    given = {"minutes": (BUDGET,), "seeds": (0,), "count": 3, "songs": 6, "steps": 2}
+    usual = ModelBench(configs[:1], out, **given)
+    benches = [
+        usual,
+        ModelBench(configs[:1], out, held=tmp_path / "held", **given),
+        ModelBench(configs[:1], out, other=out / "held", **given),
+    ]
+    own, held, other = (next(bench.points())["scores"]["150"] for bench in benches)
+    assert own["MMC"] != held["MMC"] and own["FID_k"] != held["FID_k"]
+    assert own["MMC"] == other["MMC"] and own["FID_k"] != other["FID_k"]
+    assert next(usual.points())["scores"]["150"]["FID_k"] == own["FID_k"]
+
+
+def test_a_training_with_a_budget_evaluates_nothing(tmp_path):
+    source = tmp_path / "a.toml"
+    evaluated = "evaluate_every = 2\npatience = 3\n"
+    source.write_text(
+        f'[model]\nclass = "Lodge"\n[train]\nmetrics_every = 4\n{evaluated}'
+        f"[train_local]\nsteps = 2\n{evaluated}",
+        encoding="utf-8",
+    )
+    tables = read_training(write_config(tmp_path / "new" / "b.toml", source, seed=5))
+    assert tables["train"] == NO_EVALUATION | {"seed": 5}
+    assert tables["train_local"] == NO_EVALUATION | {"steps": 2}
+    TrainConfig(**tables["train"])
 
 
 def test_one_seed_keeps_its_bootstrap_interval_and_no_number_is_none():

@@ -70,7 +70,6 @@ def songs(tmp_path):
         (["noise.wav", "--seconds", "nan"], ["seconds=nan"]),
         (["noise.wav", "--swap", "a", "b"], ["--swap 'a b'", "whole numbers"]),
         (["noise.wav", "--sede", "1"], ["--sede", "do you mean --seed?"]),
-        (["noise.wav", "--feet", "planted"], ["--feet planted is now --foot-contact True"]),
         (["noise.wav", "--sampler", "euler"], ["sampler='euler'", "one of 'dpm', 'ddim', 'ddpm'"]),
         (["noise.wav", "--preset", "best"], ["--preset 'best'", "one of packaged, paper"]),
         (["hollow"], ["'hollow'", "wav, flac"]),

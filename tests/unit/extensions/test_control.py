@@ -126,6 +126,7 @@ def test_numbers_and_orders_follow_from_places():
         (EndAt("here"), "end='here'"),
         (StartAt([(0, float("nan")), (1, 0)]), "finite"),
         (WalkAlong(2, [(0, 0, 0)]), "dancer=2 must be a whole number in 0 ... 1"),
+        (WalkAlong(1.0, [(0, 0, 0)]), "dancer=1.0 must be a whole number in 0 ... 1"),
         (WalkAlong(0, [(1, 0, 0), (1, 1, 1)]), "must rise"),
         (WalkAlong(0, [(0, 0, 0), (9, 1, 1)]), "at most 4 s"),
         (WalkAlong(0, [(1.01, 0, 0), (1.02, 1, 1)]), r"\[1.01, 1.02\]; no frame lies between"),
@@ -153,8 +154,15 @@ def test_errors_of_keep(dance):
     ):
         with pytest.raises(ValueError, match=text):
             known(Keep(dance, **options))
+    with pytest.raises(ValueError, match=r"dance='a\.npz' is no Motion; give Motion\.load"):
+        known(Keep("a.npz"))
     with pytest.raises(ValueError, match="constraints has 'start'"):
         combine(["start"], 2, 120, 30.0)
+
+
+def test_a_dancer_may_be_a_number_of_numpy():
+    path = [(0, 0, 1), (1, 1, 0)]
+    assert torch.equal(known(WalkAlong(np.int64(1), path)).value, known(WalkAlong(1, path)).value)
 
 
 @pytest.mark.parametrize(("control", "name"), [(StartAt, "start"), (EndAt, "end")])

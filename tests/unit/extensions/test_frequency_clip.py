@@ -5,8 +5,8 @@ from dancediff.extensions.frequency_clip import FrequencyClip, room_for_places
 from dancediff.extensions.genre_condition import genres_of
 from dancediff.extensions.parts import part_of
 from dancediff.extensions.preconditioning import Preconditioning, dct_matrix, preconditioning_of
-from dancediff.generation.group_dance import largest_guess
-from dancediff.generation.group_request import GroupDanceRequest
+from dancediff.generation.segmented_dance import largest_guess
+from dancediff.generation.tcdiffpp_request import TCDiffPPRequest
 from tiny_tcdiffpp import tiny_tcdiffpp
 
 
@@ -79,9 +79,9 @@ def test_a_request_is_cut_around_the_places_of_its_group():
     p.std[:] = 0.3
     x = p.mean.expand(1, 5, 150, 151).clone()
     x[..., 4] = torch.linspace(-2.2, 2.2, 5)[:, None]
-    five = largest_guess(model, GroupDanceRequest(dancers=5, frequency_clip=True))
+    five = largest_guess(model, TCDiffPPRequest(dancers=5, frequency_clip=True))
     torch.testing.assert_close(five(x), x, atol=1e-4, rtol=0)
-    four = largest_guess(model, GroupDanceRequest(dancers=4, frequency_clip=True))
+    four = largest_guess(model, TCDiffPPRequest(dancers=4, frequency_clip=True))
     assert four(x)[..., 4].abs().max() < 0.2, "a group whose places nobody knows"
 
 
@@ -91,7 +91,7 @@ def test_a_genre_is_cut_at_what_it_reaches():
     prior.std[0], prior.std[1], prior.mean[1] = 0.01, 0.5, 0.25
 
     def cut(genre):
-        return largest_guess(model, GroupDanceRequest(genre=genre, frequency_clip=True))
+        return largest_guess(model, TCDiffPPRequest(genre=genre, frequency_clip=True))
 
     still = torch.full((1, 3, 150, 151), 0.25)
     assert cut(calm)(still).abs().max() < 0.01

@@ -14,10 +14,10 @@ from dancediff.extensions.build import EXTENSIONS
 from dancediff.extensions.control import NearbyFrames
 from dancediff.extensions.parts import Parts
 from dancediff.extensions.registry import KINDS, REGISTRY, SHARED
-from dancediff.generation.group_dance import hooks_of
+from dancediff.generation.lodge_dance import LodgeSampler
 from dancediff.generation.pipeline import pipeline_of
 from dancediff.generation.presets import PRESETS
-from dancediff.generation.solo_dance import LodgeSampler
+from dancediff.generation.tcdiffpp_dance import hooks_of
 from dancediff.papers.tcdiffpp.model import TCDiffPP
 from places import ROOT
 from tiny_lodge import tiny_lodge

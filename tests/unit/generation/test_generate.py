@@ -7,14 +7,15 @@ import torch
 
 from dancediff.diffusion.conditions import Conditions
 from dancediff.extensions.autoguidance import LASTING_SHARE, ROOT_SHARE
-from dancediff.generation.group_dance import largest_guess
 from dancediff.generation.guided_denoiser import GuidedDenoiser
 from dancediff.generation.pipeline import pipeline_of
-from dancediff.generation.request import GroupDanceRequest, default_of
+from dancediff.generation.request import TCDiffPPRequest, default_of
+from dancediff.generation.segmented_dance import largest_guess
 from dancediff.generation.segments import SegmentPlan
 from dancediff.music.song import Music
 from dancediff.nn.conditioning import MusicEncoder
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
+from tiny_lodge import tiny_lodge
 from tiny_tcdiffpp import tiny_tcdiffpp
 
 
@@ -136,6 +137,12 @@ def test_bfloat16_dance_is_close(model):
     assert not torch.equal(plain.root, fast.root)
 
 
+def test_a_dtype_can_be_named(model):
+    given, named = (dance(model, seconds=2, dtype=one) for one in (torch.bfloat16, "bfloat16"))
+    assert torch.equal(given.root, named.root)
+    assert given.meta["dtype"] == named.meta["dtype"] == "bfloat16"
+
+
 @pytest.mark.parametrize("faster", [torch.float32, torch.bfloat16])
 def test_fastest_is_what_the_probe_finds(model, monkeypatch, faster):
     monkeypatch.setattr("dancediff.nn.precision.fastest_dtype", lambda kind: faster)
@@ -219,6 +226,26 @@ def test_bad_arguments_are_named(model, argument, value, message):
         dance(model, **{argument: value})
 
 
+@pytest.mark.parametrize("song", [np.zeros(44100), None])
+def test_what_is_no_song_is_named(model, song):
+    with pytest.raises(ValueError, match=f"song is .*{type(song).__name__[:4]}.*; give a Music"):
+        model.generate(song)
+    with pytest.raises(ValueError, match="give a Music or a path"):
+        model.stream(song)
+
+
+def test_a_network_of_no_model_has_no_pipeline():
+    with pytest.raises(ValueError, match="model is a Linear; give one of TCDiffPP, EDGE"):
+        pipeline_of(torch.nn.Linear(1, 1))
+
+
+def test_who_cannot_be_watched_says_so(model):
+    lodge = pipeline_of(tiny_lodge())
+    for pipeline, more in ((model, {"long_sampling": "naive"}), (lodge, {"genre": "salsa"})):
+        with pytest.raises(ValueError, match="watch= is for TCDiff"):
+            pipeline.generate(Tune(), watch=print, **more)
+
+
 def test_swap_at_beyond_the_dance(model):
     with pytest.raises(ValueError, match=r"swap_at=9 must lie in 0 \.\.\. 8"):
         dance(model, seconds=8, swap=[1, 0, 2], swap_at=9)
@@ -233,20 +260,20 @@ def test_song_without_sound_or_length(model):
 
 @pytest.mark.parametrize("seconds", [1, 5, 5.04, 7.5, 20, 24, 60])
 def test_segments_just_cover_the_dance(seconds):
-    found = SegmentPlan.of(GroupDanceRequest(seconds=seconds), 150)
+    found = SegmentPlan.of(TCDiffPPRequest(seconds=seconds), 150)
     covered = 150 + found.stride * (found.count - 1)
     assert covered >= found.frames and (found.count == 1 or covered - found.stride < found.frames)
 
 
 def test_720_frames_take_9_segments():
     assert (
-        SegmentPlan.of(GroupDanceRequest(seconds=24), 150).count == 9
+        SegmentPlan.of(TCDiffPPRequest(seconds=24), 150).count == 9
     )  # the papers' evaluation length
 
 
 @pytest.mark.parametrize("seconds", [6, 20, 21.3])
 def test_default_swap_ends_within_the_dance(seconds):
-    request = GroupDanceRequest(seconds=seconds, dancers=2, swap=[1, 0])
+    request = TCDiffPPRequest(seconds=seconds, dancers=2, swap=[1, 0])
     found = SegmentPlan.of(request, 150)
     orders = found.targets(request)
     chosen = next(i for i, order in enumerate(orders) if order is not None)
@@ -310,7 +337,7 @@ def test_autoguidance_is_on_where_there_is_a_linear_guess(model):
 def test_without_preconditioning_dancers_may_stand_far_out():
     """The unit on the floor is a metre, so guesses there are not cut at 1."""
     plain = TCDiffPP(TCDiffPPConfig(d_model=16, num_layers=1, ff_dim=32))
-    guess = largest_guess(plain, GroupDanceRequest(frequency_clip=False))(
+    guess = largest_guess(plain, TCDiffPPRequest(frequency_clip=False))(
         torch.full((1, 2, 5, 151), 3.0)
     )
     assert guess[..., [4, 6]].unique().tolist() == [3.0]

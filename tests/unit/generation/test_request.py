@@ -6,27 +6,31 @@ import subprocess
 import sys
 from dataclasses import FrozenInstanceError, dataclass, fields
 from types import SimpleNamespace
+from typing import get_args
 
 import numpy as np
 import pytest
+import torch
 
 from dancediff.cli.generate import Generate
+from dancediff.cli.options import FIELDS, kind_of
 from dancediff.diffusion.long_sampling import SEAMS
 from dancediff.diffusion.pinning import MODES
 from dancediff.diffusion.samplers import SAMPLERS
 from dancediff.extensions.control import WalkAlong
 from dancediff.extensions.group_relations import MAX_DANCERS, RELATIONS
 from dancediff.extensions.preconditioning import Preconditioning
+from dancediff.generation.dance_request import DTYPES
+from dancediff.generation.diffusion_request import DiffusionRequest, needs_preconditioning
 from dancediff.generation.presets import PACKAGED, PAPER, PRESETS
 from dancediff.generation.request import (
     REQUESTS,
     EDGERequest,
-    GroupDanceRequest,
     LodgeRequest,
+    TCDiffPPRequest,
     default_of,
     request_of,
 )
-from dancediff.generation.sampling_config import SamplingConfig, needs_preconditioning
 from places import SOURCE
 
 
@@ -69,7 +73,7 @@ def test_every_option_says_what_it_does(family):
 
 
 def test_the_paper_is_the_papers():
-    denoisers = [one for one in REQUESTS if issubclass(REQUESTS[one], SamplingConfig)]
+    denoisers = [one for one in REQUESTS if issubclass(REQUESTS[one], DiffusionRequest)]
     for family in denoisers:
         preset = PAPER[family]
         assert [preset[k] for k in ("sampler", "steps", "eta", "guidance")] == ["ddim", 50, 1, 2]
@@ -81,7 +85,7 @@ def test_the_paper_is_the_papers():
 
 
 def test_choices_are_those_of_the_code():
-    options = GroupDanceRequest.__dataclass_fields__
+    options = TCDiffPPRequest.__dataclass_fields__
     for name, values in {
         "sampler": SAMPLERS,
         "pinning": ("auto", *MODES),
@@ -90,6 +94,16 @@ def test_choices_are_those_of_the_code():
         assert options[name].metadata["choices"] == values
     assert LodgeRequest.__dataclass_fields__["relation"].metadata["choices"] == RELATIONS
     assert LodgeRequest.__dataclass_fields__["dancers"].metadata["high"] == MAX_DANCERS
+
+
+def test_a_dtype_is_its_name():
+    asked = TCDiffPPRequest(dtype=torch.bfloat16, device=torch.device("cpu"))
+    assert asked == TCDiffPPRequest(dtype="bfloat16", device="cpu")
+    assert asked.resolve(model(), Tune()).facts()["dtype"] == "bfloat16"
+    assert get_args(kind_of(FIELDS["dtype"])) == DTYPES  # on the command line, too
+    for other in (torch.float16, "nonsense", 16):
+        with pytest.raises(ValueError, match=r"dtype=.* is not one of 'float32', 'bfloat16'"):
+            TCDiffPPRequest(dtype=other)
 
 
 def test_requests_bring_no_torch():
@@ -108,9 +122,9 @@ def test_the_command_line_has_every_option_and_no_default_of_its_own():
 
 
 def test_resolve_fills_in_everything_once():
-    asked = GroupDanceRequest(seed=3)
+    asked = TCDiffPPRequest(seed=3)
     found = asked.resolve(model(), Tune())
-    assert asked == GroupDanceRequest(seed=3)  # nothing was written into it
+    assert asked == TCDiffPPRequest(seed=3)  # nothing was written into it
     for name, value in PACKAGED["tcdiffpp"].items():
         if name in ("genre", "energy"):
             assert getattr(found, name) is None, "the model has no part for it"
@@ -124,7 +138,7 @@ def test_resolve_fills_in_everything_once():
 
 def test_nothing_can_be_assigned():
     with pytest.raises(FrozenInstanceError):
-        GroupDanceRequest().seed = 3
+        TCDiffPPRequest().seed = 3
 
 
 def test_nobody_gets_around_frozen():
@@ -143,22 +157,22 @@ def test_nobody_gets_around_frozen():
     [("dpm", 0.0, "same_noise"), ("ddim", 1.0, "renoise"), ("ddpm", 0.0, "renoise")],
 )
 def test_pinning_fits_the_sampler(sampler, eta, pinning):
-    found = GroupDanceRequest(sampler=sampler, eta=eta).resolve(model(), Tune())
+    found = TCDiffPPRequest(sampler=sampler, eta=eta).resolve(model(), Tune())
     assert found.pinning == pinning
 
 
 def test_what_needs_preconditioning_is_off_without_it():
     plain = model(precondition=False)
-    found = GroupDanceRequest().resolve(plain, Tune())
+    found = TCDiffPPRequest().resolve(plain, Tune())
     assert found.autoguidance == 1 and not found.collision_avoidance and not found.order_constraint
     for asked in ({"collision_avoidance": True}, {"autoguidance": 1.5}):
         with pytest.raises(ValueError, match=f"{next(iter(asked))}=.* with preconditioning"):
-            GroupDanceRequest(**asked).resolve(plain, Tune())
+            TCDiffPPRequest(**asked).resolve(plain, Tune())
     assert LodgeRequest(return_to_origin=False).resolve(plain, Tune()).return_to_origin is False
 
 
 def test_preset_and_option_go_together():
-    found = GroupDanceRequest(preset="paper", steps=20).resolve(model(), Tune())
+    found = TCDiffPPRequest(preset="paper", steps=20).resolve(model(), Tune())
     assert (found.sampler, found.steps, found.pinning) == ("ddim", 20, "init")
     assert default_of("tcdiffpp", "steps", "paper") == 50
     assert default_of("edge", "overlap") == 75
@@ -166,37 +180,37 @@ def test_preset_and_option_go_together():
 
 def test_places_at_the_end_are_a_swap():
     end = [(1, 0), (0, 0), (-1, 0)]
-    found = GroupDanceRequest(end=end).resolve(model(), Tune())
+    found = TCDiffPPRequest(end=end).resolve(model(), Tune())
     assert found.swap == [2, 1, 0] and found.swap_at == 12
-    earlier = GroupDanceRequest(end=end, swap=[1, 0, 2], swap_at=4).resolve(model(), Tune())
+    earlier = TCDiffPPRequest(end=end, swap=[1, 0, 2], swap_at=4).resolve(model(), Tune())
     assert earlier.swap == [1, 0, 2] and earlier.swap_at == 4
     with pytest.raises(ValueError, match=r"swap=\[1, 0, 2\] asks for another order"):
-        GroupDanceRequest(end=end, swap=[1, 0, 2]).resolve(model(), Tune())
+        TCDiffPPRequest(end=end, swap=[1, 0, 2]).resolve(model(), Tune())
 
 
 def test_constraints_need_pinning_that_holds():
     walk = [WalkAlong(0, [(0, 0, 0), (2, 1, 0)])]
     with pytest.raises(ValueError, match="pinning='init' goes with no constraint"):
-        GroupDanceRequest(preset="paper", constraints=walk).resolve(model(), Tune())
+        TCDiffPPRequest(preset="paper", constraints=walk).resolve(model(), Tune())
 
 
 def test_naive_long_sampling_knows_no_rules_of_groups():
-    found = GroupDanceRequest(long_sampling="naive").resolve(model(), Tune())
+    found = TCDiffPPRequest(long_sampling="naive").resolve(model(), Tune())
     assert found.collision_avoidance is False and found.pinning is None
     with pytest.raises(ValueError, match="collision_avoidance=True is not possible"):
-        GroupDanceRequest(long_sampling="naive", collision_avoidance=True).resolve(model(), Tune())
+        TCDiffPPRequest(long_sampling="naive", collision_avoidance=True).resolve(model(), Tune())
     with pytest.raises(ValueError, match="start=, end= and constraints= need long_sampling='lgds'"):
-        GroupDanceRequest(dancers=1, long_sampling="naive", start=[(0, 0)]).resolve(model(), Tune())
+        TCDiffPPRequest(dancers=1, long_sampling="naive", start=[(0, 0)]).resolve(model(), Tune())
 
 
 @pytest.mark.parametrize("value", ["False", "True", 0, 1.0, None])
 def test_only_a_bool_is_true_or_false(value):
     """bool("False") is True."""
     if value is None:
-        assert GroupDanceRequest(foot_contact=value).foot_contact is None
+        assert TCDiffPPRequest(foot_contact=value).foot_contact is None
         return
     with pytest.raises(ValueError, match=f"foot_contact={value!r} must be True or False"):
-        GroupDanceRequest(foot_contact=value)
+        TCDiffPPRequest(foot_contact=value)
 
 
 def test_lodge_dances_the_genre_of_the_tempo():
@@ -216,20 +230,20 @@ def test_lodge_dances_the_genre_of_the_tempo():
 @pytest.mark.parametrize(
     ("request_", "options", "message"),
     [
-        (GroupDanceRequest, {"preset": "best"}, "preset='best' is not one of 'packaged', 'paper'"),
-        (GroupDanceRequest, {"dancers": 0}, "dancers=0 must be a number of at least 1"),
-        (GroupDanceRequest, {"dancers": 2.0}, r"dancers=2\.0 must be an integer"),
-        (GroupDanceRequest, {"dancers": 9}, r"dancers=9 must lie in 1 \.\.\. 5"),
-        (GroupDanceRequest, {"overlap": 150}, r"overlap=150 must lie in 1 \.\.\. 149"),
-        (GroupDanceRequest, {"seed": None}, "seed=None is no value; leave seed out for 0"),
-        (GroupDanceRequest, {"seed": -1}, r"seed=-1 must lie in 0 \.\.\. 9223372036854775807"),
-        (GroupDanceRequest, {"eta": "much"}, "eta='much' must be a number"),
-        (GroupDanceRequest, {"guidance": math.nan}, "guidance=nan must lie in 0"),
-        (GroupDanceRequest, {"seconds": 13}, r"seconds=13 is more than the song's 12\.00"),
-        (GroupDanceRequest, {"seconds": -3}, "seconds=-3 must be"),
-        (GroupDanceRequest, {"swap_at": 3}, r"swap_at=3\.0 needs swap="),
+        (TCDiffPPRequest, {"preset": "best"}, "preset='best' is not one of 'packaged', 'paper'"),
+        (TCDiffPPRequest, {"dancers": 0}, "dancers=0 must be a number of at least 1"),
+        (TCDiffPPRequest, {"dancers": 2.0}, r"dancers=2\.0 must be an integer"),
+        (TCDiffPPRequest, {"dancers": 9}, r"dancers=9 must lie in 1 \.\.\. 5"),
+        (TCDiffPPRequest, {"overlap": 150}, r"overlap=150 must lie in 1 \.\.\. 149"),
+        (TCDiffPPRequest, {"seed": None}, "seed=None is no value; leave seed out for 0"),
+        (TCDiffPPRequest, {"seed": -1}, r"seed=-1 must lie in 0 \.\.\. 9223372036854775807"),
+        (TCDiffPPRequest, {"eta": "much"}, "eta='much' must be a number"),
+        (TCDiffPPRequest, {"guidance": math.nan}, "guidance=nan must lie in 0"),
+        (TCDiffPPRequest, {"seconds": 13}, r"seconds=13 is more than the song's 12\.00"),
+        (TCDiffPPRequest, {"seconds": -3}, "seconds=-3 must be"),
+        (TCDiffPPRequest, {"swap_at": 3}, r"swap_at=3\.0 needs swap="),
         (
-            GroupDanceRequest,
+            TCDiffPPRequest,
             {"swap": [1, 0, 2], "swap_at": 13},
             r"swap_at=13 must lie in 0 \.\.\. 12",
         ),
@@ -247,35 +261,32 @@ def test_bad_values_are_named(request_, options, message):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"feet": "planted"}, "feet='planted' is now foot_contact=True"),
-        ({"spacing": "free"}, "spacing='free' is now collision_avoidance=False"),
-        ({"order": "kept"}, "order='kept' is now order_constraint=True"),
         ({"soft": 0.5}, "soft=0.5 is not for the model 'trio'; models of lodge have it"),
         ({"colour": "red"}, "colour='red' is no option; choose from preset, seconds"),
     ],
 )
-def test_options_of_others_and_of_yesterday_are_named(options, message):
+def test_options_of_others_and_of_nobody_are_named(options, message):
     with pytest.raises(ValueError, match=message):
         request_of("tcdiffpp", "trio", options)
 
 
 def test_song_without_sound_or_length():
     with pytest.raises(ValueError, match="'tune' is silent"):
-        GroupDanceRequest().resolve(model(), Tune(is_silent=True))
+        TCDiffPPRequest().resolve(model(), Tune(is_silent=True))
     with pytest.raises(ValueError, match=r"song is 0\.20 s long; at least 1 s"):
-        GroupDanceRequest().resolve(model(), Tune(0.2))
+        TCDiffPPRequest().resolve(model(), Tune(0.2))
 
 
 def test_one_constraint_needs_no_list():
     path = WalkAlong(0, [(0, 0, 0)])
-    alone, listed = (GroupDanceRequest(constraints=given) for given in (path, [path]))
+    alone, listed = (TCDiffPPRequest(constraints=given) for given in (path, [path]))
     assert alone.constraints == listed.constraints == (path,)
     with pytest.raises(ValueError, match="constraints has 'path'"):
-        GroupDanceRequest(constraints="path").resolve(model(), Tune())
+        TCDiffPPRequest(constraints="path").resolve(model(), Tune())
 
 
 def test_facts_are_plain():
-    found = GroupDanceRequest(dancers=np.int64(2), swap=np.array([1, 0]), start=[(0, 0), (1, 0)])
+    found = TCDiffPPRequest(dancers=np.int64(2), swap=np.array([1, 0]), start=[(0, 0), (1, 0)])
     facts = found.resolve(model(), Tune()).facts()
     assert facts["dancers"] == 2 and facts["swap"] == [1, 0] and type(facts["dancers"]) is int
     assert "start" not in facts and "device" not in facts

@@ -7,10 +7,13 @@ from dataclasses import dataclass
 import pytest
 import torch
 
+from dancediff.extensions.control import WalkAlong
 from dancediff.generation.opening import Opening
 from dancediff.generation.pipeline import pipeline_of
 from dancediff.generation.stream import Stream
+from dancediff.motion.motion import Motion
 from dancediff.music.synth import synth_song
+from dancediff.papers.fact.model import FACT, FACTConfig
 from tiny_lodge import tiny_lodge
 from tiny_tcdiffpp import tiny_tcdiffpp
 
@@ -165,6 +168,25 @@ def test_a_log_makes_the_same_dance_again(listening, pinning):
     assert json.loads(json.dumps(again.log)) == log
 
 
+def test_a_log_holds_names_instead_of_objects_of_torch(model):
+    ask = ASK | {"seconds": 2, "dtype": torch.bfloat16, "device": torch.device("cpu")}
+    stream = model.stream(Tune(), **ask)
+    made, log = list(stream), json.loads(json.dumps(stream.log))
+    assert log["options"] == ASK | {"seconds": 2, "dtype": "bfloat16", "device": "cpu"}
+    assert torch.equal(whole(made), whole(list(Stream.replay(model, Tune(), log))))
+
+
+def test_a_log_of_what_is_no_plain_value_is_refused(model):
+    stream = model.stream(Tune(), constraints=WalkAlong(0, [(0, 0, 0)]), **ASK)
+    with pytest.raises(ValueError, match="leave constraints= out"):
+        _ = stream.log
+    assert stream.calls == []
+    still = Motion(torch.eye(3).expand(1, 60, 24, 3, 3), torch.zeros(1, 60, 3))
+    fact = pipeline_of(FACT(FACTConfig(d_model=8, num_heads=2, ff_dim=8, max_dancers=1)))
+    with pytest.raises(ValueError, match="leave seed_motion= out"):
+        _ = fact.stream(Tune(), dancers=1, seed_motion=still).log
+
+
 @pytest.mark.parametrize(
     "knobs, words",
     [
@@ -174,6 +196,8 @@ def test_a_log_makes_the_same_dance_again(listening, pinning):
         ({"formation": [(0, 0)]}, "1 places for 3 dancers"),
         ({"formation": [(0, 0)] * 3, "swap": (0, 1, 2)}, "not both"),
         ({"steps": 0}, "steps=0"),
+        ({"dancers": "2"}, "dancers='2' must be an integer"),
+        ({"dancers": 4}, r"dancers=4 must lie in 1 \.\.\. 3"),
     ],
 )
 def test_it_refuses_what_it_cannot_do_at_once(model, knobs, words):

@@ -10,11 +10,11 @@ from dancediff.axes import FPS
 from dancediff.extensions.build import build
 from dancediff.extensions.energy_condition import EnergyCondition
 from dancediff.extensions.genre_condition import GenreCondition
-from dancediff.generation.energy_request import energy_for, energy_of
+from dancediff.generation.energy_option import energy_for, energy_of
 from dancediff.generation.genre_mix import mix_of, mix_weights
-from dancediff.generation.group_dance import long_group_sampler
+from dancediff.generation.lodge_dance import LodgeSampler
 from dancediff.generation.pipeline import pipeline_of
-from dancediff.generation.solo_dance import LodgeSampler
+from dancediff.generation.tcdiffpp_dance import long_group_sampler
 from dancediff.genre import genre_for
 from dancediff.music.energy import energy_curve
 from dancediff.papers.edge.model import EDGE, EDGEConfig

@@ -6,6 +6,7 @@ import time
 import pytest
 import torch
 
+from dancediff.extensions.control import WalkAlong
 from dancediff.generation.stream import Stream
 from dancediff.live_dance.session import LiveSession
 from dancediff.motion.motion import Motion
@@ -62,6 +63,12 @@ def test_it_stays_ahead_and_rests(open_session):
     kinds = [kind for kind, _ in told]
     assert kinds.count("piece") == len(session._pieces) and "failed" not in kinds
     until(lambda: "beats" in [kind for kind, _ in told] or session.played(20.0))
+
+
+def test_it_dances_with_constraints_that_no_log_can_hold(open_session):
+    _, told = open_session(constraints=WalkAlong(0, [(0, -1, 0)]), dtype="bfloat16")
+    until(lambda: told and told[-1][0] == "state")
+    assert "failed" not in [kind for kind, _ in told]
 
 
 def test_a_knob_is_seen_with_the_next_piece(open_session):

@@ -215,6 +215,29 @@ def test_the_command_prints_and_draws_the_drift(dance, tmp_path, capsys):
     assert "15-20" in capsys.readouterr().out
 
 
+def test_the_command_tells_the_table_of_dances_too_short_for_drift(dance, tmp_path, capsys):
+    dance.frames(0, 60).save(tmp_path / "short.npz")
+    args = ["evaluate", str(tmp_path / "short.npz"), "--drift", str(tmp_path / "d.png")]
+    assert main(args) == 1
+    told = capsys.readouterr()
+    assert "FSR" in told.out and "window by window" not in told.out
+    assert "no dance of 5 s or more" in told.err and not (tmp_path / "d.png").exists()
+
+
+def test_the_command_measures_a_dance_once(dance, tmp_path, capsys, monkeypatch):
+    dance.save(tmp_path / "dance.npz")
+    kept = ["--keep", str(tmp_path / "kept"), "--workers", "1", "--json"]
+    args = ["evaluate", str(tmp_path / "dance.npz"), "--drift", str(tmp_path / "d.png"), *kept]
+    assert main(args) == 0
+    first = json.loads(capsys.readouterr().out)
+    monkeypatch.setattr("dancediff.metrics.measure_all.measure", None)
+    monkeypatch.setattr("dancediff.metrics.dances.read_dance", None)
+    assert main(args) == 0
+    again = json.loads(capsys.readouterr().out)
+    loaded = Motion.load(tmp_path / "dance.npz")
+    assert first["drift"] == again["drift"] == drift(loaded.joints()).facts()
+
+
 def test_drift_compares_the_first_third_with_the_last():
     one = Drift(np.tile(np.arange(6.0) ** 2, (len(POSTURE), 1)), np.arange(6))
     assert one.thirds("turning") == (0.5, 20.5)

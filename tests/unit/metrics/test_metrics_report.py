@@ -482,6 +482,13 @@ def test_a_dance_that_settles_drifts_and_leaves_the_range_of_its_genre():
     assert not any("last / first" in row.name or "in range" in row.name for row in short.rows)
 
 
+def test_a_table_leaves_its_dances_as_they_are():
+    dances = [measure(trio(seed, seconds=6.0)) for seed in range(2)]
+    before = list(table_rows(dances, None))
+    assert any(row.name.endswith("in range") for row in table_rows(dances, dances))
+    assert [row.name for row in table_rows(dances, None)] == [row.name for row in before]
+
+
 def test_a_ratio_with_nothing_in_the_first_window_has_a_reason():
     still = Motion(torch.eye(3).expand(1, 300, 24, 3, 3), torch.zeros(1, 300, 3))
     walk = torch.arange(300.0)[None, :, None] * torch.tensor([0.01, 0.0, 0.0])

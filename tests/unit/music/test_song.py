@@ -107,3 +107,8 @@ def test_a_path_is_the_song_in_it(tmp_path):
     assert as_song(path).name == as_song(str(path)).name == "a"
     with pytest.raises(ValueError, match=r"nowhere\.wav' does not exist"):
         as_song("nowhere.wav")
+
+
+def test_samples_without_their_rate_are_no_song():
+    with pytest.raises(ValueError, match="song is a ndarray; give a Music or a path"):
+        as_song(tone(44100))

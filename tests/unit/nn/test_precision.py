@@ -7,15 +7,11 @@ from dancediff.nn import precision
 from dancediff.nn.precision import chosen_dtype, fastest_dtype
 
 
-@pytest.mark.parametrize("dtype", [None, torch.float32, torch.bfloat16])
-def test_named_dtypes_are_taken(dtype):
-    assert chosen_dtype(dtype, "cpu") == dtype
-
-
-@pytest.mark.parametrize("dtype", [torch.float16, "quick", 16])
-def test_others_are_refused(dtype):
-    with pytest.raises(ValueError, match=r"dtype=.* is not one of None, torch\.float32"):
-        chosen_dtype(dtype, "cpu")
+@pytest.mark.parametrize(
+    ("name", "dtype"), [(None, None), ("float32", torch.float32), ("bfloat16", torch.bfloat16)]
+)
+def test_named_dtypes_are_taken(name, dtype):
+    assert chosen_dtype(name, "cpu") == dtype
 
 
 @pytest.mark.parametrize(

@@ -2,12 +2,15 @@
 
 import json
 import re
+from functools import partial
 
 import pytest
 import torch
 
 from dancediff import cli
-from dancediff.data.choreographed import choreographed_takes
+from dancediff.data.choreographed import choreographed_takes, make_choreographed
+from dancediff.data.prepare import prepare
+from dancediff.data.take import Job
 from dancediff.data.windows import WindowSampler
 from dancediff.extensions.build import build as make
 from dancediff.motion.motion import Motion
@@ -17,8 +20,14 @@ from dancediff.papers.tcdiffpp.model import TCDiffPP
 from dancediff.training import ablation
 from dancediff.training.ablation import run_ablation
 from dancediff.training.ablation_config import TRUTH, read_ablation
-from dancediff.training.ablation_data import held_out_dances, held_out_orders, reference_dances
+from dancediff.training.ablation_data import (
+    corpus,
+    held_out_dances,
+    held_out_orders,
+    reference_dances,
+)
 from dancediff.training.ablation_table import mean_of_seeds
+from dancediff.training.config import LARGEST_SEED
 from dancediff.training.run import MODELS
 from places import CONFIGS
 
@@ -49,6 +58,12 @@ reference = 3
 steps = 2
 overlap = 15
 """
+
+
+@pytest.mark.parametrize("path", sorted(CONFIGS.glob("ablate_*.toml")), ids=lambda p: p.stem)
+def test_every_config_that_comes_with_the_package_can_be_read(path):
+    variants = read_ablation(path)
+    assert len({variant.name for variant in variants}) == len(variants) > 1
 
 
 @pytest.fixture
@@ -129,7 +144,7 @@ def test_without_l_d_distances_cost_nothing(tiny):
 
 def test_long_sampling_is_no_training(tiny):
     full, naive = tiny["full"], tiny["no-LGDS"]
-    assert full.training == naive.training and full.key != naive.key
+    assert full.training == naive.training and full.dances_key != naive.dances_key
     assert (full.sample.long_sampling, naive.sample.long_sampling) == ("lgds", "naive")
 
 
@@ -155,6 +170,10 @@ def test_edge_keeps_the_sizes_that_both_have(tiny):
         ),
         ("[variants.a]\ntrain = {decay = 7}", "variant 'a': 'train': decay=7"),
         ("[variants.a]\nmodel = {class = 'GPT'}", "'GPT' is not one of TCDiffPP, EDGE"),
+        (
+            "[variants.a]\nmodel = {class = 'FACT'}",
+            "'FACT' is not one of TCDiffPP, EDGE, GCD, TCDiff, Lodge, .* FACT, .* not ablated",
+        ),
         ("[variants.a]\nmodel = 3", "'model' is no table"),
         ("[variants]\na = 3", "variant 'a' is no table"),
         ('[variants."a/b"]', "variant 'a/b' is no name"),
@@ -371,11 +390,13 @@ def test_every_variant_is_trained_and_sampled_with_every_seed(config):
     assert {v.of for v in variants} == {"full", "naive"}
 
 
-@pytest.mark.parametrize("seeds", ["[]", "[1, 1]", "['a']", "3", "[0.5]"])
+@pytest.mark.parametrize(
+    "seeds", ["[]", "[1, 1]", "['a']", "3", "[0.5]", "[true]", "[-1]", f"[{LARGEST_SEED}]"]
+)
 def test_seeds_that_are_none_are_refused(config, seeds):
     path = config("[variants.full]\n")
     path.write_text(f"seeds = {seeds}\n" + path.read_text())
-    with pytest.raises(ValueError, match="seeds="):
+    with pytest.raises(ValueError, match=r"a\.toml': seeds=.* whole numbers in 0 \.\.\. "):
         read_ablation(path)
 
 
@@ -395,3 +416,98 @@ def test_a_seed_that_failed_is_left_out():
     bad = {"variant": "a-0", "of": "a", "failed": "training: no luck"}
     assert mean_of_seeds([bad, good])[0]["scores"]["x"]["value"] == 2.0
     assert mean_of_seeds([bad])[0]["failed"] == "training: no luck"
+
+
+OWN = """
+from dataclasses import dataclass
+
+from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
+
+
+@dataclass(frozen=True)
+class ShortConfig(TCDiffPPConfig):
+    num_frames: int = 30
+
+
+class Short(TCDiffPP):
+    config_class = ShortConfig
+"""
+
+
+def test_a_network_of_ones_own_is_trained(config, tmp_path, monkeypatch):
+    (tmp_path / "ablated_network.py").write_text(OWN)
+    monkeypatch.syspath_prepend(tmp_path)
+    base = BASE.replace("num_frames = 30\n", "")
+    path = config('[variants.own]\nmodel = { class = "ablated_network:Short" }\n', base)
+    assert len(corpus(read_ablation(path)[0], tmp_path / "out")) == 5  # one song, five sizes
+    assert "scores" in run_ablation(path, tmp_path / "out", evaluate=Judge())[1]
+
+
+def test_a_longer_network_learns_from_its_own_takes(config, tmp_path, monkeypatch):
+    """A short take is for a short network only, whoever comes first in the config."""
+    jobs = [
+        Job(f"choreographed_{seed:06d}_2", partial(make_choreographed, seed, 2, seconds=seconds))
+        for seed, seconds in enumerate((3.0, 6.0))
+    ]
+    prepare(jobs, tmp_path / "data", progress=False)
+    seen = []
+
+    def watched(*_, takes, **__):
+        seen.append(sorted(take.num_frames for take in takes))
+        raise ValueError("seen")
+
+    monkeypatch.setattr(ablation, "train_from_config", watched)
+    base = BASE.replace("[data]", f'[data]\nfolder = "{tmp_path / "data"}"')
+    path = config("[variants.short]\n[variants.long]\nmodel = { num_frames = 120 }\n", base)
+    run_ablation(path, tmp_path / "out", evaluate=Judge())
+    assert seen == [[90, 180], [180]]
+
+
+@pytest.mark.parametrize(
+    "changed", ["start = [[0, 0], [1, 0]]", "end = [[0, 0], [1, 0]]", "energy = [0.1, 0.9, 0.1]"]
+)
+def test_dances_asked_for_otherwise_are_others(config, changed):
+    plain, other, there = read_ablation(
+        config(
+            f"[variants.plain]\n[variants.other]\nsample = {{ {changed} }}\n"
+            "[variants.there]\nsample = { device = 'cpu' }\n"
+        )
+    )
+    assert plain.dances_key != other.dances_key and plain.training == other.training
+    assert plain.dances_key == there.dances_key
+
+
+def constant(dances, *, reference, songs):
+    return {"x": {"value": 7.0, "low": None, "high": None}}
+
+
+def test_another_judge_is_asked_anew(config, tmp_path):
+    path, judge = config("[variants.full]\n"), Judge()
+    first = run_ablation(path, tmp_path / "out", evaluate=judge)
+    second = run_ablation(path, tmp_path / "out", evaluate=constant)
+    assert [row["scores"]["x"]["value"] for row in second] == [7.0, 7.0]
+    assert run_ablation(path, tmp_path / "out", evaluate=judge) == first and judge.asked == 4
+
+
+def test_another_network_keeps_the_weights_that_both_have(config):
+    base = BASE + "[weights]\nsimple = 0.5\ndist = 0.3\n"
+    (gcd,) = read_ablation(config('[variants.gcd]\nmodel = { class = "GCD" }\n', base))
+    assert gcd.tables["weights"] == {"simple": 0.5}
+    asked = '[variants.gcd]\nmodel = { class = "GCD" }\nweights = { dist = 0.3 }\n'
+    with pytest.raises(ValueError, match="'weights' has no 'dist'"):
+        read_ablation(config(asked))
+
+
+def test_another_network_keeps_the_extensions_of_training_that_both_have(config):
+    base = BASE + "[extensions]\nmusic_dropout = 0.2\nown_overlap = 0.25\n"
+    full, gcd = read_ablation(
+        config('[variants.full]\n[variants.gcd]\nmodel = { class = "GCD" }\n', base)
+    )
+    assert full.tables["extensions"] == {"music_dropout": 0.2, "own_overlap": 0.25}
+    assert gcd.tables["extensions"] == {"music_dropout": 0.2}
+
+
+def test_extensions_that_are_no_list_are_told_for_another_network_too(config):
+    base = BASE.replace("[model]", "[model]\nextensions = 3")
+    with pytest.raises(ValueError, match="extensions=3 should be a list"):
+        read_ablation(config('[variants.gcd]\nmodel = { class = "GCD" }\n', base))

@@ -10,7 +10,7 @@ import torch
 from safetensors.torch import load_file
 
 from dancediff.training.config import TrainConfig
-from dancediff.training.distributed import World, join_world, own_number
+from dancediff.training.distributed import World, join_world, number_in_process
 from dancediff.training.trainer import Trainer
 from places import ROOT
 
@@ -68,7 +68,7 @@ def test_each_process_counts_its_own_batches(monkeypatch):
     monkeypatch.setattr(torch.distributed, "get_world_size", lambda: 2)
     for rank in (0, 1):
         numbers = [n for step in range(3) for n in World(rank, 2).share(step, accumulate=2)]
-        assert [own_number(n) for n in numbers] == list(range(6))
+        assert [number_in_process(n) for n in numbers] == list(range(6))
 
 
 def test_alone_is_the_default_world():

@@ -169,6 +169,44 @@ def test_train_from_config(takes, tmp_path):
     assert trained.config.d_model == 32 and (tmp_path / "run" / "checkpoint.safetensors").exists()
 
 
+HELD_OUT = """[data]
+songs = 1
+held_out = 1
+seconds = 6.0
+varied = false
+workers = 1
+dancers_per_batch = 2
+"""
+
+
+def test_takes_that_are_given_are_evaluated_on_held_out_songs(takes, tmp_path):
+    """Before there was no validation then, and no word of it."""
+    sizes = "\n".join(f"{key} = {value}" for key, value in TINY.items())
+    steps = "[train]\nsteps = 2\nevaluate_every = 1\nmetrics_every = 2\n"
+    path = tmp_path / "c.toml"
+    path.write_text(f"{HELD_OUT}[model]\n{sizes}\n{steps}")
+    train_from_config(path, tmp_path / "run", takes=takes)
+    assert all(float(row["validation"]) > 0 for row in logged(tmp_path / "run"))
+    assert (tmp_path / "run" / "best.safetensors").exists()
+    assert (tmp_path / "run" / "metrics.csv").exists()
+
+
+def test_and_so_they_are_in_stages_where_a_new_run_forgets_old_previews(takes, tmp_path):
+    sizes = {key: value for key, value in TINY.items() if key in ("d_model", "ff_dim")}
+    sizes = "\n".join(f"{key} = {value}" for key, value in sizes.items())
+    steps = "[train]\nsteps = 2\nevaluate_every = 1\n"
+    path, old = tmp_path / "c.toml", tmp_path / "run" / "previews" / "step_000001.png"
+    path.write_text(f'{HELD_OUT}[model]\nclass = "FACT"\n{sizes}\n{steps}')
+    train_from_config(path, tmp_path / "run", takes=takes)
+    assert all(float(row["validation"]) > 0 for row in logged(tmp_path / "run" / "train"))
+    old.parent.mkdir()
+    old.touch()
+    train_from_config(path, tmp_path / "run", takes=takes, resume=True)
+    assert old.exists()
+    train_from_config(path, tmp_path / "run", takes=takes, overwrite=True)
+    assert not old.exists()
+
+
 def test_packaged_config_is_valid():
     config = read_config(CONFIGS / "tcdiffpp_small.toml")
     names = config["model"].pop("extensions")

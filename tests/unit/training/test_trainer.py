@@ -46,6 +46,28 @@ def test_a_new_run_replaces_an_old_log(tmp_path):
     assert len(rows(tmp_path)) == 3
 
 
+def test_a_new_run_forgets_what_the_old_one_evaluated_and_showed(tmp_path):
+    """Rows of metrics.csv and previews of the old one stood between those of the new one."""
+    config = TrainConfig(steps=3, evaluate_every=1)
+    train(Toy(), Data(), config, tmp_path, evaluator=Evaluator(Data(), config))
+    (tmp_path / "previews").mkdir()
+    old = [tmp_path / name for name in ("metrics.csv", "previews/step_000002.png")]
+    for path in old:
+        path.write_text("step\n2\n")
+    old.append(tmp_path / "best.safetensors")
+    with pytest.raises(ValueError, match="holds a training"):
+        train(Toy(), Data(), TrainConfig(steps=4), tmp_path)
+    train(Toy(), Data(), TrainConfig(steps=4), tmp_path, resume=True)
+    assert all(path.exists() for path in old)
+    train(Toy(), Data(), TrainConfig(steps=4), tmp_path, overwrite=True)
+    assert not any(path.exists() for path in old)
+
+
+def test_checkpoints_are_due_from_time_to_time_and_at_the_end():
+    trainer = Trainer(Toy(), Data(), TrainConfig(steps=8, save_every=3))
+    assert [step for step in range(1, 9) if trainer.is_due(step)] == [3, 6, 8]
+
+
 def test_what_a_killed_run_left_is_removed(tmp_path):
     (tmp_path / ".part.99.checkpoint.safetensors").write_bytes(b"half a file")
     train(Toy(), Data(), TrainConfig(steps=1), tmp_path)

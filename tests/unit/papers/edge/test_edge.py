@@ -267,7 +267,7 @@ def test_config_mistakes_are_named(tmp_path):
         with pytest.raises(ValueError, match=words):
             read_config(path)
     path.write_text('[train]\n[model]\nclass = "EDGE"\nfp = false\n')
-    with pytest.raises(ValueError, match="'model': fp=False is now 'fusion_projection' in without"):
+    with pytest.raises(ValueError, match="'model' has no 'fp'; known: class, cond_drop"):
         read_config(path)
 
 

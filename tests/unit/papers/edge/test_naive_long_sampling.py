@@ -10,9 +10,9 @@ import torch
 from dancediff.diffusion.samplers import SamplerOptions, sample
 from dancediff.diffusion.schedule import cosine_abar, q_sample
 from dancediff.generation.all_segments import AT_ONCE
-from dancediff.generation.group_dance import naive_dance
 from dancediff.generation.pipeline import pipeline_of
-from dancediff.generation.request import GroupDanceRequest
+from dancediff.generation.request import TCDiffPPRequest
+from dancediff.generation.segmented_dance import naive_dance
 from dancediff.motion.blend import cross_fade
 from dancediff.motion.representation import Normalizer, pack, unpack
 from dancediff.motion.rotation import rotation_about, slerp
@@ -154,7 +154,7 @@ class Knows(torch.nn.Module):
 
 def naive(model, **options):
     options = {"dancers": 2, "long_sampling": "naive"} | options
-    return GroupDanceRequest(**options).resolve(model, Tune())
+    return TCDiffPPRequest(**options).resolve(model, Tune())
 
 
 @pytest.mark.parametrize("seconds", [3, 5, 7.4, 24, 40])

@@ -3,12 +3,12 @@
 from dataclasses import dataclass
 from typing import ClassVar, Self
 
+from dancediff.generation.diffusion_request import DiffusionRequest
 from dancediff.generation.option import option
-from dancediff.generation.sampling_config import SamplingConfig
 
 
 @dataclass(frozen=True, kw_only=True)
-class LodgeRequest(SamplingConfig):
+class LodgeRequest(DiffusionRequest):
     """What can be asked of Lodge: a solo, also danced by a group."""
 
     family: ClassVar[str] = "lodge"
@@ -49,7 +49,7 @@ class LodgeRequest(SamplingConfig):
     )  # fmt: skip
 
     def resolve(self, model, song) -> Self:
-        """As `SamplingConfig.resolve`; the formation must have a place for everybody."""
+        """As `DiffusionRequest.resolve`; the formation must have a place for everybody."""
         from dancediff.extensions.group_relations import places
 
         filled = super().resolve(model, song)
@@ -57,6 +57,6 @@ class LodgeRequest(SamplingConfig):
         return filled
 
     def facts(self) -> dict:
-        """As `SamplingConfig.facts`; a solo has no formation."""
+        """As `DiffusionRequest.facts`; a solo has no formation."""
         of_groups = ("formation", "relation") if self.dancers == 1 else ()
         return {name: value for name, value in super().facts().items() if name not in of_groups}

@@ -1,13 +1,13 @@
-"""What we add to Lodge's sampling, step by step: `dancediff.generation.solo_dance`."""
+"""What we add to Lodge's sampling, step by step: `dancediff.generation.lodge_dance`."""
 
 import pytest
 import torch
 
 from dancediff.data.choreographer.structure import Section
 from dancediff.extensions.smooth_primitives import smooth_primitives
-from dancediff.generation import solo_dance
+from dancediff.generation import lodge_dance
+from dancediff.generation.lodge_dance import LodgeSampler
 from dancediff.generation.request import LodgeRequest
-from dancediff.generation.solo_dance import LodgeSampler
 from dancediff.hub import packaged_song
 from dancediff.motion.representation import LODGE
 from dancediff.papers.lodge.parallel import LOCALS, ParallelSampler
@@ -107,7 +107,7 @@ def test_primitives_are_smooth_if_asked_for(model):
 
 def test_sections_are_repeated_if_asked_for(model, monkeypatch):
     verse = [Section(0, 2 * n, "verse", 0), Section(2 * n, 4 * n, "verse", 2)]
-    monkeypatch.setattr(solo_dance, "find_sections", lambda M: verse)
+    monkeypatch.setattr(lodge_dance, "find_sections", lambda M: verse)
     M, segments = music(4 * n, beat=32), segments_of(4 * n, model.config.global_stage.layout)
     primitives = torch.randn(1, 13, 8, 139)
     for on in (False, True):

@@ -25,9 +25,9 @@ from dancediff.extensions.preconditioning import preconditioning_of
 from dancediff.extensions.repeat_sections import find_sections, repeat_sections
 from dancediff.extensions.root_stitching import root_stitching
 from dancediff.extensions.smooth_primitives import smooth_primitives
-from dancediff.generation.energy_request import energy_for
+from dancediff.generation.energy_option import energy_for
 from dancediff.generation.genre_mix import mix_weights
-from dancediff.generation.solo_request import LodgeRequest
+from dancediff.generation.lodge_request import LodgeRequest
 from dancediff.motion.representation import LODGE, at_origin, with_hands
 from dancediff.music.features import beat_frames
 from dancediff.papers.lodge.choreography import Arrangement
@@ -117,7 +117,9 @@ class LodgeSampler(ParallelSampler):
         return root_stitching(x) if self.request.root_stitching else super().join(x)
 
 
-def solo_pieces(model, song, request: LodgeRequest, *, report=None, dtype=None) -> Iterator[Tensor]:
+def lodge_pieces(
+    model, song, request: LodgeRequest, *, report=None, dtype=None
+) -> Iterator[Tensor]:
     """A minute of the dance at a time, for all dancers: features (n, f, 151) in metres.
 
     The solo is made first: 139 numbers a frame, 60 MB an hour, are held to its end. Everything
@@ -141,7 +143,7 @@ def solo_pieces(model, song, request: LodgeRequest, *, report=None, dtype=None) 
     yield from map(with_hands, pieces)
 
 
-def solo_seams(model, song, request: LodgeRequest) -> list[int]:
+def lodge_seams(model, song, request: LodgeRequest) -> list[int]:
     """Frames in which somebody passes from one segment to the next."""
     delay = [0]
     if request.relation == "canon":

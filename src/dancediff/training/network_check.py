@@ -24,7 +24,7 @@ def check_network(model: DanceNetwork, plain_class: type) -> None:
     Raises: ValueError naming the part, what it was given and what it must return.
     """
     with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(0)
+        torch.manual_seed(0)  # layers draw their weights from torch's own generator
         plain: DanceNetwork = build(
             plain_class, model.config, extensions_of(model), genres_of(model)
         )
@@ -44,8 +44,10 @@ class _Watched:
     def run(self) -> None:
         model, c = self.model, self.model.config
         n = min(MOST, getattr(c, "max_dancers", MOST))
-        x_t = torch.randn(BATCH, n, c.num_frames, c.motion_dim)
-        M, swap = torch.randn(BATCH, c.num_frames, c.music_dim), torch.arange(n).expand(BATCH, n)
+        g = torch.Generator().manual_seed(0)
+        x_t = torch.randn(BATCH, n, c.num_frames, c.motion_dim, generator=g)
+        M = torch.randn(BATCH, c.num_frames, c.music_dim, generator=g)
+        swap = torch.arange(n).expand(BATCH, n)
         handles = []
         for name, part in model.named_modules():
             handles.append(part.register_forward_pre_hook(self._enter(name)))

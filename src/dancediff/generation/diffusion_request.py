@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Self
 
 from dancediff.extensions.registry import REGISTRY
 from dancediff.generation.dance_request import DanceRequest
-from dancediff.generation.energy_request import energy_of, is_curve, resolved_energy
+from dancediff.generation.energy_option import energy_of, is_curve, resolved_energy
 from dancediff.generation.genre_mix import BY_TEMPO, mix_of, resolved_genre
 from dancediff.generation.option import option
 from dancediff.generation.presets import PAPER
@@ -36,12 +36,12 @@ def sigma_min_option(default: float | None) -> Any:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SamplingConfig(DanceRequest):
+class DiffusionRequest(DanceRequest):
     """The options that all denoisers share.
 
     Raises: ValueError naming the option, its value and what is allowed.
 
-    >>> SamplingConfig(eta=2)
+    >>> DiffusionRequest(eta=2)
     Traceback (most recent call last):
     ValueError: eta=2 must lie in 0 ... 1
     """

@@ -1,19 +1,16 @@
-"""What can be asked of models of groups, which dance in segments of 5 s.
+"""What can be asked of TCDiff++.
 
-Read first: `dancediff.generation.request`.
+Read first: `dancediff.generation.segmented_request`.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar, Self
 
+from dancediff.generation.diffusion_request import has_preconditioning, sigma_min_option
 from dancediff.generation.genre_mix import ANY, BY_TEMPO
 from dancediff.generation.option import in_range, one_or_several, option
-from dancediff.generation.sampling_config import (
-    SamplingConfig,
-    has_preconditioning,
-    sigma_min_option,
-)
+from dancediff.generation.segmented_request import SegmentedRequest
 
 if TYPE_CHECKING:
     from dancediff.extensions.constraint import Constraint
@@ -22,58 +19,14 @@ LOOK_AHEAD = 30  # frames danced again where a constraint may lie just behind a 
 
 
 @dataclass(frozen=True, kw_only=True)
-class SegmentedRequest(SamplingConfig):
-    """What can be asked of models that dance in segments of 5 s."""
-
-    dancers: int = option(3, "How many people dance.", low=1)
-    overlap: int = option(75, "Frames that segments of 5 s share.", low=1)
-    frequency_clip: bool = option(
-        None, "Cut guesses at what each frequency of the training set reaches, not at its range."
-    )
-
-    def _limits(self, config) -> dict[str, int]:
-        own = {"dancers": config.max_dancers, "overlap": config.num_frames - 1}
-        return super()._limits(config) | own
-
-
-@dataclass(frozen=True, kw_only=True)
-class EDGERequest(SegmentedRequest):
-    """What can be asked of EDGE: each dancer alone, then placed side by side."""
-
-    family: ClassVar[str] = "edge"
-
-
-@dataclass(frozen=True, kw_only=True)
-class GCDRequest(SegmentedRequest):
-    """What can be asked of GCD.
-
-    >>> GCDRequest(gamma=-1).gamma
-    -1.0
-    """
-
-    family: ClassVar[str] = "gcd"
-
-    gamma: float = option(
-        0.0, "Above 0 dancers are more in step, below more varied.", low=-100, high=100
-    )
-
-
-@dataclass(frozen=True, kw_only=True)
-class TCDiffRequest(SegmentedRequest):
-    """What can be asked of TCDiff, whose navigator decides where everybody goes."""
-
-    family: ClassVar[str] = "tcdiff"
-
-
-@dataclass(frozen=True, kw_only=True)
-class GroupDanceRequest(SegmentedRequest):
+class TCDiffPPRequest(SegmentedRequest):
     """What can be asked of TCDiff++.
 
     ``swap[k]``: the dancer, counted 0.. from the left at the first frame, who stands k-th from the
     left in the end. ``start``, ``end``: one (x, z) in metres a dancer. ``constraints``: see
     `dancediff.extensions.control`. Changes of order need the sampler "dpm".
 
-    >>> GroupDanceRequest(dancers=2, pinning="glue")
+    >>> TCDiffPPRequest(dancers=2, pinning="glue")
     Traceback (most recent call last):
     ValueError: pinning='glue' is not one of 'auto', 'same_noise', 'renoise', 'clean', 'init'
     """
@@ -127,7 +80,7 @@ class GroupDanceRequest(SegmentedRequest):
             raise ValueError(f"swap_at={self.swap_at!r} needs swap=, the order to change to")
 
     def resolve(self, model, song) -> Self:
-        """As `SamplingConfig.resolve`; an order that follows from places at the end is a swap."""
+        """As `DiffusionRequest.resolve`; an order that follows from places at the end is a swap."""
         filled = super().resolve(model, song)._with_genre_guidance(self)
         if filled.swap_at is not None:
             in_range("swap_at", filled.swap_at, 0, filled.seconds)
@@ -136,7 +89,7 @@ class GroupDanceRequest(SegmentedRequest):
         constraint = filled.constraint()
         return filled if constraint is None else filled._with_constraint(constraint, model)
 
-    def _with_genre_guidance(self, asked: "GroupDanceRequest") -> Self:
+    def _with_genre_guidance(self, asked: "TCDiffPPRequest") -> Self:
         """As learned, where nobody asked for a genre."""
         filled = self
         if asked.genre in (None, ANY, BY_TEMPO) and asked.genre_guidance is None:
@@ -180,7 +133,7 @@ class GroupDanceRequest(SegmentedRequest):
             )
         return replace(self, swap=order.tolist(), swap_at=self.seconds)
 
-    def _naive(self, asked: "GroupDanceRequest") -> Self:
+    def _naive(self, asked: "TCDiffPPRequest") -> Self:
         """Without what belongs to Long Group Diffusion Sampling."""
         for name in ("collision_avoidance", "order_constraint"):
             if getattr(asked, name):
