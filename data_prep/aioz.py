@@ -48,7 +48,7 @@ def all_takes(src: Path, out: Path, workers: int) -> None:
     """Every take, as the command line does it."""
     from dancediff.data.prepare import prepare
 
-    prepare(aioz_jobs(src), out, workers=workers)
+    print(prepare(aioz_jobs(src), out, workers=workers))
 
 
 def main() -> None:

@@ -47,7 +47,7 @@ def all_takes(src: Path, out: Path, workers: int) -> None:
     """Every take, as the command line does it."""
     from dancediff.data.prepare import prepare
 
-    prepare(aistpp_jobs(src), out, workers=workers)
+    print(prepare(aistpp_jobs(src), out, workers=workers))
 
 
 def main() -> None:

@@ -27,7 +27,7 @@ MOMENTS = (0.1, 0.26, 0.42, 0.58, 0.74, 0.9)  # of a take
 
 def one_take(src: Path) -> None:
     """The steps behind one dancer of the first duet, one by one."""
-    manifest = json.loads((src / "manifest.json").read_text())
+    manifest = json.loads((src / "manifest.json").read_text(encoding="utf-8"))
     row, fps = manifest["salsa"]["pairs"][0], manifest["salsa"]["fps_true"]
 
     # 1. read; the header says 120 frames a second, the music of the dance says 60
@@ -90,7 +90,7 @@ def draw_take(src: Path, name: str, path: Path) -> Path:
 
 def _source_joints(src: Path, name: str, take, result: np.ndarray):
     """The source's own joints, scaled and shifted onto the stage: (n, f, j, 3), and its bones."""
-    manifest = json.loads((src / "manifest.json").read_text())
+    manifest = json.loads((src / "manifest.json").read_text(encoding="utf-8"))
     genre, number = name.split("_")
     rows = manifest[genre]["pairs" if genre == "salsa" else "takes"]
     row = next(row for row in rows if row["take"] == int(number))

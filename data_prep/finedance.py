@@ -53,7 +53,7 @@ def all_takes(src: Path, out: Path, workers: int, split: str) -> None:
     """Every take, as the command line does it."""
     from dancediff.data.prepare import prepare
 
-    prepare(finedance_jobs(src, split=split), out, workers=workers)
+    print(prepare(finedance_jobs(src, split=split), out, workers=workers))
 
 
 def main() -> None:

@@ -106,7 +106,7 @@ def writing(path) -> Iterator[None]:
     try:
         yield
     except OSError as err:
-        if err.errno is not None and err.filename is None:
+        if err.errno is not None and err.filename in (None, str(hidden(Path(path)))):
             with suppress(AttributeError):  # of some libraries' own errors it cannot be set
                 err.filename = str(path)
         raise

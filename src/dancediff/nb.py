@@ -207,8 +207,11 @@ def report() -> None:
     What is solved has its title, which may give the answer away.
     """
     number = _lesson["number"]
+    if number is None:
+        _say("no lesson is set up; run the cell with nb.setup, and the checks again")
+        return
     for key, task in EXERCISES.items():
-        if number is not None and key.startswith(f"{number:02d}."):
+        if key.startswith(f"{number:02d}."):
             mark = _status.get(key, OPEN)
             _say(f"{mark} {key} {task.title}" if mark == RIGHT else f"{mark} {key}")
     _say(f"{time.perf_counter() - _lesson['start']:.0f} s since the set-up cell")

@@ -143,6 +143,17 @@ def test_what_was_danced_is_saved(live, tmp_path):
     assert (tmp_path / "dance.npz").exists() and (tmp_path / "log.json").exists()
 
 
+def test_a_dance_that_was_not_saved_is_asked_about(live, server):
+    """And who saves after the end is told, and does not wait."""
+    leave = "window.dispatchEvent(new Event('beforeunload', { cancelable: true }))"
+    assert not live.evaluate(leave)  # the browser asks
+    server.stop()
+    until(live, f"{LIVE}.closed", 20 * SLOW)
+    live.locator("#save").click()
+    assert "nothing can be saved any more" in live.locator("#said").inner_text()
+    assert live.evaluate(leave)
+
+
 def test_a_closed_tab_ends_the_work(server, new_page):
     page = new_page()
     page.goto(server.address, timeout=30_000 * SLOW, wait_until="commit")

@@ -9,6 +9,7 @@ from chromium_page import changed, num_colors, until
 
 from dancediff.data.choreographer import choreograph
 from dancediff.music.synth import synth_song
+from dancediff.viz.gallery import save_gallery
 from dancediff.viz.player import save_player
 
 SECONDS = 24.0
@@ -120,3 +121,75 @@ def test_it_begins_again_at_the_end_every_time(page, files):
     page.evaluate(f"window.dancediff.audio.currentTime = {SECONDS - 1}")
     until(page, "!window.dancediff.state().playing")
     assert state(page)["frame"] > 700
+
+
+def test_controls_keep_their_own_keys(page, files):
+    show(page, files["mute"])
+    page.locator("#loop").focus()
+    page.keyboard.press("Space")
+    assert page.locator("#loop").is_checked() and not state(page)["playing"]
+    page.locator("#top").focus()
+    page.keyboard.press("Space")
+    assert page.locator("#top").get_attribute("aria-pressed") == "true"
+    assert not state(page)["playing"]
+    page.keyboard.press("ArrowRight")  # of no use to a button
+    assert state(page)["frame"] == 30
+    page.locator("#time").focus()
+    page.keyboard.press("ArrowRight")
+    assert state(page)["frame"] == 31
+    page.locator("#time").click(position={"x": 30, "y": 5})
+    assert page.evaluate("document.activeElement === document.body")  # keys are the player's again
+
+
+def test_keys_work_with_capslock_too(page, files):
+    show(page, files["mute"])
+    page.keyboard.press("T")
+    assert page.locator("#top").get_attribute("aria-pressed") == "true"
+
+
+def test_a_frame_is_stepped_from_the_one_that_is_seen(page, files):
+    show(page, files["mute"])
+    for key, frame in ((".", 11), (",", 9)):
+        page.evaluate("window.dancediff.clock.seek(10.9 / 30)")
+        page.keyboard.press(key)
+        assert state(page)["frame"] == frame
+
+
+def test_the_tab_has_the_name_of_the_dance(page, files):
+    show(page, files["mute"])
+    assert page.title() == "3 dancers"
+
+
+def test_without_webgl_the_page_says_so(page, files):
+    page.add_init_script(
+        "const get = HTMLCanvasElement.prototype.getContext;"
+        "HTMLCanvasElement.prototype.getContext = function (kind, ...more) {"
+        " return kind === '2d' ? get.call(this, kind, ...more) : null; }"
+    )
+    page.goto(files["mute"].as_uri())
+    assert "has no WebGL" in page.locator("#clock").inner_text()
+
+
+def test_a_gallery_is_sorted_by_keyboard(page, tmp_path):
+    for name, seconds in (("b10", 3), ("b9", 4), ("a", 2)):
+        dance = choreograph([0.5, 1.0, 1.5], dancers=1, seed=len(name), seconds=seconds)[0]
+        (tmp_path / "in").mkdir(exist_ok=True)
+        dance.save(tmp_path / "in" / f"{name}.npz")
+    (tmp_path / "in" / "c.npz").write_bytes(b"no dance")
+    page.goto(save_gallery(tmp_path / "in", tmp_path / "out").index.as_uri())
+
+    def names():
+        return [cell.split(".npz")[0] for cell in page.locator("td:first-child").all_inner_texts()]
+
+    page.get_by_role("button", name="dance").focus()
+    page.keyboard.press("Enter")
+    assert names() == ["a", "b9", "b10", "c"]
+    page.keyboard.press("Enter")
+    assert names() == ["c", "b10", "b9", "a"]
+    assert page.locator("th").first.get_attribute("aria-sort") == "descending"
+    page.get_by_role("button", name="PFC").click()
+    values = page.locator("tr:has(td.n) td:nth-child(6)").evaluate_all(
+        "cells => cells.map((cell) => Number(cell.dataset.v))"
+    )
+    assert values == sorted(values, reverse=True) and names()[-1] == "c"
+    assert page.locator("[aria-sort]").count() == 1

@@ -130,3 +130,42 @@ def test_a_reload_loses_nothing_and_somebody_else_begins_anew(page, made):
     page.keyboard.press("Enter")
     fresh = page.evaluate("window.study.state()")
     assert fresh["answers"] == {} and fresh["token"] != state["token"]
+
+
+def test_answers_that_were_not_downloaded_are_not_thrown_away_unasked(page, made):
+    begin(page, made, "Ada")
+    page.keyboard.press("Space")
+    until(page, "window.study.open()", 20 * SLOW)
+    page.keyboard.press("p")
+    page.goto(made.page.as_uri())
+    asked = []
+    page.once("dialog", lambda dialog: (asked.append(dialog.message), dialog.dismiss()))
+    page.locator("#rater").fill("Bob")
+    page.keyboard.press("Enter")
+    assert asked == ["The answers of Ada were not downloaded. Throw them away?"]
+    assert page.locator("#start").is_visible()
+    page.get_by_text("Go on as Ada").click()
+    wait_for_player(page)
+    page.locator("#stop").click()
+    download(page)
+    page.locator("#again").click()  # downloaded already: nobody is asked
+    page.goto(made.page.as_uri())
+    page.locator("#rater").fill("Bob")
+    page.keyboard.press("Enter")
+    wait_for_player(page)
+    assert page.evaluate("window.study.state()")["rater"] == "Bob" and len(asked) == 1
+
+
+def test_a_focused_button_is_what_enter_and_space_press(page, made):
+    begin(page, made, "Ada")
+    page.keyboard.press("Space")
+    until(page, "window.study.open()", 20 * SLOW)
+    until(page, "!player().clock.playing()", 20 * SLOW)  # it has come to its end
+    page.locator("#votes button").nth(1).focus()
+    page.keyboard.press("Space")
+    (given,) = page.evaluate("window.study.state()")["answers"].values()
+    assert list(given.values()) == ["right"]
+    assert not page.evaluate("player().clock.playing()")
+    page.locator("#stop").focus()
+    page.keyboard.press("Enter")
+    assert page.locator("#end").is_visible()

@@ -55,3 +55,10 @@ def test_no_writer_does_it_by_hand():
         if ".part" in (text := file.read_text(encoding="utf-8")) and "part.replace(" in text
     ]
     assert sorted(by_hand) == ["atomic.py", "data/take_file.py"]
+
+
+def test_an_error_names_the_file_that_was_asked_for(tmp_path):
+    path = tmp_path / "nowhere" / "a.txt"
+    with pytest.raises(FileNotFoundError) as caught, atomic_write(path) as part:
+        part.write_text("words")
+    assert caught.value.filename == str(path)

@@ -23,6 +23,8 @@ def main(args: list[str] | None = None) -> int:
     # torch reads it when a command imports it. Its threads wait for each other actively, now not
     # for long: 5 s of dance beside two busy programs took 19 s instead of more than 100.
     os.environ.setdefault("GOMP_SPINCOUNT", "5000")
+    if isinstance(sys.stdout, io.TextIOWrapper):  # a Windows code page has no ✓
+        sys.stdout.reconfigure(errors="replace")
     args = sys.argv[1:] if args is None else args
     if args == ["--version"]:
         print(f"dancediff {__version__}")
@@ -33,13 +35,16 @@ def main(args: list[str] | None = None) -> int:
     except BrokenPipeError:  # whoever read what we print has gone, as `head` does
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 128 + 13  # as if SIGPIPE had ended us
-    except (ValueError, OSError, RuntimeError) as err:
+    except (ValueError, OSError, RuntimeError, ImportError) as err:
         fix = "; check the path, its permissions and the free space"
         if isinstance(err, OSError) and err.errno == errno.EADDRINUSE:
             fix = "; name another port, or 0 for a free one"
         is_disk = isinstance(err, OSError) and not isinstance(err, ValueError)
-        print(f"dancediff: {_one_line(err)}{fix if is_disk else ''}", file=sys.stderr)
-        return 1 if isinstance(err, RuntimeError) else 2
+        if isinstance(err, ModuleNotFoundError):  # ours are ImportErrors that name their fix
+            fix = "; `dancediff doctor` says what is missing"
+        has_fix = is_disk or isinstance(err, ModuleNotFoundError)
+        print(f"dancediff: {_one_line(err)}{fix if has_fix else ''}", file=sys.stderr)
+        return 1 if isinstance(err, RuntimeError | ImportError) else 2
     except KeyboardInterrupt:
         print("dancediff: stopped", file=sys.stderr)
         return 130

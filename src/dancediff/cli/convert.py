@@ -37,6 +37,11 @@ class Convert:
         if io.suffix_of(target) not in io.SUFFIXES:
             known = " ".join(io.SUFFIXES)
             raise ValueError(f"{str(target)!r}, the file to write, should end in one of {known}")
+        if target.exists() and io.suffix_of(target) == io.suffix_of(sources[-1]):
+            raise ValueError(
+                f"{str(target)!r}, the file to write, is there already and may be a dance to read, "
+                f"as {str(sources[-1])!r} is; name a new file last"
+            )
         check_folder(target.parent, "the folder of")
         song = None if self.song is None else song_named(self.song)
         dance = Motion.load(*sources)

@@ -28,10 +28,10 @@ class Doctor:
 
     def run(self) -> None:
         """A line a check; the exit status is 0 unless something that every dance needs fails."""
-        facts: dict = {"python": platform.python_version(), "machine": machine()}
+        facts: dict = {"python": platform.python_version()}
         versions = {name: version(name) for name in VERSIONS}
         lines = [
-            f"python {facts['python']} on {facts['machine']}",
+            f"python {facts['python']}",
             " · ".join(f"{name} {words}" for name, words in versions.items() if words),
         ]
         failed = []
@@ -148,6 +148,7 @@ def lessons() -> str:
 
 
 CHECKS: dict[str, tuple[Callable[[], str], str]] = {  # what to try, and what to do if it fails
+    "machine": (machine, SETUP),
     "sound": (sound, SETUP),
     "models": (models, SETUP),
     "dancing": (dancing, SETUP),

@@ -107,5 +107,5 @@ class Evaluate:
             return
         if path.is_dir():
             raise ValueError(f"--{name} {str(path)!r} is a folder; name a file in it")
-        check_folder(path.parent)
+        check_folder(path.parent, f"--{name}")
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -234,10 +234,10 @@ def _read_motion(lines: _Lines, width: int) -> tuple[np.ndarray, float]:
 
 
 def _header(lines: _Lines, name: str) -> float:
-    row = lines.next(name)
-    if " ".join(row[:-1]).lower() != name.lower():
+    head, colon, number = " ".join(lines.next(name)).partition(":")  # some write "Frames:1"
+    if (head + colon).lower() != name.lower():
         raise lines.wrong(f"{name!r} and a number")
-    return lines.numbers(row[-1:], f"{name!r} and a number")[0]
+    return lines.numbers([number], f"{name!r} and a number")[0]
 
 
 def _split_channels(rows: np.ndarray, channels: list[list[str]], offsets: Tensor, scale: float):

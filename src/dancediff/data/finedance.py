@@ -26,11 +26,13 @@ import torch
 from torch import Tensor
 
 from dancediff.axes import FPS
-from dancediff.data.formats import find_song, make_take, pad_hands, plain_array, read_json
+from dancediff.data.formats import find_song, make_take, plain_array, read_json
+from dancediff.data.names import own_name
 from dancediff.data.take import DanceTake, Job
 from dancediff.genre import FINEDANCE
 from dancediff.motion.contact import TOE_CLEARANCE
 from dancediff.motion.motion import Motion
+from dancediff.motion.representation import whole_pose
 from dancediff.motion.rotation import rot6d_to_matrix
 from dancediff.motion.skeleton import FOOT_JOINTS
 
@@ -85,7 +87,7 @@ def finedance_jobs(src, *, split: str = "genre") -> list[Job]:
             path, label = src / "motion" / f"{name}.npy", src / "label_json" / f"{name}.json"
             song = find_song([src / "music_wav"], [name])
             make = partial(make_finedance, path, song, label, split_of(name, split))
-            jobs.append(Job(f"finedance_{name}", make))
+            jobs.append(Job(f"finedance_{own_name(name)}", make))
     return jobs
 
 
@@ -146,7 +148,7 @@ def read_motion(path: Path) -> Motion:
     root, d6 = row[:, :3] * LEGS, row[:, 3 : 3 + 6 * BODY].unflatten(-1, (BODY, 6))
     if d6.unflatten(-1, (2, 3)).norm(dim=-1).min() < 1e-3:
         raise ValueError("it has rotations of length 0")
-    return Motion(pad_hands(rot6d_to_matrix(d6))[None], root[None], FPS)
+    return Motion(whole_pose(rot6d_to_matrix(d6))[None], root[None], FPS)
 
 
 def first_floor(joints: Tensor) -> float:

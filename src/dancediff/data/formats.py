@@ -21,7 +21,6 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from torch import Tensor
 
 from dancediff.data.cache import song_features
 from dancediff.data.resample import resample_motion
@@ -31,7 +30,7 @@ from dancediff.data.take import DanceTake
 from dancediff.motion.contact import foot_contact
 from dancediff.motion.motion import Motion
 from dancediff.motion.rotation import axis_angle_to_matrix
-from dancediff.motion.skeleton import FOOT_JOINTS, SMPL24
+from dancediff.motion.skeleton import FOOT_JOINTS
 from dancediff.music.features import beat_times
 from dancediff.music.song import Music
 
@@ -82,7 +81,7 @@ def on_the_floor(motion: Motion) -> tuple[Motion, list[float]]:
     with legs of one length. Floor: the median height of the lower toe while it stands.
     """
     feet = motion.joints()[:, :, FOOT_JOINTS]
-    floors = [floor_height(dancer) for dancer in feet]
+    floors = [floor_height(dancer, motion.fps) for dancer in feet]
     down = torch.zeros(motion.num_dancers, 1, 3)
     down[:, 0, 1] = torch.tensor(floors)
     return replace(motion, root=motion.root - down), [round(floor, 4) for floor in floors]
@@ -143,7 +142,9 @@ def make_take(
     motion = motion.frames(0, f)
     return DanceTake(
         name=name,
-        dance=replace(motion, contact=foot_contact(motion.joints()), meta={"name": name}),
+        dance=replace(
+            motion, contact=foot_contact(motion.joints(), motion.fps), meta={"name": name}
+        ),
         kind=kind,
         music="none" if M is None else "original",
         M=None if M is None else M[:f].clone(),
@@ -156,18 +157,12 @@ def make_take(
 def find_song(folders: list[Path], names: list[str]) -> Path | None:
     """The first file with one of the names and the suffix of a sound, in the first such folder."""
     places = [folder / name for folder in folders for name in names]
-    files = (place.with_name(place.name + end) for place in places for end in _SOUNDS)
+    ends = [how(end) for end in _SOUNDS for how in (str.lower, str.upper, str.title)]
+    files = (place.with_name(place.name + end) for place in places for end in ends)
     return next((file for file in files if file.is_file()), None)
 
 
 _SOUNDS = (".wav", ".flac", ".ogg", ".mp3")
-
-
-def pad_hands(pose: Tensor) -> Tensor:
-    """Rotations of the first joints of SMPL-24, (..., k, 3, 3), with the missing ones at rest."""
-    missing = SMPL24.num_joints - pose.shape[-3]
-    rest = torch.eye(3, dtype=pose.dtype).expand(*pose.shape[:-3], missing, 3, 3)
-    return torch.cat([pose, rest], dim=-3)
 
 
 def read_names(path: Path) -> list[str]:
@@ -238,7 +233,7 @@ def read_json(path: Path) -> dict:
     Raises: ValueError naming the file when there is none.
     """
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = json.loads(path.read_text(encoding="utf-8-sig"))
     except (OSError, ValueError, RecursionError) as err:
         raise ValueError(f"{path} cannot be read as JSON: {err}") from err
     if not isinstance(content, dict):

@@ -12,6 +12,7 @@ Symbols (axes: n dancers · f frames · d motion, m music features)
 
 import json
 import shutil
+import stat
 import tempfile
 from dataclasses import asdict, dataclass, fields
 from hashlib import sha256
@@ -22,7 +23,7 @@ import torch
 from torch import Tensor
 
 from dancediff.data.cache import code_digest
-from dancediff.data.prepared import Entry, PreparedData
+from dancediff.data.prepared import PACKING, Entry, PreparedData
 from dancediff.data.take import DanceTake
 from dancediff.motion.representation import TCDIFFPP
 from dancediff.motion.skeleton import SMPL24
@@ -76,6 +77,10 @@ class PackedTakes:
             path = self.folder / f"{name}.npy"
             try:
                 self._maps[name] = np.load(path, mmap_mode="c")
+            except PermissionError as err:
+                raise PermissionError(
+                    err.errno, "may not be read; ask its owner for the right to", str(path)
+                ) from err
             except (OSError, ValueError, EOFError, SyntaxError) as err:
                 raise ValueError(
                     f"{str(path)!r} is damaged ({err}); delete the folder it is in, which is made "
@@ -87,7 +92,8 @@ class PackedTakes:
         for place in self.places:  # before any file is made as large as the index says
             _check_size(place.entry, data.folder)
         self.folder.parent.mkdir(parents=True, exist_ok=True)
-        part = Path(tempfile.mkdtemp(prefix=".packing-", dir=self.folder.parent))
+        part = Path(tempfile.mkdtemp(prefix=PACKING, dir=self.folder.parent))
+        part.chmod(stat.S_IMODE(self.folder.parent.stat().st_mode))  # mkdtemp lets nobody else in
         try:
             x, M = (
                 np.lib.format.open_memmap(part / f"{name}.npy", "w+", np.float32, shape)

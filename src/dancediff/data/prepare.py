@@ -25,7 +25,7 @@ from dancediff.atomic import atomic_write, sweep
 from dancediff.axes import FPS
 from dancediff.backends import WorkerDied, check_backend, run_jobs
 from dancediff.data.cache import code_digest, use_cache
-from dancediff.data.prepared import FOLDERS, FORMAT, NAME, read_index
+from dancediff.data.prepared import FOLDERS, FORMAT, NAME, PACKING, read_index
 from dancediff.data.summary import Summary
 from dancediff.data.take import Job
 from dancediff.data.take_file import SCRATCH, describe, read_row, write_take
@@ -59,7 +59,7 @@ def prepare(
     check_backend(workers, backend, scheduler)
     for folder in FOLDERS:
         (out / folder).mkdir(parents=True, exist_ok=True)
-    for left in out.glob(f"{SCRATCH}*"):  # of a run that was killed
+    for left in [*out.glob(f"{SCRATCH}*"), *out.glob(f"cache/{PACKING}*")]:  # of killed runs
         shutil.rmtree(left)
     sweep(out / "cache")
     summary = Summary(out)
@@ -91,13 +91,11 @@ def _check(jobs: list[Job]) -> None:
 
 def run_job(job: Job, out: Path) -> str:
     """Make one take and write it, unless it is there: "made", "kept" or "skipped: " and why."""
-    made_by = recipe(job)
     path = _find(out, job.name)
-    if path is not None:
-        with contextlib.suppress(ValueError):
-            if read_row(path)["made_by"] == made_by:
-                return KEPT
     try:
+        made_by = recipe(job)  # reads the files that are arguments
+        if path is not None and _made_by(path) == made_by:
+            return KEPT
         with use_cache(out / "cache" / "features"):
             take = job.make()
         if take.name != job.name:
@@ -110,7 +108,7 @@ def run_job(job: Job, out: Path) -> str:
     except Exception as err:  # one odd file must not end a run over thousands
         if isinstance(err, OSError) and err.errno in FULL:
             raise
-        if path is not None:
+        if path is not None and not _unreachable(err):
             path.unlink()  # the take has become bad: no old version shall pass for it
         kind = "" if isinstance(err, ValueError) else f"{type(err).__name__}: "
         return f"skipped: {kind}{' '.join(str(err).split())}"
@@ -119,6 +117,21 @@ def run_job(job: Job, out: Path) -> str:
     if path not in (None, new):  # the old one was of the other kind
         path.unlink()
     return MADE
+
+
+def _made_by(path: Path) -> str | None:
+    with contextlib.suppress(ValueError):  # damaged
+        return read_row(path)["made_by"]
+    return None
+
+
+def _unreachable(err: BaseException | None) -> bool:
+    """Was it the disk that failed? Then the source may be back the next time, as it was."""
+    while err is not None:
+        if isinstance(err, OSError) and err.errno is not None:
+            return True
+        err = err.__cause__ or err.__context__
+    return False
 
 
 def recipe(job: Job) -> str:
@@ -181,7 +194,11 @@ def _write_index(out: Path, names: list[str], summary: Summary) -> None:
         for name in sorted(wanted):
             if (path := _find(out, name)) is None:
                 continue  # somebody deleted it
-            row = read_row(path)
+            try:
+                row = read_row(path)
+            except ValueError as err:  # of an earlier run; it must not end every later one
+                skipped[name] = summary.skipped[name] = str(err)
+                continue
             summary.add(row)
             row["file"] = path.relative_to(out).as_posix()
             file.write(comma + json.dumps(row, sort_keys=True))

@@ -22,6 +22,7 @@ from dancediff.data.take_file import read_take
 
 FORMAT = "dancediff-prepared-1"
 FOLDERS = ("takes", "composed")
+PACKING = ".packing-"  # prefix of folders in cache/ in which maps are being written
 AND = " + "  # between the groups of a take that was made from several
 NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.+-]{0,150}")
 
@@ -89,7 +90,8 @@ class PreparedData:
                 if other.split != entry.split:
                     raise ValueError(
                         f"{self._index}: {other.name!r} is in {other.split} and {entry.name!r} in "
-                        f"{entry.split}, but both belong to {group!r}; prepare the folder anew"
+                        f"{entry.split}, but both belong to {group!r}; give them one split and "
+                        "prepare the folder anew"
                     )
 
     def __len__(self) -> int:
@@ -119,6 +121,17 @@ class PreparedData:
         if not path.is_file():
             raise ValueError(f"{str(path)!r} is missing; run `dancediff prepare` again")
         return read_take(path)
+
+
+def is_prepared(folder: Path) -> bool:
+    """Does the folder hold an index of ours, of whatever version? Others have an index.json too."""
+    try:
+        with (folder / "index.json").open("rb") as file:
+            return (
+                re.match(rb'\s*\{\s*"format":\s*"dancediff-prepared-', file.read(200)) is not None
+            )
+    except OSError:
+        return False
 
 
 def read_index(folder: Path) -> dict:

@@ -33,7 +33,7 @@ ANKLE_FLOOR = 0.05  # metres: no ankle is put lower
 KNEE_FRONT = 0.05  # leg lengths: how much a straight leg's thigh decides where its knee points
 KNEE_REACH = 1.8  # radians from pointing to the front and outward
 STIFF = ("ltoe", "rtoe", "lhand", "rhand")  # move with foot and wrist
-STANDING = 0.005  # metres a frame
+STANDING = 0.005  # metres a frame at 30 fps
 SKATE_SPEED = 0.01  # metres a frame
 
 
@@ -123,7 +123,7 @@ def leg_scale(bvh: BVH, joints: dict[str, str]) -> float:
     return ours / theirs
 
 
-def floor_height(feet: Tensor) -> float:
+def floor_height(feet: Tensor, fps: float = FPS) -> float:
     r"""Height of the floor under a take: the median height of the lower toe while it stands.
 
     Standing is slower than `STANDING`. The lowest toes of all would follow the frames in which a
@@ -134,7 +134,7 @@ def floor_height(feet: Tensor) -> float:
     toes = feet[:, 2:]
     speed = toes.diff(dim=0).norm(dim=-1)
     height, low = toes[:-1, :, 1].min(dim=-1)
-    stands = speed.gather(1, low[:, None])[:, 0] < STANDING
+    stands = speed.gather(1, low[:, None])[:, 0] < STANDING * (FPS / fps)
     height = height[stands] if stands.any() else toes[:, :, 1].flatten()
     return height.median().item() - TOE_CLEARANCE
 

@@ -7,6 +7,7 @@ Files
 
 import re
 import tomllib
+import unicodedata
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -28,12 +29,13 @@ class SongFile:
 
     @property
     def key(self) -> str:
-        """The title in small letters and digits.
+        """The title in small letters and digits, of any alphabet.
 
         >>> SongFile(Path("a.ogg"), "The Sad Waltz (live)").key
         'the-sad-waltz-live'
         """
-        return re.sub(r"[^a-z0-9]+", "-", self.title.lower()).strip("-") or "song"
+        title = unicodedata.normalize("NFKC", self.title).casefold()
+        return re.sub(r"[\W_]+", "-", title).strip("-") or "song"
 
     @property
     def source(self) -> str:
@@ -54,10 +56,16 @@ def songs_in(folder, *, licence: str | None = None) -> list[SongFile]:
     if not folder.is_dir():
         raise ValueError(f"src={str(folder)!r} is no folder; name the one that holds the songs")
     known = _manifest(folder)
-    paths = sorted(p for p in folder.rglob("*") if p.suffix.lower() in SUFFIXES and p.is_file())
+    paths = sorted(p for p in folder.rglob("*") if _is_song(p, folder))
     if not paths:
         raise ValueError(f"{str(folder)!r} holds no wav, flac, ogg or mp3 file, nor do its folders")
     return [_song(path, known.get(path, {}), licence) for path in paths]
+
+
+def _is_song(path: Path, folder: Path) -> bool:
+    # macOS keeps "._a.mp3" beside "a.mp3", which is no sound
+    hidden = any(part.startswith(".") for part in path.relative_to(folder).parts)
+    return path.suffix.lower() in SUFFIXES and not hidden and path.is_file()
 
 
 def _song(path: Path, facts: dict, licence: str | None) -> SongFile:
@@ -74,7 +82,7 @@ def _manifest(folder: Path) -> dict[Path, dict]:
     if not path.is_file():
         return {}
     try:
-        rows = tomllib.loads(path.read_text(encoding="utf-8"))["song"]
+        rows = tomllib.loads(path.read_text(encoding="utf-8-sig"))["song"]
         known = {folder / row["file"]: row for row in rows}
     except (OSError, ValueError, KeyError, TypeError) as err:
         raise ValueError(

@@ -49,7 +49,10 @@ def load_bvh(path) -> Motion:
 
     Raises: FileNotFoundError, or ValueError naming the file and what is wrong with it.
     """
-    bvh = read_bvh(path)
+    try:
+        bvh = read_bvh(path)
+    except ValueError as err:
+        raise ValueError(f"{path}: {err}") from err
     own = [j for j, name in enumerate(bvh.names) if not name.endswith(END)]
     places = {bvh.names[j]: j for j in own}
     if set(places) != set(SMPL24.names):

@@ -143,18 +143,18 @@ def as_good_as_linear(abar: float) -> float:
     r"""The signal power at which a linear guess would miss as much as a network does at ``abar``.
 
     $$\frac{1 - \bar\alpha'}{\bar\alpha'} = \rho^2\,\frac{1 - \bar\alpha}{\bar\alpha},
-      \quad \rho = \frac{1 + 2\bar\alpha^2}{4}$$
+      \quad \rho = \frac{1 + 3\bar\alpha^2}{4}$$
 
     A network misses less, the less the stronger the noise: what the packaged one misses a linear
-    guess would miss with a share $\rho$ of the noise over signal, 0.27 at t = 900, 0.38 at 500,
-    0.57 at 150, 0.75 at 50 (docs/log/run_15.md). Without it a correction reaches frames that the
-    network was right about, and all segments of a long dance stay near the pose of their first
-    seam.
+    guess would miss with a share of the noise over signal, at t = 900, 500 and 150 with 0.27, 0.38
+    and 0.57, of what lasts with 0.32, 0.69 and 1.06 (docs/log/run_15.md); $\rho$, 0.25, 0.43 and
+    0.91, is chosen in between. Without it a correction reaches frames that the network was right
+    about, and all segments of a long dance stay near the pose of their first seam.
 
     >>> [round(as_good_as_linear(abar), 2) for abar in (0.1, 0.5, 0.9)]
-    [0.63, 0.88, 0.95]
+    [0.63, 0.84, 0.92]
     """
-    share = (1 + 2 * abar**2) / 4
+    share = (1 + 3 * abar**2) / 4
     return abar / (abar + share**2 * (1 - abar))
 
 

@@ -1,6 +1,8 @@
 """`python -m dancediff.nb grade`: what a teacher types."""
 
 import argparse
+import io
+import sys
 from functools import partial
 from pathlib import Path
 
@@ -24,16 +26,18 @@ def main(arguments: list[str]) -> int:
         "--csv", type=Path, metavar="FILE", help="write the marks, a line a student"
     )
     options = parser.parse_args(arguments)
+    if isinstance(sys.stdout, io.TextIOWrapper):  # a Windows code page has no ✓
+        sys.stdout.reconfigure(errors="replace")
     if not options.seconds > 0:
         parser.error(f"--seconds {options.seconds:g} must be more than 0")
     try:
         read = partial(replayed, seconds=options.seconds) if options.again else stored
         rows = grade(options.folder, read)
+        print(table(rows), flush=True)  # first: a CSV that cannot be written costs no marks
         if options.csv:
             with atomic_write(options.csv) as part:
                 part.write_text(csv_text(rows), encoding="utf-8-sig")  # as Excel reads it
     except (OSError, ValueError) as err:
-        print(err)
+        print(err, file=sys.stderr)
         return 2
-    print(table(rows))
     return 0

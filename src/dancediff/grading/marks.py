@@ -22,28 +22,30 @@ def checks(book: dict) -> list[tuple[int, str, str]]:
     >>> checks({"cells": [cell]})
     [(0, '04.1', 'x0_from')]
     """
-    found = []
-    for k, cell in enumerate(book["cells"]):
-        match = _CHECK.search("".join(cell["source"])) if cell["cell_type"] == "code" else None
-        if match:
-            found.append((k, match[1], match[2]))
-    return found
+    return [
+        (k, match[1], match[2])
+        for k, cell in enumerate(book["cells"])
+        if cell["cell_type"] == "code"
+        for match in _CHECK.finditer("".join(cell["source"]))
+    ]
 
 
 def marks(book: dict) -> dict[str, str]:
     """The mark of every exercise of an executed notebook; "·" where the check was not run.
+
+    Of several checks of an exercise the last one that was run counts.
 
     >>> said = {"output_type": "stream", "text": "✗ 04.1 yours [0], expected [1]"}
     >>> cell = {"cell_type": "code", "source": 'nb.check("04.1", x0_from)', "outputs": [said]}
     >>> marks({"cells": [cell]})
     {'04.1': '✗'}
     """
-    found = {}
+    found: dict[str, str] = {}
     for k, exercise, _ in checks(book):
         outputs = book["cells"][k].get("outputs", ())
         said = "".join("".join(o.get("text", "")) for o in outputs)
-        first = said.lstrip()[:1]
-        found[exercise] = first if first in (OPEN, WRONG, RIGHT) else NOT_RUN
+        verdicts = re.findall(f"([{OPEN}{WRONG}{RIGHT}]) {re.escape(exercise)} ", said)
+        found[exercise] = verdicts[-1] if verdicts else found.get(exercise, NOT_RUN)
     return found
 
 

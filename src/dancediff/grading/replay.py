@@ -3,14 +3,16 @@
 Read first: `dancediff.grading.marks`.
 
 The students' code runs in a process of its own, which may crash or hang; it is not locked in, so
-run it where strangers' code may run. Of the cells before a check these are run: a cell tagged
+run it where strangers' code may run. Of the cells up to a check these are run: a cell tagged
 "exercise" as it is, of any other the imports, the definitions and the constants.
 """
 
 import ast
+import contextlib
 import faulthandler
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -66,39 +68,65 @@ def _in_a_process(path: Path, folder: Path, seconds: float, done: list[str]) -> 
 def judge_cells(book: dict, done: list[str]):
     """Run what answers need, and yield (exercise, None) before and its mark after each check."""
     space: dict = {"__name__": "lesson"}
+    failed: set[str] = set()
     last = 0
     for k, exercise, name in checks(book):
-        cells, last = book["cells"][last:k], k
-        if exercise in done:  # later answers may need what stands around this one
-            _run([cell for cell in cells if not _is_answer(cell)], space)
+        cells, last = book["cells"][last : k + 1], k + 1
+        if exercise in done:  # later answers may need what is defined here
+            _run(cells, space, failed, only_plain=True)
             continue
         yield exercise, None
-        wrong = _run(cells, space)
-        answer = space.get(name)
-        yield exercise, WRONG if wrong else judge(exercise, answer).mark
+        _run(cells, space, failed)
+        yield exercise, WRONG if name in failed else judge(exercise, space.get(name)).mark
 
 
-def _run(cells: list[dict], space: dict) -> bool:
-    """Whether a cell tagged "exercise" fails."""
-    wrong = False
+def _run(cells: list[dict], space: dict, failed: set[str], *, only_plain: bool = False) -> None:
+    """Run cells, and keep in ``failed`` the names that an answer tried in vain to define."""
     for cell in cells:
         if cell["cell_type"] != "code":
             continue
-        answer = _is_answer(cell)
-        lines = "".join(cell["source"]).splitlines()
-        text = "\n".join("" if line.lstrip()[:1] in ("%", "!") else line for line in lines)
+        answer, text = _is_answer(cell), "".join(cell["source"])
         try:
-            body = ast.parse(text).body
+            body = _parsed(text)
         except (SyntaxError, ValueError):
-            wrong |= answer
+            if answer:
+                failed.update(re.findall(r"\w+", text))
             continue
         for part in body:
-            if answer or _is_plain(part):
-                try:
-                    exec(compile(ast.Module([part], []), "lesson", "exec"), space)
-                except Exception:  # of a cell that needs others: the answers may do without
-                    wrong |= answer
-    return wrong
+            if not (_is_plain(part) or (answer and not only_plain)):
+                continue
+            try:
+                exec(compile(ast.Module([part], []), "lesson", "exec"), space)
+                failed -= _defined(part)
+            except Exception:  # what only tries the answer, or needs other cells, may fail
+                if answer:
+                    failed |= _defined(part)
+
+
+def _parsed(text: str) -> list[ast.stmt]:
+    """The statements of a cell, without lines for IPython.
+
+    A line that begins with % may be the rest of a division, so nothing is left out that is Python.
+
+    >>> [ast.unparse(part) for part in _parsed("%time 3\\nx = (7\\n  % 4)")]
+    ['x = 7 % 4']
+    """
+    for shell in ("", r"^[%!].*"):
+        with contextlib.suppress(SyntaxError, ValueError):
+            return ast.parse(re.sub(shell, "", text, flags=re.MULTILINE)).body
+    return ast.parse(re.sub(r"^[ \t]*[%!].*", "", text, flags=re.MULTILINE)).body
+
+
+def _defined(part: ast.stmt) -> set[str]:
+    """The names that a statement defines.
+
+    >>> sorted(_defined(ast.parse("def f(x): return x").body[0]))
+    ['f']
+    """
+    if isinstance(part, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
+        return {part.name}
+    names = (node for node in ast.walk(part) if isinstance(node, ast.Name))
+    return {node.id for node in names if isinstance(node.ctx, ast.Store)}
 
 
 def _is_answer(cell: dict) -> bool:
@@ -123,6 +151,7 @@ def _is_plain(part: ast.stmt) -> bool:
 def main(path: str, said: str, seconds: str, *done: str) -> None:
     """Judge in this process, which is ended where an answer takes too long."""
     with Path(said).open("a", encoding="utf-8", buffering=1) as out:
+        faulthandler.dump_traceback_later(float(seconds), exit=True, file=out)
         for exercise, mark in judge_cells(read_book(Path(path)), list(done)):
             if mark is None:
                 faulthandler.dump_traceback_later(float(seconds), exit=True, file=out)

@@ -18,7 +18,7 @@ from functools import partial
 from pathlib import Path
 
 from dancediff.data.folder.upright import standing
-from dancediff.data.prepared import PreparedData
+from dancediff.data.prepared import PreparedData, is_prepared
 from dancediff.export.bvh import load_bvh, save_bvh
 from dancediff.export.smpl import save_smpl
 from dancediff.io.npz import load_npz, save_npz
@@ -72,7 +72,7 @@ def dance_files(path) -> list[Path]:
     if not path.exists():
         raise ValueError(f"{str(path)!r} does not exist; name a dance or a folder of dances")
     if not path.is_dir():
-        if suffix_of(path) not in READABLE:
+        if _kind_read(path) not in READABLE:
             raise ValueError(
                 f"{str(path)!r} is no dance that can be read; name a file in {known}, or read "
                 "others by `dancediff prepare folder`"
@@ -80,7 +80,7 @@ def dance_files(path) -> list[Path]:
         if not path.is_file():  # a pipe would be waited for without end
             raise ValueError(f"{str(path)!r} is no regular file; save the dance to one first")
         return [path]
-    if (path / "index.json").is_file():
+    if is_prepared(path):
         found = [path / entry.file for entry in PreparedData(path)]
     else:
         found = _best_files(path)
@@ -93,14 +93,19 @@ def _best_files(folder: Path) -> list[Path]:
     dances: dict[Path, dict[int, list[Path]]] = {}
     for path in sorted(folder.rglob("*")):
         hidden = any(part.startswith(".") for part in path.relative_to(folder).parts)
-        kind = suffix_of(path)
+        kind = _kind_read(path)
         if kind in READABLE and not hidden and path.is_file():
-            name = path.name.removesuffix(kind)
+            name = path.name[: -len(kind)]
             if kind in PER_DANCER:
                 name = re.sub(r"\.\d+$", "", name)
             formats = dances.setdefault(path.with_name(name), {})
             formats.setdefault(READABLE.index(kind), []).append(path)
     return [path for formats in dances.values() for path in formats[min(formats)]]
+
+
+def _kind_read(path: Path) -> str:
+    """The suffix of a file that is there, in small letters: other programs write ``.BVH`` too."""
+    return suffix_of(Path(path.name.lower()))
 
 
 def suffix_of(path: Path) -> str:
@@ -138,11 +143,12 @@ def _writer(kind: str, song, body: str) -> Callable[[Motion, Path], object]:
 
 def _reader(path: Path) -> Callable[[Path], Motion]:
     """What reads a format; whatever has another suffix is tried as an .npz."""
-    if path.suffix in (".pkl", ".npy"):
+    kind = path.suffix.lower()
+    if kind in (".pkl", ".npy"):
         return _load_arrays
-    if path.suffix == ".bvh":
+    if kind == ".bvh":
         return load_bvh
-    if path.suffix == ".glb":
+    if kind == ".glb":
         from dancediff.export.gltf import load_glb
 
         return load_glb

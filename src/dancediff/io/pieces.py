@@ -20,7 +20,7 @@ def save_pieces(pieces: Iterable[Motion], path) -> Path:
     """Write the pieces of one dance, as `TCDiffPP.stream` hands them out, as one .npz.
 
     The file is the one that `Motion.save` writes of the whole dance; only one piece at a time is
-    held in memory. It appears whole or not at all.
+    held in memory. It appears whole or not at all, its folder is made.
 
     Raises: ValueError when there is no piece, when the path does not end in .npz, or when dancers
     or arrays differ between pieces.
@@ -35,6 +35,7 @@ def save_pieces(pieces: Iterable[Motion], path) -> Path:
     path = Path(path)
     if path.suffix != ".npz":
         raise ValueError(f"path={str(path)!r} must end in .npz; pieces are written as nothing else")
+    path.parent.mkdir(parents=True, exist_ok=True)
     with contextlib.ExitStack() as stack:
         folder = stack.enter_context(
             tempfile.TemporaryDirectory(prefix=".dancediff-", dir=path.parent)

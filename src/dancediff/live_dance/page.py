@@ -23,9 +23,9 @@ SIDE = 12  # metres of floor that are shown
 def live_page(session, host: str) -> str:
     """The page as HTML; ``host`` is what it may speak to, such as "127.0.0.1:8765"."""
     n, frames = session.dancers, session.stream.request.frames
-    facts = shared_facts(
-        SMPL24, f"{session.song.name} · {n} dancers · live", frames=frames, fps=float(FPS)
-    )
+    people = "1 dancer" if n == 1 else f"{n} dancers"
+    title = f"{session.song.name} · {people} · live"
+    facts = shared_facts(SMPL24, title, frames=frames, fps=float(FPS))
     facts |= {"song": None if session.listens else "song.wav", "centre": [0.0, 0.0], "side": SIDE}
     facts["live"] = {"knobs": knobs(session), "listens": session.listens}
     colors = [dancer_color(k) for k in range(n)]

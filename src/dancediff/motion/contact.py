@@ -8,7 +8,7 @@ Symbols (axes: f frames · j joints)
 import torch
 from torch import Tensor
 
-from dancediff.axes import ON_FLOOR
+from dancediff.axes import FPS, ON_FLOOR
 from dancediff.lookup import table
 from dancediff.motion.skeleton import feet_of
 
@@ -45,10 +45,10 @@ def foot_speed(joints: Tensor) -> Tensor:
     return torch.cat([speed, speed[..., -1:, :]], dim=-2)
 
 
-def foot_contact(joints: Tensor) -> Tensor:
+def foot_contact(joints: Tensor, fps: float = FPS) -> Tensor:
     r"""Label a foot joint as planted when it is low and does not travel.
 
-    $$b = [\,y < h\,]\,\cdot\,[\,\lVert \Delta p_{xz} \rVert < 0.01\,],\quad
+    $$b = [\,y < h\,]\,\cdot\,[\,\lVert \Delta p_{xz} \rVert < 0.01 \cdot 30 / \text{fps}\,],\quad
       h = 0.12\text{ m (ankle)},\ 0.05\text{ m (toe)}$$
 
     Source: thresholds of Lodge's preprocessing (height) and EDGE's (speed).  Differs: EDGE uses the
@@ -60,4 +60,5 @@ def foot_contact(joints: Tensor) -> Tensor:
     >>> foot_contact(torch.zeros(3, 24, 3)).sum().item()
     12.0
     """
-    return (feet_low(joints) & (foot_speed(joints) < CONTACT_SPEED)).to(joints.dtype)
+    slow = foot_speed(joints) < CONTACT_SPEED * (FPS / fps)
+    return (feet_low(joints) & slow).to(joints.dtype)

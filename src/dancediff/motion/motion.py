@@ -103,7 +103,7 @@ class Motion:
 
     def contacts(self) -> Tensor:
         """Which feet are on the floor, (n, f, 4): ``contact``, or else found from the joints."""
-        return foot_contact(self.joints()) if self.contact is None else self.contact
+        return self.contact if self.contact is not None else foot_contact(self.joints(), self.fps)
 
     def frames(self, start: int, stop: int) -> "Motion":
         """The frames start..stop-1, as with a slice of a list.

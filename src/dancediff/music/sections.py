@@ -38,7 +38,7 @@ def song_sections(M: Tensor) -> list[tuple[float, float, str]]:
     A bar of four beats is described by the means of MFCC and energy and by how much onset and
     timbre vary. Average linkage finds the materials; the best sequence of them minimises
 
-    $$\sum_q \tfrac1d \lVert X_q - C_{k_q} \rVert^2 + 0.7\,[k_q \ne k_{q-1}]$$
+    $$\sum_q \tfrac1d \lVert X_q - C_{k_q} \rVert^2 + 0.85\,[k_q \ne k_{q-1}]$$
 
     where each lasts for two bars at least. Stretches without a beat are the intro, the outro or a
     break. The chorus is the loudest material that returns, the verse another one that returns, the

@@ -24,6 +24,7 @@ MANY_CHANNELS = 64  # more than that, and more than samples: they are turned rou
 SILENT = 1e-4  # peak below which a song counts as silent
 LONG = 1 << 26  # samples (12 minutes in stereo) from which on a song's sound stays in its file
 _PART = 1 << 24  # samples that are squared at a time
+WRITABLE = (".wav", ".flac", ".ogg", ".mp3")
 LOUDNESS = 0.1  # RMS to which a song is set before its features are taken
 
 
@@ -112,10 +113,18 @@ class Music:
         return cls(audio, rate, path.stem)
 
     def save(self, path) -> Path:
-        """Write the sound; the suffix decides the format (.wav .flac .ogg .mp3)."""
+        """Write the sound, and its folder; the suffix decides the format (.wav .flac .ogg .mp3).
+
+        Raises: ValueError for another suffix.
+        """
         import soundfile
 
         path = Path(path)
+        if path.suffix.lower() not in WRITABLE:
+            raise ValueError(
+                f"suffix {path.suffix!r} of {path} is unknown; use {' '.join(WRITABLE)}"
+            )
+        path.parent.mkdir(parents=True, exist_ok=True)
         shape = self.rate, self.audio.shape[1]
         # in blocks: libsndfile's vorbis encoder overflows its stack on one long write
         with atomic_write(path) as part, soundfile.SoundFile(part, "w", *shape) as file:

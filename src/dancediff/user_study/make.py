@@ -53,8 +53,8 @@ def study(
 
     Source: TCDiff++ figure 8; Lodge section 4.2.
 
-    Raises: ValueError naming what does not fit: see `dancediff.user_study.pairs.pairs_of`; OSError
-    when a file cannot be written.
+    Raises: ValueError naming what does not fit: see `dancediff.user_study.pairs.pairs_of`, and when
+    the page has a key already; OSError when a file cannot be written.
 
     >>> import tempfile
     >>> import dancediff as dd
@@ -69,6 +69,11 @@ def study(
     (1, 'a.key.json', 4)
     """
     out = Path(out)
+    if key_of(out).exists():  # a new key would leave the answers to the first page without one
+        raise ValueError(
+            f"out={str(out)!r}: its key {str(key_of(out))!r} is there already, and answers to that "
+            "page need it; name another page, or remove the key"
+        )
     seed = secrets.randbits(32) if seed is None else seed
     pairs = pairs_of(
         systems, songs_named(songs), seconds=seconds, dancers=dancers, progress=progress

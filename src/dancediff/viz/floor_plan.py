@@ -3,7 +3,7 @@
 import json
 
 from dancediff.viz.in_page import in_page
-from dancediff.viz.palette import FLOOR, GRID, INK, MUTED, dancer_color
+from dancediff.viz.palette import FLOOR, GRID, INK, MUTED, dancer_color, ink_on
 
 _PIXELS = 60  # a metre on the screen
 
@@ -77,7 +77,8 @@ def plan_svg(places: Places, reach: float) -> str:
         f'<g data-dancer="{k}" transform="translate({side / 2 + x * _PIXELS:g} '
         f'{side / 2 + z * _PIXELS:g})" style="cursor:grab">'
         f'<circle r="15" fill="{dancer_color(k)}"/>'
-        f'<text y="5" text-anchor="middle" fill="white" font-weight="bold">{k}</text></g>'
+        f'<text y="5" text-anchor="middle" fill="{ink_on(dancer_color(k))}" font-weight="bold">'
+        f"{k}</text></g>"
         for k, (x, z) in enumerate(places)
     )
     words = (

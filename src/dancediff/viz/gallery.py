@@ -1,5 +1,7 @@
 """A static page of many dances: a picture, the metrics and a player of each; failures stay in.
 
+Read first: `dancediff.viz.player`.
+
     gallery/
         index.html          the table
         NAME.html           a player for each dance
@@ -11,6 +13,7 @@ import html
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
+from urllib.parse import quote
 
 from tqdm.auto import tqdm
 
@@ -44,10 +47,11 @@ def save_gallery(folder, out, song=None, *, progress: bool = False) -> Gallery:
     found = files().find(folder)
     out.mkdir(parents=True, exist_ok=True)
     made, rows = Gallery(out / "index.html"), []
+    pages: set[str] = set()
     for path in tqdm(found, desc="gallery", unit="dance", disable=not progress):
         name = path.relative_to(folder).as_posix()
         try:
-            rows.append(_row(name, Motion.load(path), out, song))
+            rows.append(_row(name, Motion.load(path), out / _page_name(name, pages), song))
             made.dances.append(name)
         except (ValueError, ArithmeticError, RuntimeError) as err:  # shown, not hidden
             made.failed[name] = " ".join(str(err).split())
@@ -57,17 +61,31 @@ def save_gallery(folder, out, song=None, *, progress: bool = False) -> Gallery:
     return made
 
 
-def _row(name: str, motion: Motion, out: Path, song) -> str:
+def _page_name(name: str, taken: set[str]) -> str:
+    """The file of a dance's player, which no other dance has; added to ``taken``.
+
+    >>> pages = set()
+    >>> _page_name("a/b.npz", pages), _page_name("a_b.npz", pages)
+    ('a_b.npz.html', 'a_b.npz_2.html')
+    """
+    stem = name.replace("/", "_")
+    page, k = f"{stem}.html", 2
+    while page.lower() in taken:  # a disk may ignore case
+        page, k = f"{stem}_{k}.html", k + 1
+    taken.add(page.lower())
+    return page
+
+
+def _row(name: str, motion: Motion, page: Path, song) -> str:
     facts = evaluate_dances([motion], song=song).facts()["rows"]
     values = {row["name"]: row["value"] for row in facts}
-    page = name.replace("/", "_") + ".html"
-    save_player(motion, out / page, song, metrics=False)
+    save_player(motion, page, song, metrics=False)
     cells = "".join(_number(values.get(metric)) for metric in SHOWN)
-    label = html.escape(name)
+    label, link = html.escape(name), quote(page.name)
     return (
-        f'<tr><td><a href="{html.escape(page)}">{label}</a><br>'
+        f'<tr><td><a href="{link}">{label}</a><br>'
         f"{motion.people}, {motion.duration:.1f} s</td>"
-        f'<td><a href="{html.escape(page)}"><img alt="{label}" src="{_strip(motion)}"></a></td>'
+        f'<td><a href="{link}"><img alt="{label}" src="{_strip(motion)}"></a></td>'
         f"{cells}</tr>"
     )
 
@@ -98,7 +116,10 @@ def _page(title: str, rows: list[str], made: Gallery, song) -> str:
         "TITLE": html.escape(title),
         "COUNT": f"{len(made.dances)} dances{music}"
         + (f", {lost} files that are none" if lost else ""),
-        "HEADS": "".join(f"<th>{name}</th>" for name in ("dance", "", *SHOWN)),
+        "HEADS": "".join(
+            f"<th><button>{name}</button></th>" if name else "<th></th>"
+            for name in ("dance", "", *SHOWN)
+        ),
         "ROWS": "\n".join(rows),
     }
     text = (PAGE / "gallery.html").read_text(encoding="utf-8")

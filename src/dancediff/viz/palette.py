@@ -1,7 +1,8 @@
 """One colour per dancer, the same in every picture.
 
-The colours are those of Okabe and Ito, which stay apart for colour-blind readers and, in this
-order, in greyscale too. No picture says by colour alone who somebody is: numbers stand beside it.
+The colours are those of Okabe and Ito, which stay apart for colour-blind readers. In greyscale two
+that follow each other here stay apart, but orange and sky blue, say, are one grey. No picture says
+by colour alone who somebody is: numbers stand beside it.
 Curves in one picture differ in their dashes, too (`dash`).
 """
 
@@ -49,6 +50,24 @@ def rgb(color: str) -> tuple[float, float, float]:
     """
     red, green, blue = (int(color[i : i + 2], 16) / 255 for i in (1, 3, 5))
     return red, green, blue
+
+
+def ink_on(color: str) -> str:
+    """What is read best on a colour: white, or INK on a light one.
+
+    >>> ink_on("#0072B2") == PAPER, ink_on("#E69F00") == INK
+    (True, True)
+    """
+    low, on, high = (_luminance(one) + 0.05 for one in (INK, color, PAPER))
+    return PAPER if high / on > on / low else INK  # the contrasts of WCAG
+
+
+def _luminance(color: str) -> float:
+    """How bright a colour is, 0..1, by WCAG."""
+    red, green, blue = (
+        c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in rgb(color)
+    )
+    return 0.2126 * red + 0.7152 * green + 0.0722 * blue
 
 
 def mix(color, other, amount: float) -> tuple[float, float, float]:

@@ -99,8 +99,7 @@ def _facts(motions: list[Motion], song) -> dict:
     floor = np.concatenate([m.root.numpy().reshape(-1, 3)[:, ON_FLOOR] for m in motions])
     low, high = floor.min(0), floor.max(0)
     beats = [] if song is None else song.beats()
-    people = f"{motion.num_dancers} dancers"
-    title = people if song is None else f"{song.name} · {people}"
+    title = motion.people if song is None else f"{song.name} · {motion.people}"
     return shared_facts(motion.skeleton, title, frames=motion.num_frames, fps=motion.fps) | {
         "beats": [round(float(b), 3) for b in beats if b < motion.duration],
         "song": None if song is None else data_url(mp3(song, motion.duration), "audio/mpeg"),

@@ -32,7 +32,7 @@ from dancediff.viz.numbers import (
     plot_schedule,
     plot_skeleton,
 )
-from dancediff.viz.palette import BEAT, FLOOR, GRID, INK, MUTED, dancer_color, mix, rgb
+from dancediff.viz.palette import BEAT, FLOOR, GRID, INK, MUTED, dancer_color, ink_on, mix, rgb
 from dancediff.viz.style import bare, new_axes, set_title
 
 __all__ = [
@@ -82,7 +82,8 @@ def filmstrip_page(motion: Motion, *, count: int = 8, song=None, title: str | No
     plot_contact_strip(motion, ax=feet, beats=beats, title=said)
     name = "" if song is None else f" to “{song.name}”"
     title = title or f"{motion.people}, {motion.duration:.1f} s{name}"
-    figure.suptitle(title, x=0.01, ha="left", fontsize=12, color=INK, fontweight="bold")
+    style = {"fontsize": 12, "color": INK, "fontweight": "bold"}
+    figure.suptitle(title, x=0.01, ha="left", parse_math=False, **style)  # "$" in a name
     return figure
 
 
@@ -126,7 +127,7 @@ def plot_floor_paths(motion: Motion, *, ax=None, title: str | None = None):
         ax.plot(*path[-1, ON_FLOOR], "o", ms=13, color=color, mec="white", zorder=4)
         ax.annotate(
             str(k), path[-1, ON_FLOOR], ha="center", va="center", fontsize=8,
-            color="white", fontweight="bold", zorder=5,
+            color=ink_on(color), fontweight="bold", zorder=5,
         )  # fmt: skip
     (x0, x1), (z0, z1) = ((root[..., c].min() - 0.5, root[..., c].max() + 0.5) for c in (0, 2))
     pad_x, pad_z = (max(0.0, (2.2 - side) / 2) for side in (x1 - x0, z1 - z0))

@@ -36,7 +36,7 @@ def draw_source_and_result(name: str, sources: list[Source], motion: Motion, fol
             _draw(ax, dancers, second, floor)
             ax.set_title(f"{second:.1f} s", fontsize=8, color=MUTED)
         axes[row, 0].set_ylabel(label, color=INK)
-    figure.suptitle(name, fontsize=10, color=INK)
+    figure.suptitle(name, fontsize=10, color=INK, parse_math=False)
     with atomic_write(folder / f"{name}.png") as part, part.open("wb") as file:
         figure.savefig(file, format="png", dpi=80, metadata={"Software": None})
 

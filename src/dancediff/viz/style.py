@@ -5,7 +5,10 @@ import io
 
 import numpy as np
 
+from dancediff.music.librosa_import import import_librosa
 from dancediff.viz.palette import GRID, INK, MUTED
+
+MP3_RATES = (8000, 11025, 12000, 16000, 22050, 24000, 32000, 44100, 48000)  # the format has no more
 
 
 def new_axes(ax=None, size=(7.0, 3.2)):
@@ -56,8 +59,11 @@ def mp3(song, seconds: float) -> bytes:
     import soundfile
 
     part = song.slice(0, min(seconds, song.duration))
-    missing = max(round(seconds * part.rate) - len(part.audio), 0)
+    audio, rate = part.audio[:, :2], part.rate
+    if rate not in MP3_RATES:
+        audio = import_librosa().resample(audio, orig_sr=rate, target_sr=MP3_RATES[-1], axis=0)
+        rate = MP3_RATES[-1]
+    missing = max(round(seconds * rate) - len(audio), 0)
     sound = io.BytesIO()
-    audio = np.pad(part.audio[:, :2], ((0, missing), (0, 0)))
-    soundfile.write(sound, audio, part.rate, format="MP3")
+    soundfile.write(sound, np.pad(audio, ((0, missing), (0, 0))), rate, format="MP3")
     return sound.getvalue()

@@ -77,7 +77,9 @@ class Canvas:
             picture[:, None], extent=(0, self.size[0], 0, self.size[1]), origin="lower",
             aspect="auto", interpolation="bilinear",
         )  # fmt: skip
-        self.axes.text(24 * self.unit, 22 * self.unit, title, color=MUTED, **self._font(19))
+        at = (24 * self.unit, 22 * self.unit)
+        style = self._font(19) | {"color": MUTED, "parse_math": False}  # "$" in a name
+        self.axes.text(*at, title, **style)
 
     def frame(self, position: float) -> np.ndarray:
         """The picture at a frame number, RGBA (h, w, 4) uint8; fractions are blended."""

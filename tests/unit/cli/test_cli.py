@@ -195,6 +195,43 @@ def test_doctor_and_warm_speak_json(capsys):
         assert json.loads(capsys.readouterr().out)[key]
 
 
+@pytest.mark.parametrize(
+    ("error", "said"),
+    [
+        (
+            ImportError('pip install "dancediff[video]"'),
+            'dancediff: pip install "dancediff[video]"',
+        ),
+        (ModuleNotFoundError("No module named 'torch'"), "`dancediff doctor` says what is missing"),
+    ],
+)
+def test_what_is_not_installed_is_said_without_a_traceback(error, said, capsys, monkeypatch):
+    def missing():
+        raise error
+
+    monkeypatch.setattr("dancediff.cli.doctor.Doctor.run", lambda self: missing())
+    assert main(["doctor"]) == 1
+    assert said in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("option", ["--out", "--drift"])
+def test_evaluate_names_the_option_whose_folder_is_a_file(option, tmp_path, capsys):
+    (tmp_path / "a").write_text("")
+    assert main(["evaluate", "dance.npz", option, str(tmp_path / "a" / "b")]) == 2
+    assert f"{option} {str(tmp_path / 'a')!r}" in capsys.readouterr().err
+
+
+def test_the_doctor_reports_a_broken_torch(capsys, monkeypatch):
+    from dancediff.cli import doctor
+
+    monkeypatch.setitem(sys.modules, "torch", None)
+    monkeypatch.setattr(doctor, "CHECKS", {"machine": doctor.CHECKS["machine"]})
+    assert main(["doctor"]) == 1
+    said = capsys.readouterr()
+    assert "✗ machine: ModuleNotFoundError" in said.out and doctor.SETUP in said.out
+    assert "machine did not work" in said.err
+
+
 def test_help_is_quick_and_has_no_traceback():
     start = time.monotonic()
     done = subprocess.run(

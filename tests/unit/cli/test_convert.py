@@ -56,6 +56,17 @@ def test_wrong_files_are_named(duet, files, message, tmp_path, capsys, monkeypat
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_forgotten_target_costs_no_dance(duet, tmp_path, capsys):
+    """Of two files of a group the second is not what should be written."""
+    assert main(["convert", str(duet), str(tmp_path / "d.bvh")]) == 0
+    files = sorted(tmp_path.iterdir())
+    before = [file.read_bytes() for file in files]
+    assert main(["convert", *map(str, files)]) == 2
+    said = capsys.readouterr().err
+    assert files[1].name in said and "name a new file last" in said
+    assert [file.read_bytes() for file in sorted(tmp_path.iterdir())] == before
+
+
 def test_a_damaged_dance_is_refused(duet, tmp_path, capsys):
     (tmp_path / "half.npz").write_bytes(duet.read_bytes()[:500])
     assert main(["convert", str(tmp_path / "half.npz"), str(tmp_path / "dance.glb")]) == 2

@@ -8,6 +8,7 @@ import torch
 
 from dancediff.data.aioz import aioz_jobs
 from dancediff.data.choreographer import choreograph
+from dancediff.data.prepare import prepare
 from dancediff.data.prepared import PreparedData
 from dancediff.motion.rotation import matrix_to_axis_angle
 from dancediff.music.song import Music
@@ -290,6 +291,7 @@ def test_the_script_shows_every_step_and_prepares_all(data, dance, capsys, tmp_p
     script("aioz").one_take(data.path)
     assert "(2, 150, 72)" in capsys.readouterr().out
     script("aioz").all_takes(data.path, tmp_path / "out", 1)
+    assert "made 2" in capsys.readouterr().out
     prepared = PreparedData(tmp_path / "out")
     assert {entry.name: entry.dancers for entry in prepared} == {f"aioz_{name}": 2, BIG: 7}
     assert [row["name"] for row in prepared.skipped] == ["aioz_broken_0_0_150"]
@@ -303,3 +305,10 @@ def script(name: str):
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
+
+
+def test_a_file_of_an_odd_name_is_reported_and_the_others_are_made(data, dance, tmp_path):
+    data.add("a", content(dance, 2))
+    data.add("v_01_0_100 (1)", content(dance, 2), split=None, music=False)
+    summary = prepare(aioz_jobs(data.path), tmp_path / "out", progress=False)
+    assert summary.made == 1 and "none of the lists" in " ".join(summary.skipped.values())

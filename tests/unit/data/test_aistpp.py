@@ -177,5 +177,6 @@ def test_jobs_travel_and_the_script_runs(data, dance, capsys, tmp_path):
     script.one_take(data.path)
     assert "80 beats a minute" in capsys.readouterr().out
     script.all_takes(data.path, tmp_path / "out", 1)
+    assert "made 1" in capsys.readouterr().out
     (entry,) = PreparedData(tmp_path / "out")
     assert (entry.name, entry.songs) == (f"aistpp_{NAME}", 1)

@@ -168,3 +168,8 @@ def test_depth_is_no_limit():
     bvh = read_bvh(text + "MOTION\nFrames: 1\nFrame Time: 0.1\n0\n")
     assert bvh.rest()[-1, 1].item() == pytest.approx(deep * 0.01)
     assert time.perf_counter() - start < 5
+
+
+def test_a_header_without_a_space_is_read():
+    text = SMALL.replace("Frames: 2", "Frames:2").replace("Time: 0", "Time:0")
+    assert read_bvh(text).num_frames == 2 and read_bvh(text).fps == read_bvh(SMALL).fps

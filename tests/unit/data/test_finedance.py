@@ -9,6 +9,7 @@ import torch
 
 from dancediff.data.choreographer import choreograph
 from dancediff.data.finedance import ALL, IGNORED, LEGS, SKIP, finedance_jobs, split_of
+from dancediff.data.prepare import prepare
 from dancediff.data.prepared import PreparedData
 from dancediff.genre import FINEDANCE
 from dancediff.motion.contact import TOE_CLEARANCE
@@ -237,5 +238,21 @@ def test_jobs_travel_and_the_script_runs(data, dance, capsys, tmp_path):
     script.one_take(data.path)
     assert "genre: Jazz" in capsys.readouterr().out
     script.all_takes(data.path, tmp_path / "out", 1, "genre")
+    assert "made 1" in capsys.readouterr().out
     (entry,) = PreparedData(tmp_path / "out")
     assert (entry.name, entry.songs) == ("finedance_001", 1)
+
+
+def test_a_file_of_an_odd_name_is_reported_and_the_others_are_made(dance, tmp_path):
+    data = Data(tmp_path, dance[1])
+    for name in ("001", "001 (1)"):
+        data.add(name, content(dance[0]))
+    summary = prepare(finedance_jobs(tmp_path), tmp_path / "out", progress=False)
+    assert summary.made == 1 and "none of 001 to 211" in " ".join(summary.skipped.values())
+
+
+def test_a_label_with_a_mark_is_read(data, dance):
+    name = data.add("001", content(dance[0]), music=False, style="Jazz")
+    label = data.path / "label_json" / "001.json"
+    label.write_text(label.read_text(), encoding="utf-8-sig")
+    assert data.make(name).genre == "Jazz"

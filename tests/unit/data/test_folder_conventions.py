@@ -164,3 +164,12 @@ def test_exchanged_sides_are_told(take):
     names = [swap[n[0]] + n[1:] if n[0] in swap and n[1:2].isupper() else n for n in take.names]
     found = settle(replace(take, names=tuple(names)), Given(unit=1.0))
     assert any("exchanged" in doubt for doubt in found.doubts)
+
+
+@pytest.mark.parametrize(
+    ("seconds", "fps"),
+    [(0.033367, 29.97), (0.0166833, 59.94), (0.0417083, 23.976), (0.033, 30), (0.0333, 30)],
+)
+def test_rates_of_video_stay_and_rounded_ones_are_mended(take, seconds, fps):
+    found = settle(replace(take.frames(600, 640), fps=1 / seconds), Given(unit=1.0))
+    assert found.facts["fps"] == pytest.approx(fps, rel=1e-4)

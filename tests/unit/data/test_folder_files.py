@@ -12,9 +12,12 @@ import torch
 from dancediff.cli import main
 from dancediff.data.choreographer import choreograph
 from dancediff.data.folder.gltf import read_gltf
+from dancediff.data.folder.make import read_file
 from dancediff.data.folder.posture import Given
+from dancediff.data.folder.settings import read_checked, write_settings
 from dancediff.data.folder.smpl import read_smpl
 from dancediff.data.folder.takes import takes_in
+from dancediff.data.folder.upright import standing
 from dancediff.data.prepared import PreparedData
 from dancediff.data.take import DanceTake
 from dancediff.data.take_file import write_take
@@ -129,6 +132,8 @@ def test_names_or_a_table_tell_who_danced_together(duo, tmp_path):
         ("take = 1", "[[take]]"),
         ("[[take]]", "files=None"),
         ('[[take]]\nfiles = ["no.bvh"]', "no.bvh' is not there"),
+        ('[[take]]\nfiles = ["a.fbx"]', "'a.fbx' is no .bvh"),
+        ('[[take]]\nfiles = ["/a.npz"]', "'/a.npz' must be relative"),
         ('[[take]]\nfiles = ["a.npz"]\nspeed = 1', "'speed' is unknown"),
         ('[[take]]\nfiles = ["a.npz"]\nup = "w"', "up='w'"),
         ('[[take]]\nfiles = ["a.npz"]\nfps = -1', "fps=-1"),
@@ -268,3 +273,111 @@ def test_damaged_gltf_is_refused(tmp_path, change, words):
     _, path = gltf(tmp_path, change)
     with pytest.raises(ValueError, match=words):
         read_gltf(path)
+
+
+def touched(folder, *names):
+    for name in names:
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).touch()
+
+
+def test_takes_of_two_names_that_look_alike_stay_two(tmp_path):
+    touched(tmp_path, "salsa/01.bvh", "salsa_01.bvh", "plain.bvh", "ワルツ.bvh", "サルサ.bvh")
+    plans = takes_in(tmp_path)
+    names = [plan.name for plan in plans]
+    assert len(set(names)) == 5 and all(len(plan.files) == 1 for plan in plans)
+    assert "plain" in names and sum(name.startswith("salsa_01_") for name in names) == 2
+    assert [plan.name for plan in takes_in(tmp_path)] == names
+
+
+def test_a_name_of_the_table_stays(tmp_path):
+    touched(tmp_path, "a.bvh", "mine.bvh")
+    (tmp_path / "takes.toml").write_text('[[take]]\nname = "mine"\nfiles = ["a.bvh"]\n')
+    plans = {plan.labels[0]: plan.name for plan in takes_in(tmp_path)}
+    assert plans["a.bvh"] == "mine" and plans["mine.bvh"].startswith("mine_")
+
+
+def test_takes_of_an_interrupted_run_are_no_motion(tmp_path):
+    touched(tmp_path, "a.bvh", "out/takes/a.npz", "ready/takes/b.npz", "theirs/c.npz")
+    (tmp_path / "ready" / "index.json").write_text('{\n"format": "dancediff-prepared-1",\n')
+    (tmp_path / "theirs" / "index.json").write_text('{"videos": []}')
+    plans = takes_in(tmp_path, leave_out=tmp_path / "out")
+    assert [plan.labels[0] for plan in plans] == ["a.bvh", "theirs/c.npz"]
+    (tmp_path / "ready" / "index.json").unlink()
+    assert len(takes_in(tmp_path / "ready", leave_out=tmp_path / "ready")) == 1
+    assert len(takes_in(tmp_path / "ready", leave_out=tmp_path)) == 1
+
+
+def test_a_folder_within_the_source_is_prepared_twice_alike(duo, tmp_path, capsys):
+    duo.dancer(0).save(tmp_path / "a.bvh")
+    assert main(["prepare", "folder", str(tmp_path), str(tmp_path / "out")]) == 0
+    (tmp_path / "out" / "index.json").unlink()
+    assert main(["prepare", "folder", str(tmp_path), str(tmp_path / "out")]) == 0
+    assert "made 0, kept 1" in capsys.readouterr().out
+
+
+def test_songs_are_one_by_their_sound_not_their_name(duo, tmp_path):
+    src, out = tmp_path / "src", tmp_path / "out"
+    for folder, pitch in (("a", 9), ("b", 7), ("c", 7)):
+        (src / folder).mkdir(parents=True)
+        duo.save(src / folder / "A + B.npz")
+        y = np.sin(np.arange(5 * 15360) / pitch).astype(np.float32)
+        Music(y, 15360).save(src / folder / "A + B.WAV")
+    assert main(["prepare", "folder", str(src), str(out)]) == 0
+    a, b, c = PreparedData(out)
+    assert len(a.groups) == 1 and a.group != b.group == c.group
+    assert a.notes["song"] == "A + B.WAV"
+
+
+def test_tables_with_a_mark_and_settings_with_an_emoji_are_read(tmp_path):
+    touched(tmp_path, "a.bvh")
+    (tmp_path / "takes.toml").write_text('[[take]]\nfiles = ["a.bvh"]\n', encoding="utf-8-sig")
+    assert [plan.name for plan in takes_in(tmp_path)] == ["a"]
+    row = {"file": "\U0001f57a.bvh", "map": "cmu", "joints": {"root": "Hips"}, "up": "y"}
+    path = write_settings(tmp_path, [row], [])
+    path.write_text(path.read_text("utf-8").replace("false", "true"), encoding="utf-8-sig")
+    assert read_checked(tmp_path)[0]["files"] == [row["file"]]
+
+
+@pytest.mark.parametrize("unit", [1.0, 0.01])
+def test_the_unit_of_joint_positions_counts_once(duo, tmp_path, unit):
+    np.save(tmp_path / "a.npy", (duo.joints() / unit).numpy())
+    motion = standing(tmp_path / "a.npy", Given(unit=unit, up="y")).motion
+    assert torch.allclose(motion.root[..., [0, 2]], duo.root[..., [0, 2]], atol=1e-3)
+
+
+def test_what_is_given_and_not_used_is_told(duo, tmp_path):
+    duo.save(tmp_path / "a.npz")
+    assert (
+        "given fps, unit not used"
+        in read_file(tmp_path / "a.npz", Given(fps=60, unit=2))[0].doubts[0]
+    )
+    assert read_file(tmp_path / "a.npz", Given())[0].doubts == []
+
+
+def sparse(book, folder, dense: int):
+    """The root goes in two keys, 0 and 2 s; other tracks have so many of their keys, or two."""
+    animation, accessors = book["animations"][0], book["accessors"]
+    blob = (folder / "a.bin").read_bytes()
+    times = np.array([0, 2], dtype="<f4").tobytes()
+    (folder / "a.bin").write_bytes(blob + times)
+    book["buffers"][0]["byteLength"] = len(blob + times)
+    book["bufferViews"].append({"buffer": 0, "byteOffset": len(blob), "byteLength": len(times)})
+    view = len(book["bufferViews"]) - 1
+    two = {"bufferView": view, "componentType": 5126, "count": 2, "type": "SCALAR"}
+    accessors.append(two)
+    for channel in animation["channels"]:
+        sampler = animation["samplers"][channel["sampler"]]
+        few = channel["target"]["path"] == "translation" or not dense
+        accessors[sampler["output"]]["count"] = 2 if few else dense
+        if few:
+            sampler["input"] = len(accessors) - 1
+        else:
+            accessors[sampler["input"]]["count"] = dense
+
+
+@pytest.mark.parametrize("dense", [31, 0])
+def test_gltf_lasts_as_long_as_its_longest_track(tmp_path, dense):
+    _, path = gltf(tmp_path, lambda book: sparse(book, tmp_path, dense))
+    (bvh,) = read_gltf(path)
+    assert (bvh.num_frames, bvh.fps) == (61, pytest.approx(30, rel=1e-4))

@@ -158,3 +158,25 @@ def test_no_file_is_made_as_large_as_a_wrong_index_says(folder):
     with pytest.raises(ValueError, match="take 'two' is not as its index says"):
         PackedTakes(folder)
     assert not (folder / "cache").exists()
+
+
+def test_others_may_read_a_cache_and_are_told_when_not(folder, monkeypatch):
+    (folder / "cache").mkdir(exist_ok=True)
+    (folder / "cache").chmod(0o755)
+    packed = PackedTakes(folder)
+    assert packed.folder.stat().st_mode & 0o777 == 0o755
+
+    def refuse(*_, **__):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(np, "load", refuse)
+    with pytest.raises(PermissionError, match=r"ask its owner.*x\.npy"):
+        packed.motion(0)
+
+
+def test_preparing_removes_what_a_killed_packing_left(folder):
+    left = folder / "cache" / ".packing-abc"
+    left.mkdir(parents=True)
+    (left / "x.npy").touch()
+    prepare(jobs_of(1), folder, progress=False)
+    assert not left.exists()

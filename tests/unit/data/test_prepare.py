@@ -277,3 +277,45 @@ def test_bad_arguments_are_named(tmp_path, jobs, options, words):
     with pytest.raises(ValueError, match=words):
         prepare(jobs, tmp_path / "out", progress=False, **options)
     assert not (tmp_path / "out").exists()
+
+
+def from_file(name, path):
+    path.read_bytes()
+    return tiny(name, 1)
+
+
+def test_a_source_that_is_gone_for_now_costs_no_take(tmp_path):
+    source, out = tmp_path / "a.txt", tmp_path / "out"
+    source.write_text("a")
+    jobs = [Job("a", partial(from_file, "a", source))]
+    prepare(jobs, out, progress=False)
+    source.rename(tmp_path / "away.txt")
+    summary = prepare(jobs, out, progress=False)
+    assert list(summary.skipped) == ["a"] and len(PreparedData(out)) == 0
+    (tmp_path / "away.txt").rename(source)
+    assert prepare(jobs, out, progress=False).kept == 1
+
+
+def test_a_file_that_cannot_be_read_does_not_end_the_run(tmp_path, monkeypatch):
+    for name in "ab":
+        (tmp_path / name).write_text(name)
+    jobs = [Job(name, partial(from_file, name, tmp_path / name)) for name in "ab"]
+
+    def refuse(path):
+        if path.name == "a":
+            raise PermissionError(13, "Permission denied", str(path))
+        return "digest"
+
+    monkeypatch.setattr("dancediff.data.prepare._content", refuse)
+    summary = prepare(jobs, tmp_path / "out", progress=False)
+    assert summary.made == 1 and "Permission denied" in summary.skipped["a"]
+
+
+def test_a_damaged_take_of_an_earlier_run_is_reported(tmp_path):
+    prepare(jobs_of(2), tmp_path, progress=False)
+    path = tmp_path / "takes" / "t000.npz"
+    path.write_bytes(path.read_bytes()[:100])
+    summary = prepare(jobs_of(2)[1:], tmp_path, progress=False)
+    assert "prepare it anew" in summary.skipped["t000"]
+    assert [entry.name for entry in PreparedData(tmp_path)] == ["t001"]
+    assert prepare(jobs_of(2), tmp_path, progress=False).made == 1

@@ -74,7 +74,7 @@ def test_reading_the_index_reads_no_dance(folder):
         ({"group": ""}, "no group"),
         ({"name": "v", "file": "takes/v.npz"}, "two takes have one name"),
         ({"split": "train"}, "'v' is in val and 'w' in train, but both belong to 'a song'"),
-        ({"split": "train", "group": "x + a song"}, "both belong to 'a song'"),
+        ({"split": "train", "group": "x + a song"}, "both belong to 'a song'; give them one split"),
     ],
 )
 def test_a_wrong_index_is_named(folder, values, words):

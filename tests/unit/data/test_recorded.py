@@ -11,7 +11,7 @@ from dancediff.data.cache import use_cache
 from dancediff.data.choreographed import any_genre
 from dancediff.data.packed import PackedTakes
 from dancediff.data.prepare import prepare, recipe
-from dancediff.data.prepared import PreparedData
+from dancediff.data.prepared import NAME, PreparedData
 from dancediff.data.recorded import song_jobs
 from dancediff.data.song_folder import songs_in
 from dancediff.data.windows import GroupCut, WindowSampler
@@ -173,3 +173,22 @@ def test_the_loudness_of_the_song_is_kept(folder, tmp_path):
     for take in PackedTakes(tmp_path).takes() + PackedTakes(tmp_path, "val").takes():
         assert take.loudness is not None
         assert PreparedData(tmp_path).load(take.name).loudness == take.loudness
+
+
+def test_titles_of_any_alphabet_are_told_apart(tmp_path):
+    titles = ("ワルツ", "Вальс", "Café", "The Waltz", "?")
+    for title in titles:
+        (tmp_path / f"{title}.ogg").touch()
+    (tmp_path / "._The Waltz.ogg").touch()  # what macOS puts beside it
+    keys = {song.title: song.key for song in songs_in(tmp_path)}
+    assert keys == dict(zip(titles, ("ワルツ", "вальс", "café", "the-waltz", "song"), strict=True))
+    names = [job.name for job in song_jobs(tmp_path, dances_per_song=1)]
+    assert len(set(names)) == 5 and all(NAME.fullmatch(name) for name in names)
+    assert sum(name.startswith("song_the-waltz_") for name in names) == 1
+
+
+def test_a_manifest_with_a_mark_is_read(tmp_path):
+    (tmp_path / "a.ogg").touch()
+    text = '[[song]]\nfile = "a.ogg"\ntitle = "A"\n'
+    (tmp_path / "songs.toml").write_text(text, encoding="utf-8-sig")
+    assert songs_in(tmp_path)[0].title == "A"

@@ -16,7 +16,7 @@ from dancediff.data.retarget import (
     skating_ratio,
 )
 from dancediff.export.bvh import save_bvh
-from dancediff.motion.contact import foot_contact
+from dancediff.motion.contact import TOE_CLEARANCE, foot_contact
 from dancediff.motion.rotation import rotation_about
 from dancediff.motion.skeleton import SMPL24
 
@@ -234,3 +234,13 @@ def test_measure_sees_a_wrong_limb_and_a_sunken_body(dance):
     assert measure(dance, points)["bone_errors"]["lelbow-lwrist"] > 10
     sunk = replace(dance, root=dance.root - torch.tensor([0, 0.1, 0]))
     assert measure(sunk, points)["penetration_p95"] > 0.05
+
+
+def test_the_floor_is_found_at_any_frame_rate():
+    """A toe that glides at 0.3 m/s does not stand, however many frames a second there are."""
+    for fps in (30, 120):
+        feet = torch.zeros(2 * fps, 4, 3)
+        feet[fps:, :, 1] = 1.0  # half of the time it glides, a metre higher
+        feet[fps:, :, 0] = torch.arange(fps)[:, None] * 0.3 / fps
+        feet[: fps // 2, :, 0] += torch.arange(fps // 2)[:, None] * 10.0
+        assert abs(floor_height(feet, fps) + TOE_CLEARANCE) < 1e-6

@@ -1,5 +1,6 @@
 """Marks come from executed notebooks: solutions all right, stubs all open."""
 
+import io
 import json
 
 import nbformat
@@ -61,7 +62,7 @@ def test_the_command_prints_it(folder, capsys):
     assert f"{count} of {count}" in out and f"0 of {count}" in out
     assert "04.1  solved in 1 of 2  undo the noise" in out
     assert nb.main(["grade", str(folder / "nobody")]) == 2
-    assert "there is no folder" in capsys.readouterr().out
+    assert "there is no folder" in capsys.readouterr().err
     assert nb.main([]) == 2
 
 
@@ -83,6 +84,50 @@ def test_a_damaged_file_is_named_and_does_not_stop_the_others(folder, tmp_path):
 def test_a_check_that_was_not_run_has_no_mark():
     cell = {"cell_type": "code", "source": ["nb.check('04.1', x0_from)"], "outputs": []}
     assert grading.marks({"cells": [cell]}) == {"04.1": grading.NOT_RUN}
+
+
+def checked(source, *said):
+    outputs = [{"output_type": "stream", "text": text} for text in said]
+    return {"cell_type": "code", "source": source, "outputs": outputs}
+
+
+@pytest.mark.parametrize(
+    ("said", "mark"),
+    [
+        (["trying\n", "✓ 04.1 right\n"], nb.RIGHT),  # the cell printed something of its own
+        (["✗ 04.1 wrong\n✓ 04.1 right\n"], nb.RIGHT),  # the last one counts
+        (["✓ 04.2 of another exercise\n"], grading.NOT_RUN),
+        (["✓ I think so"], grading.NOT_RUN),
+    ],
+)
+def test_the_mark_is_what_the_check_of_that_exercise_said(said, mark):
+    cell = checked('nb.check("04.1", x0_from)', *said)
+    assert grading.marks({"cells": [cell]}) == {"04.1": mark}
+
+
+def test_a_cell_may_hold_several_checks():
+    two = 'nb.check("04.1", x0_from)\nnb.check("04.2", further)'
+    cell = checked(two, "✓ 04.1 right\n✗ 04.2 wrong\n")
+    assert grading.marks({"cells": [cell]}) == {"04.1": nb.RIGHT, "04.2": nb.WRONG}
+
+
+def test_a_copied_cell_that_was_not_run_leaves_the_mark():
+    source = 'nb.check("04.1", x0_from)'
+    cells = [checked(source, "✓ 04.1 right\n"), checked(source)]
+    assert grading.marks({"cells": cells}) == {"04.1": nb.RIGHT}
+
+
+def test_a_table_that_cannot_be_written_costs_no_marks(folder, tmp_path, capsys):
+    assert nb.main(["grade", str(folder), "--csv", str(tmp_path)]) == 2  # a folder
+    said = capsys.readouterr()
+    assert "04.1  solved in 1 of 2" in said.out and str(tmp_path) in said.err
+
+
+def test_marks_are_printed_where_there_is_no_tick(folder, monkeypatch):
+    page = io.TextIOWrapper(io.BytesIO(), encoding="cp1252", write_through=True)
+    monkeypatch.setattr("sys.stdout", page)
+    assert nb.main(["grade", str(folder)]) == 0
+    assert b"? 04.1" in page.buffer.getvalue()
 
 
 def test_an_empty_folder_is_refused(tmp_path):

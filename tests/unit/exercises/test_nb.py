@@ -208,6 +208,12 @@ def test_setup_seeds_and_report_lists_the_lesson(capsys):
     assert f"{nb.OPEN} 04.1" in capsys.readouterr().out
 
 
+def test_a_report_without_a_lesson_says_so(capsys, monkeypatch):
+    monkeypatch.setitem(nb._lesson, "number", None)
+    nb.report()
+    assert capsys.readouterr().out.startswith("no lesson is set up; run the cell with nb.setup")
+
+
 def test_resume_sets_up_once(capsys):
     nb.setup(98)
     nb.resume(4)  # another lesson: begun here

@@ -6,6 +6,7 @@ import nbformat
 import pytest
 
 from dancediff import grading, nb
+from dancediff.grading.replay import judge_cells
 
 FURTHER = """
 def further(x_s, s, t, abar, eps):
@@ -89,3 +90,44 @@ def test_a_wrong_option_is_refused(wrong, tmp_path, capsys):
     with pytest.raises(SystemExit) as stop:
         nb.main(["grade", str(tmp_path), *wrong])
     assert stop.value.code == 2
+
+
+def judged(*cells):
+    """The marks of a notebook, judged in this process."""
+    said = judge_cells(nbformat.v4.new_notebook(cells=list(cells)), [])
+    return {exercise: mark for exercise, mark in said if mark is not None}
+
+
+RIGHT_LOSS = nb.solution_text("05.2")
+CHECK = 'nb.check("05.2", distance_loss)'
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [
+        RIGHT_LOSS + "\ndistance_loss(nothing_like_it)",  # it only tries the answer
+        RIGHT_LOSS + "\ntried = distance_loss(nothing_like_it)",
+        RIGHT_LOSS + "\n%time 3\n!ls",
+        "seven = (1007\n  % 1000)\nassert seven == 7\n" + RIGHT_LOSS,
+        "%time 3\nseven = (1007\n  % 1000)\n" + RIGHT_LOSS,
+    ],
+)
+def test_an_answer_is_right_whatever_stands_around_it(answer):
+    assert judged(cell(answer, "exercise"), cell(CHECK)) == {"05.2": nb.RIGHT}
+
+
+def test_a_name_that_could_not_be_defined_is_wrong():
+    """Though an earlier cell gave it a value."""
+    before = cell(RIGHT_LOSS, "exercise")
+    for answer in ("distance_loss = nothing_like_it", "distance_loss = (", "def distance_loss("):
+        assert judged(before, cell(answer, "exercise"), cell(CHECK)) == {"05.2": nb.WRONG}
+    again = cell(RIGHT_LOSS, "exercise")
+    assert judged(cell("distance_loss = (", "exercise"), again, cell(CHECK)) == {"05.2": nb.RIGHT}
+
+
+def test_stub_and_check_may_share_a_cell_and_checks_too():
+    loss, hears = RIGHT_LOSS, ANSWERS["07.1"][1]
+    assert judged(cell(f"{loss}\n{CHECK}", "exercise")) == {"05.2": nb.RIGHT}
+    assert judged(cell(f"import torch\n{loss}\n{CHECK}")) == {"05.2": nb.RIGHT}
+    both = cell(f'{loss}\n{hears}\n{CHECK}\nnb.check("07.1", hear_all)', "exercise")
+    assert judged(both) == {"05.2": nb.RIGHT, "07.1": nb.RIGHT}

@@ -43,3 +43,9 @@ def test_another_body_keeps_its_bones(group, tmp_path):
 def test_dances_that_do_not_fit_are_not_put_side_by_side(group):
     with pytest.raises(ValueError, match="num_frames"):
         Motion.side_by_side([group, group.frames(0, 10)])
+
+
+def test_a_damaged_file_is_named(tmp_path):
+    (tmp_path / "a.bvh").write_text("HIERARCHY\nROOT\n")
+    with pytest.raises(ValueError, match=r"a\.bvh: BVH has 'ROOT'"):
+        load_bvh(tmp_path / "a.bvh")

@@ -123,7 +123,7 @@ def test_a_network_is_corrected_in_fewer_frames_than_the_linear_guess():
         wide = ConstraintHook(STD, [known], as_linear=float).apply(guess, a).flatten()
         assert narrow[30] == pytest.approx(1, abs=1e-6) and wide[30] == pytest.approx(1, abs=1e-6)
         assert narrow.abs().sum() < 0.9 * wide.abs().sum(), t
-        less_noise = a / (a + (1 - a) * ((1 + 2 * a**2) / 4) ** 2)  # the share, squared
+        less_noise = a / (a + (1 - a) * ((1 + 3 * a**2) / 4) ** 2)  # the share, squared
         assert torch.equal(narrow, known.condition(guess, less_noise, STD).flatten())
 
 

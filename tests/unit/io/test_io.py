@@ -46,3 +46,15 @@ def test_a_dance_with_nan_is_not_written(pair, name, tmp_path):
     with pytest.raises(ValueError, match="not finite"):
         pair.save(tmp_path / name)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_suffixes_in_capitals_are_read(pair, tmp_path):
+    pair.dancer(0).save(tmp_path / "a.bvh").rename(tmp_path / "A.BVH")
+    assert dance_files(tmp_path) == dance_files(tmp_path / "A.BVH") == [tmp_path / "A.BVH"]
+    assert Motion.load(tmp_path / "A.BVH").num_frames == 3
+
+
+def test_a_folder_with_an_index_of_its_own_is_searched(pair, tmp_path):
+    pair.save(tmp_path / "a.npz")
+    (tmp_path / "index.json").write_text('{"videos": []}')
+    assert dance_files(tmp_path) == [tmp_path / "a.npz"]

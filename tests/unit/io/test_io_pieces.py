@@ -4,6 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
+import torch
 
 from dancediff import hub
 from dancediff.data.choreographer import choreograph
@@ -55,3 +56,8 @@ def test_a_failing_stream_leaves_the_old_file(dance, tmp_path):
     assert path.read_text() == "old" and list(tmp_path.iterdir()) == [path]
     with pytest.raises(ValueError, match=r"must end in \.npz"):
         save_pieces([dance], tmp_path / "dance.html")
+
+
+def test_the_folder_is_made(tmp_path):
+    still = Motion(torch.eye(3).expand(1, 9, 24, 3, 3), torch.zeros(1, 9, 3))
+    assert save_pieces([still], tmp_path / "new" / "dance.npz").is_file()

@@ -1,6 +1,7 @@
 import torch
 
 from dancediff.motion.contact import feet_low, foot_contact, foot_speed
+from dancediff.motion.motion import Motion
 from dancediff.motion.skeleton import FOOT_JOINTS
 
 
@@ -41,3 +42,12 @@ def test_speed_is_to_the_next_frame_in_the_floor_plane():
 
 def test_one_frame_has_no_speed():
     assert foot_contact(feet_at(0.03, frames=1)).all()
+
+
+def test_a_slide_is_one_at_any_frame_rate():
+    for fps in (30, 60, 120):
+        joints = feet_at(0.03, step=0.6 / fps)  # metres a second
+        still = Motion(torch.eye(3).expand(1, 6, 24, 3, 3), torch.zeros(1, 6, 3), fps)
+        still.joints = lambda joints=joints: joints[None]
+        assert not foot_contact(joints, fps).any() and not still.contacts().any()
+        assert foot_contact(feet_at(0.03, step=0.15 / fps), fps).all()

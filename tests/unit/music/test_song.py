@@ -112,3 +112,10 @@ def test_a_path_is_the_song_in_it(tmp_path):
 def test_samples_without_their_rate_are_no_song():
     with pytest.raises(ValueError, match="song is a ndarray; give a Music or a path"):
         as_song(tone(44100))
+
+
+def test_a_song_is_saved_to_a_new_folder_and_other_suffixes_are_refused(tmp_path):
+    song = Music(np.zeros(22050, dtype=np.float32), 22050)
+    assert Music.load(song.save(tmp_path / "new" / "a.wav")).duration == 1
+    with pytest.raises(ValueError, match=r"suffix '\.m4a' of .* use \.wav \.flac \.ogg \.mp3"):
+        song.save(tmp_path / "a.m4a")

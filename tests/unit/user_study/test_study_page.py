@@ -110,6 +110,17 @@ def test_each_page_is_another_study_unless_a_seed_is_given(folders, tmp_path):
     assert key("c", seed=4) == key("d", seed=4)
 
 
+def test_a_key_is_not_replaced(folders, tmp_path, monkeypatch):
+    """Without its key nobody could score the answers to the first page."""
+    systems, songs = folders
+    made = dd.study(*systems, songs=songs, out=tmp_path / "s.html")
+    before = made.key.read_text()
+    monkeypatch.setattr("dancediff.user_study.make.pairs_of", None)  # refused before any dance
+    with pytest.raises(ValueError, match=r"s\.key\.json' is there already.*name another page"):
+        dd.study(*systems, songs=songs, out=tmp_path / "s.html")
+    assert made.key.read_text() == before
+
+
 def test_the_page_asks_for_nothing_and_a_name_cannot_become_code(tmp_path):
     song = "<b>&hum"
     folders = [write_dances(tmp_path / name, [song]) for name in "ab"]

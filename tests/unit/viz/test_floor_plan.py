@@ -6,6 +6,7 @@ import re
 import pytest
 
 from dancediff.viz.floor_plan import FloorPlan, plan_svg
+from dancediff.viz.palette import INK, PAPER
 
 pytest.importorskip("ipywidgets")
 pytest.importorskip("pythreejs")
@@ -34,6 +35,11 @@ def test_places_are_where_they_are_drawn():
     assert 'transform="translate(90 180)"' in svg
     assert 'transform="translate(270 90)"' in svg
     assert re.findall(r">(\d)</text>", svg) == ["0", "1"]  # as swap= counts
+
+
+def test_numbers_can_be_read_on_light_and_dark_discs():
+    svg = plan_svg(((0.0, 0.0), (1.0, 0.0)), reach=2.5)
+    assert re.findall(r'fill="(\S+)" font-weight="bold">(\d)', svg) == [(PAPER, "0"), (INK, "1")]
 
 
 def test_the_script_knows_its_widgets():

@@ -1,5 +1,8 @@
 """A gallery shows every dance and every file that is none."""
 
+import re
+from urllib.parse import unquote, urlsplit
+
 import numpy as np
 import pytest
 
@@ -31,6 +34,18 @@ def test_every_dance_and_every_failure_has_a_line(folder, tmp_path):
         "sub_<b>1.npz.html",
         "sub_<b>2.npz.html",
     ]
+
+
+def test_pages_have_names_of_their_own_and_links_that_lead_to_them(tmp_path):
+    dance = choreograph(np.arange(0.2, 2, 0.5), dancers=1, seed=1)[0]
+    for name in ("50% #1/a?.npz", "50% #1_a?.npz"):
+        (tmp_path / "in" / name).parent.mkdir(parents=True, exist_ok=True)
+        dance.save(tmp_path / "in" / name)
+    text = save_gallery(tmp_path / "in", tmp_path / "out").index.read_text(encoding="utf-8")
+    links = dict.fromkeys(re.findall(r'href="(.*?)"', text))
+    pages = {path.name for path in (tmp_path / "out").iterdir()} - {"index.html"}
+    assert pages == {"50% #1_a?.npz.html", "50% #1_a?.npz_2.html"}
+    assert {unquote(urlsplit(link).path) for link in links} == pages
 
 
 def test_a_gallery_in_its_own_folder_does_not_list_itself(folder):

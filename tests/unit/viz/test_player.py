@@ -1,11 +1,13 @@
 """What the HTML player's page holds; what it does is tested in a browser (tests/browser)."""
 
 import base64
+import io
 import json
 import re
 
 import numpy as np
 import pytest
+import soundfile
 import torch
 
 from dancediff.data.choreographer import choreograph
@@ -15,6 +17,7 @@ from dancediff.motion.skeleton import Skeleton
 from dancediff.music.song import Music
 from dancediff.viz.mannequin import steady_quaternions
 from dancediff.viz.player import save_player
+from dancediff.viz.style import mp3
 
 
 @pytest.fixture(scope="module")
@@ -70,6 +73,21 @@ def test_a_name_cannot_become_code(dance, song, tmp_path):
 def test_page_may_ask_for_nothing(dance, tmp_path):
     text, _ = data_of(save_player(dance, tmp_path / "a.html", metrics=False))
     assert "default-src 'none'" in text and 'src="' not in text and "<link" not in text
+
+
+@pytest.mark.parametrize("rate", [6000, 88200, 96000, 192000])
+def test_a_song_may_have_any_rate(rate):
+    """MP3 has nine of them."""
+    t = np.arange(rate) / rate
+    hum = Music((0.3 * np.sin(2 * np.pi * 220 * t)).astype(np.float32)[:, None], rate, name="hum")
+    sound, found = soundfile.read(io.BytesIO(mp3(hum, 1.5)))
+    assert found == 48000 and len(sound) / found == pytest.approx(1.5, abs=0.06)
+    assert np.abs(sound[:40000]).max() == pytest.approx(0.3, abs=0.05)
+
+
+def test_one_dancer_is_no_dancers(dance, tmp_path):
+    _, data = data_of(save_player(dance.dancer(0), tmp_path / "a.html", metrics=False))
+    assert data["title"] == "1 dancer"
 
 
 def test_metrics_stand_below(dance, song, tmp_path):

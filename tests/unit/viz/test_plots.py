@@ -19,6 +19,7 @@ from dancediff.viz import body, plots
 from dancediff.viz.body import body_points
 from dancediff.viz.palette import DANCER_COLORS, dancer_color, rgb
 from dancediff.viz.projection import Camera, follow
+from dancediff.viz.source_and_result import draw_source_and_result
 
 
 @pytest.fixture(scope="module")
@@ -43,6 +44,16 @@ def click_song(seconds=6):
         start = int(beat * 44100)
         audio[start : start + 400] = np.hanning(400)
     return Music(audio, 44100, "clicks")
+
+
+def test_a_name_is_no_formula(tmp_path):
+    """Matplotlib would read what stands between two "$" as TeX, and refuse this."""
+    song = Music(click_song(2).audio, 44100, r"$\frac$")
+    assert plots.save_filmstrip(still(f=60), tmp_path / "a.png", song).stat().st_size > 1000
+    bones = [(still().joints()[0], still().skeleton.parents, 30.0)]
+    draw_source_and_result(song.name.replace("\\", ""), bones, still(), tmp_path)
+    draw_source_and_result("$^$", bones, still(), tmp_path)
+    assert (tmp_path / "$^$.png").exists()
 
 
 def test_dancers_stay_apart_in_greyscale():

@@ -96,6 +96,12 @@ def _centre(frame):
     return np.flatnonzero(near.any(0)).mean()
 
 
+def test_a_name_is_no_formula(dance):
+    """Matplotlib would read what stands between two "$" as TeX, and refuse this."""
+    canvas = video.Canvas(dance, Music(tone(1).audio, 44100, r"$\frac$"), size=SMALL)
+    assert canvas.frame(0).shape == (90, 160, 4)
+
+
 def test_beats_pulse():
     motion = Motion(torch.eye(3).expand(1, 30, 24, 3, 3), torch.zeros(1, 30, 3))
     canvas = video.Canvas(motion, size=SMALL)

@@ -6,7 +6,7 @@
   const { audio, data, put, readyUntil, drawTicks, clock } = window.dancediff;
   const $ = (id) => document.getElementById(id);
   const ENOUGH = 1.0; // seconds that must be ready before a dance that had to wait goes on
-  const live = { pieces: [], knobs: [], stalls: 0, waiting: true, state: {}, closed: false, begun: performance.now(), moved: null };
+  const live = { pieces: [], knobs: [], stalls: 0, unsaved: false, waiting: true, state: {}, closed: false, begun: performance.now(), moved: null };
   let asked = -1; // the frame that the session was asked to go to
   let coming = 0; // the frame with which the next piece begins
   let jumped = false; // to a place that is not ready
@@ -30,6 +30,7 @@
   const told = {
     piece(piece) {
       put(piece);
+      live.unsaved = true;
       coming = piece.start + piece.frames;
       live.moved ??= performance.now() - live.begun;
       live.pieces.push({ start: piece.start, frames: piece.frames, at: performance.now() });
@@ -48,7 +49,10 @@
       data.beats = beats;
       drawTicks();
     },
-    saved: ({ files }) => say(`Saved: ${files.join(", ")}`),
+    saved({ files }) {
+      live.unsaved = false;
+      say(`Saved: ${files.join(", ")}`);
+    },
     failed: ({ text }) => say(text),
   };
 
@@ -109,7 +113,14 @@
   for (const label of document.querySelectorAll("[data-knob]")) label.hidden = !(label.dataset.knob in data.live.knobs);
   for (const [id, rows] of Object.entries(data.live.knobs)) if (id !== "energy") choices(id, rows);
   $("energy").onchange = () => send({ set: { energy: Number($("energy").value) } });
-  $("save").onclick = () => (send({ save: true }), say("Saving …"));
+  $("energy").onpointerup = () => $("energy").blur(); // keys are the player's again
+  $("save").onclick = (event) => {
+    if (event.detail) $("save").blur(); // a click of the mouse
+    if (live.closed) return say("The session has ended; nothing can be saved any more.");
+    send({ save: true });
+    say("Saving …");
+  };
+  window.addEventListener("beforeunload", (event) => live.unsaved && !live.closed && event.preventDefault());
 
   window.dancediff.live = Object.assign(live, { ready, send });
   $("play").focus();

@@ -18,7 +18,10 @@ const CONTACT_JOINTS = ["lankle", "rankle", "ltoe", "rtoe"].map((n) => data.body
 // ---------------------------------------------------------------------------------------- data
 
 function bytes(text) {
-  return Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer;
+  const letters = atob(text);
+  const found = new Uint8Array(letters.length);
+  for (let i = 0; i < letters.length; i++) found[i] = letters.charCodeAt(i); // of a long dance no list of letters
+  return found.buffer;
 }
 
 // quaternions are 16-bit integers, [dancer][frame][joint][x y z w]; roots are metres
@@ -242,14 +245,23 @@ const clock = {
 
 // ----------------------------------------------------------------------------------------- page
 
-$("title").textContent = data.title;
+$("title").textContent = document.title = data.title;
 const stages = data.panes.map(makeStage);
 const canvas = $("stage");
-const renderer = new THREE.WebGLRenderer({ canvas, antialias: true, preserveDrawingBuffer: true });
+const renderer = makeRenderer();
 renderer.shadowMap.enabled = true;
 renderer.setScissorTest(true);
 const camera = new THREE.PerspectiveCamera(32, 1, 0.1, 200);
 const orbit = new OrbitControls(camera, canvas);
+
+function makeRenderer() {
+  try {
+    return new THREE.WebGLRenderer({ canvas, antialias: true, preserveDrawingBuffer: true });
+  } catch (error) {
+    $("clock").textContent = "This browser has no WebGL, so it cannot show the dance: turn on hardware acceleration, or take another browser";
+    throw error;
+  }
+}
 
 data.panes.forEach((pane) => {
   const card = document.createElement("div");
@@ -354,18 +366,24 @@ const actions = {
   home: () => clock.seek(0),
   back: () => clock.seek(clock.time() - 1),
   ahead: () => clock.seek(clock.time() + 1),
-  before: () => clock.seek((Math.round(clock.time() * data.fps) - 1) / data.fps),
-  after: () => clock.seek((Math.round(clock.time() * data.fps) + 1) / data.fps),
+  before: () => clock.seek((frameOf(clock.time()) - 1) / data.fps),
+  after: () => clock.seek((frameOf(clock.time()) + 1) / data.fps),
 };
 const keys = { " ": "play", t: "top", f: "follow", r: "trails", c: "contacts", Home: "home", ArrowLeft: "back", ArrowRight: "ahead", ",": "before", ".": "after" };
+// keys that a control needs for itself, where it has the focus
+const OWN_KEYS = { BUTTON: /^( |Enter)$/, checkbox: /^ $/, range: /^(Arrow|Home|End|Page)/, SELECT: /./ };
 
-for (const id of ["play", "top", "follow", "trails", "contacts"]) $(id).onclick = () => (actions[id](), $(id).blur());
+// who clicks with the mouse (detail counts clicks) goes on with the player's keys
+for (const id of ["play", "top", "follow", "trails", "contacts"]) $(id).onclick = (event) => (actions[id](), event.detail && $(id).blur());
+$("loop").onclick = (event) => event.detail && $("loop").blur();
 $("time").max = last;
 $("time").oninput = () => clock.seek($("time").value / data.fps);
+$("time").onpointerup = () => $("time").blur();
 $("speed").onchange = () => (clock.setSpeed(Number($("speed").value)), $("speed").blur());
 document.addEventListener("keydown", (event) => {
-  const action = keys[event.key];
-  if (!action || event.ctrlKey || event.metaKey || event.altKey || event.target.tagName === "SELECT") return;
+  const action = keys[event.key] ?? keys[event.key.toLowerCase()]; // CapsLock
+  const { tagName, type } = event.target;
+  if (!action || event.ctrlKey || event.metaKey || event.altKey || OWN_KEYS[tagName === "INPUT" ? type : tagName]?.test(event.key)) return;
   event.preventDefault();
   actions[action]();
 });

@@ -11,6 +11,9 @@ const SAVED = `dancediff-study-${study.id}`;
 const SIDES = { q: "left", p: "right" }; // no digits: those stand over the dancers
 const plural = (n, what) => `${n} ${what}${n === 1 ? "" : "s"}`;
 
+// keys that a control needs for itself, where it has the focus
+const OWN_KEYS = { BUTTON: /^( |Enter)$/, checkbox: /^ $/, range: /^(Arrow|Home|End|Page)/, SELECT: /./ };
+
 // answers[pair][question] is "left" or "right"; watched[pair] is in seconds
 let state = null;
 let active = 0; // the question that keys answer
@@ -111,7 +114,7 @@ function finish() {
   player()?.clock.pause();
   const [given, all] = [votes(), study.pairs.length * study.questions.length];
   $("said").textContent = `You gave ${given} of ${plural(all, "vote")}. Download the file and hand it in.`;
-  $("fresh").disabled = given > 0; // until they are downloaded
+  $("fresh").disabled = given > 0 && !state.downloaded;
   show("end");
 }
 
@@ -120,6 +123,7 @@ function finish() {
 function vote(k, side) {
   if (!open()) return;
   (state.answers[pair()] ??= {})[study.questions[k].name] = side;
+  state.downloaded = false;
   const mine = state.answers[pair()];
   const missing = study.questions.findIndex((q) => !mine[q.name]);
   active = missing < 0 ? k : missing;
@@ -151,6 +155,8 @@ function watch() {
 
 function pressed(event) {
   if (event.ctrlKey || event.metaKey || event.altKey || $("pair").hidden) return;
+  const { tagName, type } = event.target;
+  if (OWN_KEYS[tagName === "INPUT" ? type : tagName]?.test(event.key)) return;
   const step = { ArrowUp: -1, ArrowDown: 1 }[event.key];
   const side = SIDES[event.key.toLowerCase()];
   if (side) vote(active, side);
@@ -177,6 +183,8 @@ function download() {
   link.href = URL.createObjectURL(new Blob([JSON.stringify(file, null, 1)], { type: "application/json" }));
   link.download = `answers_${state.rater.replace(/[^\p{L}\p{N}]+/gu, "-")}_${state.token.slice(0, 4)}.json`;
   link.click();
+  state.downloaded = true;
+  keep();
   $("fresh").disabled = false;
   setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
 }
@@ -199,6 +207,9 @@ $("least").textContent = plural(study.least, "second");
 $("rater").oninput = () => ($("begin").disabled = !$("rater").value.trim());
 $("rater").onkeydown = (event) => event.key === "Enter" && $("begin").click();
 $("begin").onclick = () => {
+  const old = kept();
+  const lost = old && !old.downloaded && Object.keys(old.answers).length;
+  if (lost && !confirm(`The answers of ${old.rater} were not downloaded. Throw them away?`)) return;
   state = { rater: $("rater").value.trim(), token: token(), at: 0, answers: {}, watched: {} };
   showPair(0);
 };

@@ -3,7 +3,8 @@ r"""The skeletons that an animation in a glTF 2.0 file (.glb, .gltf) moves.
 Read first: `dancediff.data.folder.tree`. The writer of dances is `dancediff.export.gltf`.
 
 Joints are those of the skins, or, without skins, all nodes that the animation turns. The longest
-animation is read, at the rate of its own key frames.
+animation is read from its first to its last key, at the rate of its key frames but at 30 a second
+at least: a turn may have no more than two keys.
 
 Symbols (axes: f frames · k key frames)
     key    times of a channel, seconds   (k,)
@@ -21,6 +22,7 @@ import roma
 import torch
 from torch import Tensor
 
+from dancediff.axes import FPS
 from dancediff.data.bvh import BVH
 from dancediff.data.folder.tree import tree_from_world
 
@@ -96,14 +98,16 @@ class _Scene:
     def recordings(self) -> list[BVH]:
         """One for each skeleton that moves."""
         tracks = self._tracks()
-        key = max((times for times, _, _ in tracks.values()), key=len)
-        if len(key) < 2:
+        keys = [times for times, _, _ in tracks.values()]
+        steps = np.concatenate([np.diff(times) for times in keys])
+        if len(steps) == 0:
             raise ValueError("its animation has fewer than two key frames")
-        fps = min(MOST_RATE, 1 / float(np.median(np.diff(key))))
-        f = int((key[-1] - key[0]) * fps + 1e-3) + 1
+        first, last = min(times[0] for times in keys), max(times[-1] for times in keys)
+        fps = min(MOST_RATE, max(FPS, 1 / float(np.median(steps))))
+        f = int((last - first) * fps + 1e-3) + 1
         if f > MOST_FRAMES:
-            raise ValueError(f"its animation lasts {key[-1]:.0f} s; at most {MOST_FRAMES} frames")
-        world = self._world(tracks, key[0] + np.arange(f) / fps)
+            raise ValueError(f"its animation lasts {last:.0f} s; at most {MOST_FRAMES} frames")
+        world = self._world(tracks, first + np.arange(f) / fps)
         found = [self._tree(joints, world, fps) for joints in self._skeletons(tracks)]
         if not found:
             raise ValueError("its animation moves no skeleton")

@@ -9,6 +9,7 @@ whole take to the middle of the stage. Only heights are fitted for each dancer a
 import contextlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
+from hashlib import sha256
 from pathlib import Path
 
 import torch
@@ -82,7 +83,7 @@ def make_folder_take(
         "doubts": list(dict.fromkeys(doubts)),
         **_mean_numbers([dancer.numbers for dancer in dancers if dancer.numbers]),
     }
-    group = plan.name if plan.song is None else f"song {plan.song.name}"
+    group = plan.name if plan.song is None else _song_group(plan.song)
     take = make_take(
         plan.name,
         motion,
@@ -109,6 +110,11 @@ def _named(label: str) -> Iterator[None]:
         raise ValueError(f"{label}: {err}") from err
 
 
+def _song_group(song: Path) -> str:
+    """One song is one group wherever it lies; two of one name in two folders are not."""
+    return f"song {sha256(song.read_bytes()).hexdigest()[:12]}"
+
+
 def read_file(path: Path, given: Given) -> list[Found | Dancer]:
     """All dancers of a file: joint trees made upright, or dancers that need no retargeting.
 
@@ -122,11 +128,17 @@ def read_file(path: Path, given: Given) -> list[Found | Dancer]:
     elif kind == ".npz" and "rot6d" in read_arrays(path, ("rot6d",), expand=COMPRESSED):
         motion = Motion.load(path)
         if motion.skeleton.names == SMPL24.names:
-            return [*_as_they_are(resample_motion(motion), kind=_kind_of(path, motion))]
+            facts = {"kind": _kind_of(path, motion), "doubts": _unused(given)}
+            return [*_as_they_are(resample_motion(motion), **facts)]
         trees = [tree_of_motion(motion, k) for k in range(motion.num_dancers)]
     else:
         return [*_smpl_dancers(path, given)]
     return [settle(tree, given) for tree in trees]
+
+
+def _unused(given: Given) -> list[str]:
+    names = [name for name in ("fps", "up", "unit") if getattr(given, name) is not None]
+    return [f"given {', '.join(names)} not used: the file tells its own"] if names else []
 
 
 def _dancer(one: Found | Dancer, label: str, scale: float, lead: float) -> Dancer:

@@ -35,6 +35,7 @@ LEG = (0.6, 1.2)  # metres from hip to ankle
 ADULT = 0.85
 RATES = (24.0, 25.0, 30.0, 50.0, 60.0, 90.0, 100.0, 120.0, 200.0, 240.0)
 NEAR_RATE = 0.012  # 0.033 s a frame is meant as 1/30 s
+NTSC = 1.001  # by how much video is slower: 29.97 a second is no 30
 UPRIGHT = 0.7  # mean of a body that mostly stands, along the axis that points up
 LOOK = 300  # frames at which a posture is looked at
 MOST_LEAD = 0.25  # seconds that a T-pose put before a take may take to fade
@@ -97,7 +98,8 @@ def settle(bvh: BVH, given: Given) -> Found:
 def _rate(bvh: BVH, given: Given, found: Found) -> tuple[BVH, float]:
     fps = given.fps or bvh.fps
     near = min(RATES, key=lambda rate: abs(rate - fps))
-    if given.fps is None and 0 < abs(near - fps) < NEAR_RATE * near:
+    video = abs(near / NTSC - fps) < 1e-4 * near
+    if given.fps is None and not video and 0 < abs(near - fps) < NEAR_RATE * near:
         if abs(near - fps) > 1e-3 * near:
             found.repaired.append(f"{fps:.2f} frames a second are taken as {near:g}")
         fps = near

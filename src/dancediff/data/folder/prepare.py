@@ -42,7 +42,7 @@ def prepare_folder(
     checked = read_checked(out)
     pictures = out / PICTURES
     jobs, files = [], {}
-    for plan in takes_in(src, group=group, given=given):
+    for plan in takes_in(src, group=group, given=given, leave_out=out):
         bare, givens = with_checked(plan, checked)
         more = {"draw": draw, "pictures": pictures}
         jobs.append(Job(plan.name, partial(make_folder_take, bare, givens, **more)))

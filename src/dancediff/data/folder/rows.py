@@ -9,6 +9,7 @@ With an axis for dancers in front, the first two and the last may hold a group. 
 frame rate: 30 is taken. Numbers must not be scaled for a network any more.
 """
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -27,18 +28,19 @@ _ROW = (0.5, 2.0)  # median length of a rotation's row, which is 1 but for a net
 _KNOWN = "(f, 139), (f, 151), (f, 315), (f, 319) or (f, 24, 3), some with dancers in front"
 
 
-def read_rows(path) -> Motion:
-    """A dance as the file has it, its up axis not yet turned.
+def read_rows(path, unit: float = 1.0) -> Motion:
+    """A dance as the file has it, its up axis not yet turned; ``unit`` is the file's, in metres.
 
     Raises: OSError for no such file; ValueError telling which shape or numbers do not fit.
     """
     path = Path(path)
     x = read_array(path)
     if x.ndim == 2 and x.shape[1] in _FINEDANCE:
-        return read_motion(path)
+        return _in_metres(read_motion(path), unit)
     if x.shape[-2:] == (SMPL24.num_joints, 3) and x.ndim in (3, 4):
         points = x[None] if x.ndim == 3 else x
-        return Motion.from_joints(torch.from_numpy(_numbers(points, "positions")))
+        # what it returns has legs of one length, so its root is in metres already
+        return Motion.from_joints(torch.from_numpy(_numbers(points, "positions")) * unit)
     if x.ndim not in (2, 3) or x.shape[-1] not in WIDTHS:
         raise ValueError(f"it has shape {x.shape}, not {_KNOWN}")
     rows = torch.from_numpy(_numbers(x[None] if x.ndim == 2 else x, "rows"))
@@ -49,7 +51,11 @@ def read_rows(path) -> Motion:
             f"the rows of its rotations are {length.median():.2f} long where 1 is right; undo the "
             "network's normalisation before saving"
         )
-    return Motion.from_features(rows, name=name)
+    return _in_metres(Motion.from_features(rows, name=name), unit)
+
+
+def _in_metres(motion: Motion, unit: float) -> Motion:
+    return replace(motion, root=motion.root * unit)
 
 
 def _numbers(x: np.ndarray, name: str) -> np.ndarray:

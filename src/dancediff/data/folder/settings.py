@@ -39,7 +39,7 @@ def read_checked(out: Path) -> list[dict]:
     if not path.is_file():
         return []
     try:
-        rows = tomllib.loads(path.read_text(encoding="utf-8")).get("skeleton", [])
+        rows = tomllib.loads(path.read_text(encoding="utf-8-sig")).get("skeleton", [])
         checked = [row for row in rows if row.get("checked") is True]
         for row in checked:
             given_in(row)
@@ -85,10 +85,14 @@ def write_settings(out: Path, skeletons: list[dict], checked: list[dict]) -> Pat
     return path
 
 
+def _toml(value) -> str:
+    return json.dumps(value, ensure_ascii=False)  # TOML has no pairs of escapes for an emoji
+
+
 def _table(row: dict) -> str:
     joints = row["joints"]
     lines = ["", "[[skeleton]]"]
-    lines += [f"{key} = {json.dumps(value)}" for key, value in row.items() if key != "joints"]
+    lines += [f"{key} = {_toml(value)}" for key, value in row.items() if key != "joints"]
     lines += ["[skeleton.joints]"]
-    lines += [f"{ours} = {json.dumps(theirs)}" for ours, theirs in joints.items()]
+    lines += [f"{ours} = {_toml(theirs)}" for ours, theirs in joints.items()]
     return "\n".join(lines) + "\n"

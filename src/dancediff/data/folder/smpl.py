@@ -20,9 +20,10 @@ import numpy as np
 import torch
 
 from dancediff.arrays import COMPRESSED, read_arrays
-from dancediff.data.formats import pad_hands, plain_array
+from dancediff.data.formats import plain_array
 from dancediff.data.safe_pickle import load_pickle
 from dancediff.motion.motion import Motion
+from dancediff.motion.representation import whole_pose
 from dancediff.motion.rotation import axis_angle_to_matrix
 
 APART = 0.3  # metres from a path to the pelvis of the same dancer, whatever is its path
@@ -59,7 +60,7 @@ def read_smpl(path) -> tuple[Motion, bool]:
     joints = 24 if poses.shape[2] == 72 else BODY  # SMPL-H and SMPL-X go on with other joints
     v = torch.from_numpy(poses[:, :f, : 3 * joints]).float().unflatten(-1, (joints, 3))
     rate = _number(data, RATES, 0.0)
-    pose = pad_hands(axis_angle_to_matrix(v))
+    pose = whole_pose(axis_angle_to_matrix(v))
     return Motion(pose, torch.from_numpy(trans[:, :f]), rate or 30.0), rate > 0
 
 

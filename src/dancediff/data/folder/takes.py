@@ -14,11 +14,14 @@ A song is else the sound file of the take's name, beside it or in a folder ``son
 
 import re
 import tomllib
+from collections import Counter
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 
 from dancediff.data.folder.posture import Given
 from dancediff.data.formats import find_song
+from dancediff.data.names import digits, plain_name
+from dancediff.data.prepared import is_prepared
 from dancediff.data.take import SPLITS
 
 MANIFEST = "takes.toml"
@@ -42,59 +45,79 @@ class TakePlan:
     labels: tuple[str, ...] = field(default=())  # the files as seen from the folder
 
 
-def takes_in(src, *, group: str | None = None, given: Given | None = None) -> list[TakePlan]:
+def takes_in(
+    src, *, group: str | None = None, given: Given | None = None, leave_out=None
+) -> list[TakePlan]:
     """The takes of a folder, sorted by name.
 
     ``group`` tells how files of one take are named, such as "{take}_{dancer}"; without it every
-    file that ``takes.toml`` does not name is a take. ``given`` holds for all of them.
+    file that ``takes.toml`` does not name is a take. ``given`` holds for all of them. What lies in
+    a prepared folder, or in the folder ``leave_out`` within ``src``, is no motion to prepare.
+    Where two takes would have one name, or it is not ASCII, six letters are added to it.
 
     Raises: ValueError naming the folder, the file or the entry that is wrong.
     """
     src = Path(src)
-    paths = [path for path in sorted(src.rglob("*")) if _is_motion(path, src)]
+    paths = _motion_files(src, leave_out)
     if not paths:
         raise ValueError(f"{str(src)!r} holds no {', '.join(SUFFIXES)} file, nor do its folders")
     given = given or Given()
-    plans = [_planned(row, k, src, given) for k, row in enumerate(_rows(src), 1)]
-    named = {file for plan in plans for file in plan.files}
-    rows: dict[str, list[Path]] = {}
-    called: dict[str, str] = {}  # without the folders
-    left = [path for path in paths if path not in named]
-    stems = [path.relative_to(src).with_suffix("") for path in left]
-    pattern = None if group is None else _pattern(group)
-    for path, stem in zip(left, stems, strict=True):
-        match = None if pattern is None else pattern.fullmatch(stem.name)
-        short = match["take"] if match else stem.name
-        name = "_".join([*stem.parts[:-1], short])
-        if stems.count(stem) > 1:  # one dance in two formats
-            name += f"_{path.suffix[1:].lower()}"
-        rows.setdefault(name, []).append(path)
-        called[name] = short
-    plans += [
-        TakePlan(_plain(name), tuple(files), given, _song(src, files[0], [called[name], name]))
-        for name, files in rows.items()
-    ]
+    rows = _rows(src)
+    planned = [_planned(row, k, src, given) for k, row in enumerate(rows, 1)]
+    files = {file for plan in planned for file in plan.files}
+    found = _found([path for path in paths if path not in files], src, group, given)
     labelled = [
         replace(plan, labels=tuple(file.relative_to(src).as_posix() for file in plan.files))
-        for plan in plans
+        for plan in [*planned, *found]
     ]
-    return sorted(labelled, key=lambda plan: plan.name)
+    chosen = [k < len(rows) and "name" in rows[k] for k in range(len(labelled))]
+    return sorted(_apart(labelled, chosen), key=lambda plan: plan.name)
 
 
-def _is_motion(path: Path, src: Path) -> bool:
-    inside = path.relative_to(src)
-    hidden = any(part.startswith(".") for part in inside.parts)
-    prepared = any((src / above / "index.json").is_file() for above in [*inside.parents])
-    return path.suffix.lower() in SUFFIXES and path.is_file() and not (hidden or prepared)
+def _found(paths: list[Path], src: Path, group: str | None, given: Given) -> list[TakePlan]:
+    """Takes of the files that no table names."""
+    stems = [path.relative_to(src).with_suffix("") for path in paths]
+    times = Counter(stems)
+    pattern = None if group is None else _pattern(group)
+    rows: dict[tuple[str, ...], list[Path]] = {}  # folders, name and, of two formats, the suffix
+    for path, stem in zip(paths, stems, strict=True):
+        match = None if pattern is None else pattern.fullmatch(stem.name)
+        short = match["take"] if match else stem.name
+        end = f"_{path.suffix[1:].lower()}" if times[stem] > 1 else ""
+        rows.setdefault((*stem.parts[:-1], short, end), []).append(path)
+    plans = []
+    for (*folders, short, end), files in rows.items():
+        name = "_".join([*folders, short]) + end
+        song = _song(src, files[0], [short, name])
+        plans.append(TakePlan(plain_name(name), tuple(files), given, song))
+    return plans
 
 
-def _plain(name: str) -> str:
-    """A name that a file of the prepared folder can have.
+def _apart(plans: list[TakePlan], chosen: list[bool]) -> list[TakePlan]:
+    """The takes with names that differ; ``chosen`` ones stay as the user wrote them."""
+    times = Counter(plan.name for plan in plans)
+    return [
+        plan
+        if stays or (times[plan.name] == 1 and plan.labels[0].isascii())
+        else replace(plan, name=f"{plan.name}_{digits(plan.labels[0])}")
+        for plan, stays in zip(plans, chosen, strict=True)
+    ]
 
-    >>> _plain("Salsa no. 1 (live)"), _plain(".")
-    ('Salsa_no._1_live', 'take')
-    """
-    return re.sub(r"[^A-Za-z0-9_.+-]+", "_", name).strip("_.+-")[:120] or "take"
+
+def _motion_files(src: Path, leave_out) -> list[Path]:
+    prepared = {path.parent for path in src.rglob("index.json") if is_prepared(path.parent)}
+    if leave_out is not None:
+        made, above = Path(leave_out).resolve(), src.resolve()
+        if above in made.parents:
+            prepared.add(src / made.relative_to(above))
+    return [
+        path
+        for path in sorted(src.rglob("*"))
+        if path.suffix.lower() in SUFFIXES
+        and not any(part.startswith(".") for part in path.relative_to(src).parts)
+        and not prepared.intersection(path.parents)
+        and path.is_file()
+    ]
 
 
 def _pattern(group: str) -> re.Pattern:
@@ -120,7 +143,7 @@ def _rows(src: Path) -> list[dict]:
     if not path.is_file():
         return []
     try:
-        rows = tomllib.loads(path.read_text(encoding="utf-8"))["take"]
+        rows = tomllib.loads(path.read_text(encoding="utf-8-sig"))["take"]
         if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
             raise TypeError("take is no table")
     except (OSError, ValueError, KeyError, TypeError) as err:
@@ -136,6 +159,11 @@ def _planned(row: dict, number: int, src: Path, given: Given) -> TakePlan:
     names = row.get("files")
     if not isinstance(names, list) or not names or not all(isinstance(n, str) for n in names):
         raise ValueError(f"{where}: files={names!r} must be a list of files")
+    for file in names:
+        if Path(file).is_absolute():
+            raise ValueError(f"{where}: {file!r} must be relative to the folder")
+        if Path(file).suffix.lower() not in SUFFIXES:
+            raise ValueError(f"{where}: {file!r} is no {', '.join(SUFFIXES)}; convert it to one")
     if odd := [key for key in _WORDS if not isinstance(row.get(key, ""), str)]:
         raise ValueError(f"{where}: {odd[0]}={row[odd[0]]!r} must be text")
     files, song = [src / name for name in names], row.get("song")
@@ -151,4 +179,4 @@ def _planned(row: dict, number: int, src: Path, given: Given) -> TakePlan:
         raise ValueError(f"{where}: {err}") from err
     words = {key: row[key] for key in ("genre", "split", "source", "licence") if key in row}
     song = src / song if song else _song(src, files[0], [name])
-    return TakePlan(_plain(name), tuple(files), given, song, **words)
+    return TakePlan(plain_name(name), tuple(files), given, song, **words)

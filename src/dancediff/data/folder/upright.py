@@ -37,10 +37,11 @@ def standing(path, given: Given | None = None, *, fps: float | None = None) -> S
     """
     path, given = Path(path), given or Given()
     if path.suffix.lower() == ".npy":
-        motion, tells_rate = read_rows(path), False
+        motion, tells_rate = read_rows(path, given.unit or 1.0), False
     else:
         motion, tells_rate = read_smpl(path)
-    motion = replace(motion, fps=given.fps or motion.fps, root=motion.root * (given.unit or 1.0))
+        motion = replace(motion, root=motion.root * (given.unit or 1.0))
+    motion = replace(motion, fps=given.fps or motion.fps)
     points, at = motion.joints(), SMPL24.index
     body = points[:, :, at("neck")] - points[:, :, [at("lankle"), at("rankle")]].mean(2)
     doubts: list[str] = []

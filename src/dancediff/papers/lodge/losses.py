@@ -68,16 +68,15 @@ class LodgeWeights:
         """The second stage with clean borders.
 
         Differs: eq. 5, 6 and 7, of which the paper gives no weights, weigh 0 in the code; here
-        they are on, and small. The code's terms of the root are in metres a frame, so that ours
-        count 900 times as much; its acceleration is its velocity once more.
+        they are on, and small. The code's root acceleration is its velocity once more.
         """
         weights = {
             "foot": 10.0,
             "jvel": 0.05,
             "jacc": 0.05 / FPS**2,
             "contact": 0.05,
-            "root_vel": 0.15,
-            "root_acc": 0.3 / FPS**2,
+            "root_vel": 0.15 / FPS**2,
+            "root_acc": 0.3 / FPS**4,
         }
         return cls(**weights | changes)
 
