@@ -117,8 +117,8 @@ def test_solos_learn_by_what_the_packaged_recipe_says(stage):
         falls = torch.stack([feet[..., 0], feet[..., 1].clamp(max=0), feet[..., 2]], dim=-1)
         total += 0.05 * square(30 * (J - J_0).diff(n=2, dim=1), ROWS)
         total += 0.05 * square(30 * falls * planted, ROWS)
-        total += 0.15 * square(30 * (p - p_0).diff(dim=1), ROWS)
-        total += 0.3 * square(30 * (p - p_0).diff(n=2, dim=1), ROWS)
+        total += 0.15 * square((p - p_0).diff(dim=1), ROWS)  # metres a frame, as in the code
+        total += 0.3 * square((p - p_0).diff(n=2, dim=1), ROWS)
     torch.testing.assert_close(terms["total"], total)
 
 
