@@ -31,7 +31,7 @@ from dancediff.data.formats import (
     read_splits,
     smpl_take,
 )
-from dancediff.data.names import own_name
+from dancediff.data.names import take_name
 from dancediff.data.take import SPLITS, DanceTake, Job
 
 ONE_LIST = "split_sequence_names.txt"
@@ -72,7 +72,7 @@ def aioz_jobs(src) -> list[Job]:
         read = partial(smpl_take, f"aioz_{name}", path, song, read_poses, FPS)
         jobs.append(Job(f"aioz_{name}", partial(read, **facts)))
     return jobs + [
-        Job(f"aioz_{own_name(name)}", partial(_refuse, path))
+        Job(f"aioz_{take_name(name)}", partial(_refuse, path))
         for name, path in files.items()
         if name not in splits
     ]

@@ -27,7 +27,7 @@ from torch import Tensor
 
 from dancediff.axes import FPS
 from dancediff.data.formats import find_song, make_take, plain_array, read_json
-from dancediff.data.names import own_name
+from dancediff.data.names import take_name
 from dancediff.data.take import DanceTake, Job
 from dancediff.genre import FINEDANCE
 from dancediff.motion.contact import TOE_CLEARANCE
@@ -87,7 +87,7 @@ def finedance_jobs(src, *, split: str = "genre") -> list[Job]:
             path, label = src / "motion" / f"{name}.npy", src / "label_json" / f"{name}.json"
             song = find_song([src / "music_wav"], [name])
             make = partial(make_finedance, path, song, label, split_of(name, split))
-            jobs.append(Job(f"finedance_{own_name(name)}", make))
+            jobs.append(Job(f"finedance_{take_name(name)}", make))
     return jobs
 
 

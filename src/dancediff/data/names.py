@@ -13,21 +13,21 @@ def plain_name(text: str) -> str:
     return re.sub(r"[^A-Za-z0-9_.+-]+", "_", text).strip("_.+-")[:120] or "take"
 
 
-def digits(text: str) -> str:
-    """Six letters that follow from a text; they keep apart what would have one name.
+def short_hash(text: str) -> str:
+    """Six hexadecimal digits of a text's hash; they keep apart what would have one name.
 
-    >>> digits("a.bvh")
+    >>> short_hash("a.bvh")
     'fa5156'
     """
     return sha256(text.encode(errors="surrogateescape")).hexdigest()[:6]
 
 
-def own_name(text: str) -> str:
+def take_name(text: str) -> str:
     """``text`` where a take can be called so, else a plain name that no other text has.
 
-    >>> own_name("v_01_0_100"), own_name("v_01_0_100 (1)")
+    >>> take_name("v_01_0_100"), take_name("v_01_0_100 (1)")
     ('v_01_0_100', 'v_01_0_100_1_add2cd')
     """
     if re.fullmatch(r"[A-Za-z0-9_.+-]{1,120}", text):
         return text
-    return f"{plain_name(text)}_{digits(text)}"
+    return f"{plain_name(text)}_{short_hash(text)}"

@@ -24,7 +24,7 @@ from dancediff.axes import FPS
 from dancediff.data.cache import cached, code_digest, content_key
 from dancediff.data.choreographed import SIZES, any_genre
 from dancediff.data.choreographer import choreograph
-from dancediff.data.names import own_name
+from dancediff.data.names import take_name
 from dancediff.data.song_folder import SongFile, songs_in
 from dancediff.data.take import DanceTake, Job
 from dancediff.music.augment import augment_song
@@ -70,7 +70,7 @@ def song_jobs(
         Job(name, partial(danced_song, song, name, version, k, **options))
         for version, k in itertools.product(range(augment + 1), range(dances_per_song))
         for song in songs
-        for name in [f"song_{own_name(song.key[:60])}_{_place(folder, song)}_{version}_{k:02d}"]
+        for name in [f"song_{take_name(song.key[:60])}_{_place(folder, song)}_{version}_{k:02d}"]
     ]
 
 

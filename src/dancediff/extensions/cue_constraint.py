@@ -24,7 +24,11 @@ from dancediff.motion.representation import LODGE
 
 @dataclass(frozen=True)
 class SoloConstraintHook:
-    """The hook that conditions every guess (l, f, d) on one `Constraint`."""
+    """The hook that conditions every guess (l, f, d) on one `Constraint`.
+
+    Differs from `ConstraintHook`: as wide as the linear guess needs; narrower, Lodge's dances were
+    no nearer to held-out ones (docs/log/run_15.md).
+    """
 
     constraint: Constraint
     std: Tensor

@@ -20,7 +20,7 @@ from pathlib import Path
 
 from dancediff.data.folder.posture import Given
 from dancediff.data.formats import find_song
-from dancediff.data.names import digits, plain_name
+from dancediff.data.names import plain_name, short_hash
 from dancediff.data.prepared import is_prepared
 from dancediff.data.take import SPLITS
 
@@ -99,7 +99,7 @@ def _apart(plans: list[TakePlan], chosen: list[bool]) -> list[TakePlan]:
     return [
         plan
         if stays or (times[plan.name] == 1 and plan.labels[0].isascii())
-        else replace(plan, name=f"{plan.name}_{digits(plan.labels[0])}")
+        else replace(plan, name=f"{plan.name}_{short_hash(plan.labels[0])}")
         for plan, stays in zip(plans, chosen, strict=True)
     ]
 
