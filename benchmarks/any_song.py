@@ -31,7 +31,7 @@ import librosa
 import numpy as np
 import torch
 import tyro
-from dance_bars import hits
+from dance_bars import NEAR, hits, nearest_pair
 from genre_judge import choreographed_solos, trained_judge, verdict
 from hard_songs import SECONDS, HardSong, hard_songs, liveliest
 from result_table import write_table
@@ -49,11 +49,7 @@ from dancediff.music.song import Music
 
 FPS, SHORT, LONG = 30, 2, 5  # frames a second; seconds of a window for loudness, and for speed
 SLOWEST, FASTEST = 0.15, 0.9  # metres a second, mean of all joints
-STILL, STEP, NEAR = (
-    0.015,
-    0.12,
-    0.3,
-)  # metres a frame: a foot that stands, a root; metres: two roots
+STILL, STEP = 0.015, 0.12  # metres a frame: a foot that stands, a root
 MOST = 10  # songs for rhythm and loudness
 CHOREOGRAPHER = "choreographer"
 
@@ -111,8 +107,6 @@ def moves(dance: Motion, beats: np.ndarray) -> Moves:
     """Measure one dance; beats in seconds, of the stretch where the song has any."""
     joints = dance.joints()
     speed = in_windows(joint_speed(joints), LONG)
-    floor = dance.root[..., (0, 2)].transpose(0, 1)
-    gaps = torch.cdist(floor, floor) + 1e3 * torch.eye(dance.num_dancers)
     slow = foot_speed(joints) < STILL
     frames = np.round(beats * FPS)
     frames = frames[frames < dance.num_frames - 2]
@@ -122,7 +116,7 @@ def moves(dance: Motion, beats: np.ndarray) -> Moves:
         in_range=float(((speed >= SLOWEST) & (speed <= FASTEST)).mean()),
         feet_still=slow[feet_low(joints)].float().mean().item(),
         step=dance.root.diff(dim=1).norm(dim=-1).max().item(),
-        apart=(gaps.flatten(1).amin(1) >= NEAR).float().mean().item(),
+        apart=(nearest_pair(dance.root) >= NEAR).float().mean().item(),
         beats_hit=hits(dance, frames) / 100 if len(frames) else np.nan,
     )
 

@@ -24,6 +24,7 @@ import joblib
 import numpy as np
 import torch
 import tyro
+from dance_bars import NEAR, nearest_pair
 from tqdm.auto import tqdm
 
 from dancediff import hub
@@ -32,6 +33,7 @@ from dancediff.data.prepared import PreparedData
 from dancediff.generation.pipeline import EDGEPipeline, Pipeline
 from dancediff.generation.request import default_of
 from dancediff.generation.segments import SegmentPlan
+from dancediff.metrics.bootstrap import bootstrap_interval
 from dancediff.metrics.fidelity import fid
 from dancediff.metrics.kinetic import kinetic_features
 from dancediff.metrics.report import evaluate_dances
@@ -137,6 +139,7 @@ class Dances:
         ]
         _in_processes(jobs, self.workers, "dancing")
         rows = self.compare(files, todo)
+        rows.append(room([Motion.load(file) for file in files], [w.motion for w in todo]))
         for row in rows:
             made, held = (_cell(*row[of]) for of in ("made", "held-out"))
             print(f"| {row['metric']} | {made} | {held} |")
@@ -174,6 +177,18 @@ class Dances:
             }
             for ours, theirs in zip(made.rows, truth.rows, strict=True)
         ]
+
+
+def room(made: list[Motion], held: list[Motion]) -> dict:
+    """Share of frames of groups with nobody nearer to another than 30 cm, as a row."""
+    row: dict = {"metric": "nobody under 30 cm"}
+    for name, some in {"made": made, "held-out": held}.items():
+        groups = [motion for motion in some if motion.num_dancers > 1]
+        shares = [(nearest_pair(one.root) >= NEAR).double().mean().item() for one in groups]
+        several = len(shares) > 1
+        ends = bootstrap_interval(np.mean, np.array(shares)) if several else (None, None)
+        row[name] = [float(np.mean(shares)) if shares else None, *ends]
+    return row
 
 
 def _cell(value: float | None, low: float | None, high: float | None) -> str:

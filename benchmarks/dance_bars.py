@@ -22,6 +22,7 @@ from dancediff.motion.motion import Motion
 from dancediff.music.song import Music
 from dancediff.music.synth import synth_song
 
+NEAR = 0.3  # metres between two roots; nearer, bodies touch
 COLUMNS = [
     *[
         "seconds",
@@ -59,11 +60,17 @@ def hits(dance: Motion, beats: np.ndarray) -> float:
     return 100 * float(np.mean(near))
 
 
+def nearest_pair(root: torch.Tensor) -> torch.Tensor:
+    """Metres on the floor between the nearest two dancers: (n, f, 3) -> (f,); inf for a solo."""
+    floor = root[..., (0, 2)].transpose(0, 1)  # (f, n, 2)
+    gaps = torch.cdist(floor, floor)
+    gaps.diagonal(dim1=1, dim2=2).fill_(torch.inf)
+    return gaps.flatten(1).amin(1)
+
+
 def measure(dance: Motion, beats: np.ndarray, seconds: float) -> list[float]:
     """One row of the table; ``beats`` in frames."""
     joints = dance.joints()
-    floor = dance.root[..., (0, 2)].transpose(0, 1)
-    apart = torch.cdist(floor, floor) + 1e3 * torch.eye(dance.num_dancers)
     low, slow = feet_low(joints), foot_speed(joints) < 0.015
     beats = beats[beats < dance.num_frames - 2]
     half = int(np.median(np.diff(beats)) // 2)
@@ -72,7 +79,7 @@ def measure(dance: Motion, beats: np.ndarray, seconds: float) -> list[float]:
         joints[..., 1].min().item(),
         joints[..., 1].max().item(),
         100 * dance.root.diff(dim=1).norm(dim=-1).max().item(),
-        100 * (apart.flatten(1).amin(1) < 0.3).float().mean().item(),
+        100 * (nearest_pair(dance.root) < NEAR).float().mean().item(),
         100 * (dance.contact > 0.5).float().mean().item(),
         100 * slow[low].float().mean().item(),
         30 * joints.diff(dim=1).norm(dim=-1).mean().item(),

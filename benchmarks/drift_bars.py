@@ -98,7 +98,7 @@ class Dances:
             for seed in self.seeds
         }
         todo = [
-            joblib.delayed(_dance)(self.model, song, path, self.seconds, n, noise, options)
+            joblib.delayed(dance_song)(self.model, song, path, self.seconds, n, noise, options)
             for (n, seed, song), path in jobs.items()
             for noise in [1000 * seed + self.songs.index(song)]
             if not path.exists()
@@ -152,9 +152,10 @@ def bars(dances: list[Drift], truth: list[Drift]) -> dict[str, tuple[str, bool]]
     }
 
 
-def _dance(
+def dance_song(
     model: str, song: str, path: Path, seconds: float, dancers: int, seed: int, options: dict
-):
+) -> None:
+    """Dance to a song, as long as it is at the most, and write the dance."""
     torch.set_num_threads(1)
     music = Music.load(song)
     loaded = _loaded(model)

@@ -12,9 +12,9 @@ from itertools import groupby
 from pathlib import Path
 
 import numpy as np
-import torch
 import tyro
 from any_song import FPS, STILL, joint_speed
+from dance_bars import nearest_pair
 from torch import Tensor
 from tqdm.auto import tqdm
 
@@ -46,13 +46,11 @@ def measured(joints: Tensor) -> list[float]:
     """
     crossed = [[legs_crossed(p[None]) > 0 for p in one.split(1)] for one in joints]
     still = foot_speed(joints)[feet_low(joints)] < STILL
-    floor = joints[:, :, 0, ::2].transpose(0, 1)  # (f, n, 2)
-    apart = torch.cdist(floor, floor) + 1e3 * torch.eye(len(joints))
     return [
         max(map(longest, crossed)),
         100 * still.float().mean().item(),
         longest(joint_speed(joints) < MOVES),
-        apart.min().item() if len(joints) > 1 else np.nan,
+        nearest_pair(joints[:, :, 0]).min().item() if len(joints) > 1 else np.nan,
     ]
 
 
