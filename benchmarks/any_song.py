@@ -37,7 +37,7 @@ from hard_songs import SECONDS, HardSong, hard_songs, liveliest
 from result_table import write_table
 from tqdm.auto import tqdm
 
-from dancediff import hub
+from dancediff.bench.scores import loaded
 from dancediff.data.choreographer import GENRES, choreograph
 from dancediff.metrics.bootstrap import bootstrap_interval
 from dancediff.metrics.rhythm import beat_alignment
@@ -177,21 +177,15 @@ def danced(model: str, job: Job, path: Path) -> None:
         dance, _ = choreograph(job.song.beats, energy=energy, **options)
     else:
         options |= {} if job.energy is None else {"energy": job.energy}
-        dance = _loaded(model).generate(job.song.music, **options)
+        dance = loaded(model).generate(job.song.music, **options)
     dance.save(path)
-
-
-def _loaded(name: str, _known={}):  # noqa: B006 (one a process)
-    if name not in _known:
-        _known[name] = hub.load(name)
-    return _known[name]
 
 
 def digest_of(name: str) -> str:
     """Changes with the weights of a model."""
     if name == CHOREOGRAPHER:
         return ""
-    weights = _loaded(name).model.state_dict()
+    weights = loaded(name).model.state_dict()
     parts = (value.cpu().contiguous().numpy().tobytes() for value in weights.values())
     return sha256(b"".join(parts)).hexdigest()[:8]
 
@@ -305,10 +299,10 @@ class AnySong:
         """Every genre asked for, to songs in turn; none where the model takes no genre."""
         names: tuple[str, ...] = GENRES
         if self.model != CHOREOGRAPHER:
-            loaded = _loaded(self.model)
-            if "genre" not in loaded.request.names():
+            ready = loaded(self.model)
+            if "genre" not in ready.request.names():
                 return []
-            known = getattr(loaded.config, "genres", GENRES)
+            known = getattr(ready.config, "genres", GENRES)
             names = tuple(genre for genre in GENRES if genre in known)
         return [
             Job(self.ten[(k + i) % len(self.ten)], 3, 100 + k, genre)

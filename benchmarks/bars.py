@@ -27,8 +27,8 @@ import tyro
 from dance_bars import NEAR, nearest_pair
 from tqdm.auto import tqdm
 
-from dancediff import hub
 from dancediff.bench.held_out import SEGMENT, Window, chosen, windows
+from dancediff.bench.scores import loaded
 from dancediff.data.prepared import PreparedData
 from dancediff.generation.pipeline import EDGEPipeline, Pipeline
 from dancediff.generation.request import default_of
@@ -77,15 +77,9 @@ def dance(model: Pipeline, window: Window, *, seed: int, naive: bool, sampling: 
 
 def _dance_to(path: Path, model: str, window: Window, **how) -> None:
     torch.set_num_threads(1)
-    motion = dance(_loaded(model), window, **how)
+    motion = dance(loaded(model), window, **how)
     motion.meta["kind"] = "generated"
     motion.save(path)
-
-
-def _loaded(name: str, _known={}):  # noqa: B006 (one a process)
-    if name not in _known:
-        _known[name] = hub.load(name)
-    return _known[name]
 
 
 def only_one_way(folder: Path, how: dict) -> None:
@@ -250,9 +244,9 @@ def by_order(orders: list[tuple[int, ...]], hits: list[bool]) -> dict[str, list[
 
 def _obeys(model: str, song: Window, order, seed: int, sampling: Sampling) -> bool:
     torch.set_num_threads(1)
-    loaded = _loaded(model)
-    options = {"seed": seed, "swap": order} | sampling.of(loaded)
-    return obeys(loaded.generate(song, dancers=len(order), **options).root, order)
+    ready = loaded(model)
+    options = {"seed": seed, "swap": order} | sampling.of(ready)
+    return obeys(ready.generate(song, dancers=len(order), **options).root, order)
 
 
 @dataclass
@@ -302,9 +296,9 @@ class Songs:
 def _to_song(model: str, song: str, seconds: float, dancers: int, seed: int, sampling: Sampling):
     torch.set_num_threads(1)
     music = Music.load(song)
-    loaded = _loaded(model)
-    options = {"dancers": dancers, "seconds": seconds, "seed": seed} | sampling.of(loaded)
-    made = loaded.generate(music, **options)
+    ready = loaded(model)
+    options = {"dancers": dancers, "seconds": seconds, "seed": seed} | sampling.of(ready)
+    made = ready.generate(music, **options)
     return song, made.joints(), np.asarray(music.beats())
 
 

@@ -23,7 +23,7 @@ import torch
 import tyro
 from tqdm.auto import tqdm
 
-from dancediff import hub
+from dancediff.bench.scores import loaded
 from dancediff.data.prepared import PreparedData
 from dancediff.metrics.drift import Drift, drift, mean_drift
 from dancediff.metrics.posture import POSTURE
@@ -158,16 +158,9 @@ def dance_song(
     """Dance to a song, as long as it is at the most, and write the dance."""
     torch.set_num_threads(1)
     music = Music.load(song)
-    loaded = _loaded(model)
-    loaded.generate(
+    loaded(model).generate(
         music, dancers=dancers, seconds=min(seconds, music.duration), seed=seed, **options
     ).save(path)
-
-
-def _loaded(name: str, _known={}):  # noqa: B006 (one a process)
-    if name not in _known:
-        _known[name] = hub.load(name)
-    return _known[name]
 
 
 if __name__ == "__main__":

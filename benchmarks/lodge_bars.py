@@ -31,6 +31,7 @@ from tqdm.auto import tqdm
 
 from dancediff import hub
 from dancediff.bench.held_out import Window, windows
+from dancediff.bench.scores import loaded
 from dancediff.generation.lodge_dance import LodgeSampler
 from dancediff.generation.request import LodgeRequest
 from dancediff.metrics.physical import fsr
@@ -64,13 +65,7 @@ def held_out(
 def danced(name: str, window: Window, seed: int, how: dict) -> Motion:
     """The window's music, danced by one in its genre."""
     torch.set_num_threads(1)
-    return _loaded(name).generate(window, genre=window.genre, seed=seed, **how)
-
-
-def _loaded(name: str, _known={}):  # noqa: B006 (one a process)
-    if name not in _known:
-        _known[name] = hub.load(name)
-    return _known[name]
+    return loaded(name).generate(window, genre=window.genre, seed=seed, **how)
 
 
 def in_processes(jobs: Iterable, workers: int) -> list:
@@ -257,7 +252,7 @@ class Feet(Common):
 
 
 def _skating(name: str, window: Window, seed: int, how: dict, refine: bool) -> float:
-    stage = _loaded(name).model.local_stage
+    stage = loaded(name).model.local_stage
     block = stage.foot_refine
     stage.foot_refine = block if refine else NoFootRefine()
     try:
@@ -369,7 +364,7 @@ class Fidelity(Common):
 
 def _alone(name: str, window: Window, seed: int, how: dict) -> Motion:
     torch.set_num_threads(1)
-    return _loaded(name).generate(window, dancers=1, seed=seed, **how)
+    return loaded(name).generate(window, dancers=1, seed=seed, **how)
 
 
 def _cell(row) -> str:

@@ -41,6 +41,9 @@ CHOREOGRAPH = "dancediff prepare choreograph --workers {workers}"
 BARS = "python benchmarks/bars.py"
 WINDOWS = f"{BARS} dances tcdiffpp {{held}} {{other}} --workers {{workers}}"
 LONG = f"{WINDOWS} --frames 720 --count 60 --kinds synthetic"
+# the network alone: nothing acts while a dance is sampled
+BARE = "--sampling.foot-contact False --sampling.collision-avoidance False"
+BARE += " --sampling.order-constraint False --sampling.frequency-clip False"
 COMMANDS = {
     "data_cmu": "dancediff prepare cmu {shared}/cmu {held} --workers {workers}",
     "data_held": f"{CHOREOGRAPH} 200 {{held}} --seconds 25 --seed 500000",
@@ -53,12 +56,14 @@ COMMANDS = {
     "swaps_2": f"{BARS} swaps tcdiffpp {{other}} --dancers 2 --each 60 --workers {{workers}}",
     "swaps_4": f"{BARS} swaps tcdiffpp {{other}} --dancers 4 --each 5 --workers {{workers}}",
     "swaps_5": f"{BARS} swaps tcdiffpp {{other}} --dancers 5 --each 1 --workers {{workers}}",
-    "swaps_free": f"{BARS} swaps tcdiffpp {{other}} --each 20 --sampling.order-constraint False",
+    "swaps_bare": f"{BARS} swaps tcdiffpp {{other}} --each 20 --workers {{workers}} {BARE}",
+    "bare": f"{WINDOWS} --count 100 --kinds synthetic --seeds 0 --out runs/bare {BARE}",
     "any_song": "python benchmarks/any_song.py tcdiffpp --data {shared}",
     "music": f"{BARS} music tcdiffpp {{six}} --seeds 0 --workers {{workers}}",
     "tuning": f"{BARS} dances tcdiffpp {{tuning}} {{other}} --count 100 --kinds synthetic"
     " --seeds 0 --out runs/tuning --workers {workers}",
     "minute": "python benchmarks/drift_bars.py dances {held30} {eight} --workers {workers}",
+    "posture": "python benchmarks/posture_by_genre.py {held30} {ten} --workers {workers}",
     "formations": "python benchmarks/formation_bars.py runs/drift {held30}",
     "watched": "python benchmarks/watched.py {ten}",
     "long": LONG,

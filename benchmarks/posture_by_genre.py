@@ -3,10 +3,10 @@
     dancediff prepare choreograph 250 held --seconds 30 --seed 500000
     python benchmarks/posture_by_genre.py held SONG SONG ... --out runs/posture
 
-Three dancers are asked for each genre, to some of the songs in turn. Every metric of posture, in
-every window of 5 s, is held against nine tenths of the windows of the choreographer's dances of
-that genre (synthetic); of windows that he danced himself, nine tenths are inside. What was danced
-is kept in --out and not danced again. Writes docs/results/tcdiffpp_posture.json.
+Three dancers are asked for each genre, to those songs in turn that are long enough. Every metric of
+posture, in every window of 5 s, is held against nine tenths of the windows of the choreographer's
+dances of that genre (synthetic); of windows that he danced himself, nine tenths are inside. What
+was danced is kept in --out and not danced again. Writes docs/results/tcdiffpp_posture.json.
 
 Symbols (axes: g genres · d dances · m metrics · w windows)
     values   every metric of every dance in every window      (g, d, m, w)
@@ -19,6 +19,7 @@ from pathlib import Path
 
 import joblib
 import numpy as np
+import soundfile
 import tyro
 from drift_bars import dance_song, takes
 from result_table import write_table
@@ -95,12 +96,13 @@ class PostureByGenre:
         for genre, kind, found in takes(self.held):
             if kind == "synthetic":
                 held[genre].append(found)
+        songs = [song for song in self.songs if soundfile.info(song).duration >= self.seconds]
         jobs = {
             (genre, k): self.out / f"{genre}-{k}.npz" for genre in GENRES for k in range(self.each)
         }
         todo = [
             joblib.delayed(dance_song)(
-                *(self.model, self.songs[seed % len(self.songs)], path, self.seconds),
+                *(self.model, songs[seed % len(songs)], path, self.seconds),
                 *(self.dancers, seed, {"genre": genre}),
             )
             for seed, ((genre, _), path) in enumerate(jobs.items())

@@ -56,8 +56,8 @@ def _dance_to(path: Path, model: Path, window: Window, seed: int, dance: Dance) 
 
 
 @lru_cache(maxsize=1)
-def loaded(folder: Path) -> Pipeline:
-    """A model folder, which a process reads once as long as no other is asked for."""
+def loaded(folder: str | Path) -> Pipeline:
+    """A model by name or folder, which a process reads once as long as no other is asked for."""
     return hub.load(folder)
 
 

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal, get_args, get_origin
 
 import tyro
 
+from dancediff.generation.dance_request import DTYPES
 from dancediff.generation.option import kinds_of
 from dancediff.generation.presets import PRESETS
 from dancediff.generation.request import REQUESTS, default_of
@@ -17,7 +18,7 @@ NOT_HERE = ("start", "end", "constraints", "seed_motion")  # more than a word ca
 WORDS = {bool: "True|False", int: "INT", float: "FLOAT", str: "STR", tuple[int, ...]: "INT INT ..."}
 OTHER_TYPES: dict[str, Any] = {
     "swap": tuple[int, ...],
-    "dtype": Literal["float32", "bfloat16", "fastest"],
+    "dtype": Literal[DTYPES],
     "device": str,
     "energy": str,
 }

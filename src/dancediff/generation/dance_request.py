@@ -13,7 +13,7 @@ from dataclasses import dataclass, fields, replace
 from types import NoneType
 from typing import Any, ClassVar, Self
 
-from dancediff.generation.option import checked, in_range, kinds_of, option
+from dancediff.generation.option import check_range, checked, kinds_of, option
 from dancediff.generation.presets import PRESETS
 
 SEED_STRIDE = 0x9E3779B97F4A7C15  # far apart, so that seeds s and s + 1 share no dancer
@@ -90,7 +90,7 @@ class DanceRequest:
         seconds = {"seconds": _seconds(self.seconds, song)}
         filled = replace(self, **self.usual(model) | self.asked() | seconds)
         for name, high in self._limits(model.config).items():
-            in_range(name, getattr(filled, name), 1, high)
+            check_range(name, getattr(filled, name), 1, high)
         return filled
 
     def asked(self) -> dict[str, Any]:

@@ -63,7 +63,7 @@ def checked(one: Field, value):
                 value = number(value)
             except (TypeError, ValueError):
                 raise ValueError(f"{one.name}={value!r} must be {words}") from None
-            in_range(one.name, value, one.metadata["low"], one.metadata["high"])
+            check_range(one.name, value, one.metadata["low"], one.metadata["high"])
     return value
 
 
@@ -77,7 +77,7 @@ def one_or_several(value) -> tuple:
     return (value,) if one else tuple(value)
 
 
-def in_range(name: str, value: float, low: float, high: float) -> None:
+def check_range(name: str, value: float, low: float, high: float) -> None:
     """Raises: ValueError unless low <= value <= high."""
     if not (low <= value <= high and math.isfinite(value)):
         limit = f"lie in {_short(low)} ... {_short(high)}"

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, ClassVar, Self
 
 from dancediff.generation.diffusion_request import has_preconditioning, sigma_min_option
 from dancediff.generation.genre_mix import ANY, BY_TEMPO
-from dancediff.generation.option import in_range, one_or_several, option
+from dancediff.generation.option import check_range, one_or_several, option
 from dancediff.generation.segmented_request import SegmentedRequest
 
 if TYPE_CHECKING:
@@ -83,7 +83,7 @@ class TCDiffPPRequest(SegmentedRequest):
         """As `DiffusionRequest.resolve`; an order that follows from places at the end is a swap."""
         filled = super().resolve(model, song)._with_genre_guidance(self)
         if filled.swap_at is not None:
-            in_range("swap_at", filled.swap_at, 0, filled.seconds)
+            check_range("swap_at", filled.swap_at, 0, filled.seconds)
         naive = filled.long_sampling == "naive"
         filled = filled._naive(self) if naive else filled._with_pinning()
         constraint = filled.constraint()

@@ -29,7 +29,7 @@ from dancediff.atomic import write_text, write_toml
 from dancediff.extensions.genre_condition import genres_of
 from dancediff.generation.pipeline import Pipeline, pipeline_of, usable_device
 from dancediff.motion.motion import Motion
-from dancediff.training.ablation_config import TRUTH, Variant, key_of, read_ablation
+from dancediff.training.ablation_config import CHOREOGRAPHER, Variant, key_of, read_ablation
 from dancediff.training.ablation_data import (
     corpus,
     held_out_dances,
@@ -78,8 +78,8 @@ def run_ablation(
     scores = partial(_scores, evaluate=evaluate or metric_scores, how=how)
 
     key = first.held_out.key_with_metrics(key_of([first.tables["data"], first.held_out.facts()]))
-    truth = scores(out / "variants" / TRUTH, key, held_out_dances(first))
-    rows = [{"variant": TRUTH, "scores": truth}]
+    truth = scores(out / "variants" / CHOREOGRAPHER, key, held_out_dances(first))
+    rows = [{"variant": CHOREOGRAPHER, "scores": truth}]
     failed: dict[str, str] = {}
     for found in _run_jobs(_jobs(variants, out), out, devices, save):
         failed |= found

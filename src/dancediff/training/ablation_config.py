@@ -38,7 +38,7 @@ SEED_STRIDE = 100_000  # more than there are held-out songs: no song meets the s
 FIRST_SEED = 1_000_000  # of the held-out songs; those of the training set begin at 0
 PROTOCOL = 2  # counts up when dances are asked for otherwise: those that are kept are made anew
 REFERENCE_SEED = 2_000_000  # of the songs of the reference set
-TRUTH = "choreographer"  # the row of the dances that were made, not learned
+CHOREOGRAPHER = "choreographer"  # the row of the dances that were made, not learned
 FAMILIES = {network.__name__: family for network, family in OF_NETWORKS.items()}
 _FIXED = ("data", "held_out")  # all variants are measured on the same songs
 
@@ -176,7 +176,7 @@ def _variant(name: str, changes: dict, config: dict, source: str) -> Variant:
 
 def _check_changes(name: str, changes, source: str) -> None:
     """Is this a name, and are these tables that a variant may change?"""
-    if not name.replace("-", "_").isidentifier() or name == TRUTH:
+    if not name.replace("-", "_").isidentifier() or name == CHOREOGRAPHER:
         raise ValueError(f"{source}: variant {name!r} is no name; use a-z, 0-9, _ and -")
     if not isinstance(changes, dict):
         raise ValueError(f"{source}: variant {name!r} is no table; write [variants.{name}]")

@@ -15,7 +15,7 @@ from textwrap import wrap
 from dancediff.extensions.build import paper_class
 from dancediff.extensions.registry import REGISTRY
 from dancediff.training import autoregressive, lodge, run
-from dancediff.training.tables import kinds_of, read_training
+from dancediff.training.tables import read_training, types_of
 
 WIDTH = 100
 _FIELD = re.compile(r"^    (\w+): [^#\n]*#\s*(.+)$", re.MULTILINE)
@@ -62,7 +62,7 @@ def defaults_of(kind: type) -> dict[str, object]:
     return {
         one.name: None if one.default is MISSING else one.default
         for one in fields(kind)
-        if one.name in kinds_of(kind)
+        if one.name in types_of(kind)
     }
 
 

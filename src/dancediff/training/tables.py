@@ -41,11 +41,11 @@ def read_training(path) -> dict:
     return config
 
 
-def kinds_of(config_class) -> dict[str, type]:
+def types_of(config_class) -> dict[str, type]:
     """What kind of value each plain field of a dataclass takes, by the field's name.
 
     >>> from dancediff.papers.tcdiffpp.losses import LossWeights
-    >>> kinds_of(LossWeights)["dist"]
+    >>> types_of(LossWeights)["dist"]
     <class 'float'>
     """
     hints, kinds = get_type_hints(config_class), {}
@@ -90,7 +90,7 @@ def check_table(values, kind: type, source: str) -> dict:
     """
     if not isinstance(values, dict):
         raise ValueError(f"{source} is {values!r}, no table; write its keys below its [name]")
-    kinds = kinds_of(kind) | {"class": str}
+    kinds = types_of(kind) | {"class": str}
     for key in values:
         if key not in kinds:
             raise ValueError(f"{source} has no {key!r}; known: {', '.join(sorted(kinds))}")

@@ -10,7 +10,7 @@ from dancediff.axes import FPS
 from dancediff.motion.representation import TCDIFFPP
 from dancediff.motion.skeleton import SMPL24, forward_kinematics
 from dancediff.music.features import BEATS, CHROMA, MFCC, ONSET, PEAKS
-from dancediff.viz.palette import BEAT, INK, MUTED, dancer_color, mix
+from dancediff.viz.palette import BEAT, INK, MUTED, dancer_color, ink_on, mix
 from dancediff.viz.style import bare, new_axes, set_title
 
 _PITCHES = ("C", "C♯", "D", "D♯", "E", "F", "F♯", "G", "G♯", "A", "A♯", "B")
@@ -168,9 +168,9 @@ def plot_skeleton(*, ax=None, title: str | None = None):
     for parent, child in SMPL24.bones:
         ax.plot(*xy[[parent, child]].T, color=mix(colors[child], "#FFFFFF", 0.45), lw=5, zorder=1)
     ax.scatter(*xy.T, s=150, color=colors, edgecolor="white", zorder=2)
-    look = {"color": "white", "fontsize": 6.5, "fontweight": "bold", "zorder": 3}
-    for j, spot in enumerate(xy):
-        ax.annotate(str(j), spot, ha="center", va="center", **look)
+    look = {"fontsize": 6.5, "fontweight": "bold", "zorder": 3}
+    for j, (spot, color) in enumerate(zip(xy, colors, strict=True)):
+        ax.annotate(str(j), spot, ha="center", va="center", color=ink_on(color), **look)
     ax.set_aspect("equal")
     ax.margins(0.08)
     ax.set(xlabel="x (m), the dancer's left is +", ylabel="y (m)")

@@ -118,7 +118,7 @@ def test_energy_is_asked_for_only_if_it_is_named(tmp_path, monkeypatch):
             asked.append(options.get("energy"))
             return Motion(torch.eye(3).expand(1, 2, 24, 3, 3), torch.zeros(1, 2, 3))
 
-    monkeypatch.setattr(bench, "_loaded", lambda name: Model())
+    monkeypatch.setattr(bench, "loaded", lambda name: Model())
     song = songs.HardSong("a", "", "synthetic", songs.waltz().music.slice(0, 2), BEATS)
     for energy in (None, 1.25):
         bench.danced("x", bench.Job(song, 1, 0, energy=energy), tmp_path / "a.npz")

@@ -19,7 +19,7 @@ from dancediff.papers.tcdiffpp.losses import LossWeights, tcdiffpp_losses
 from dancediff.papers.tcdiffpp.model import TCDiffPP
 from dancediff.training import ablation
 from dancediff.training.ablation import run_ablation
-from dancediff.training.ablation_config import TRUTH, read_ablation
+from dancediff.training.ablation_config import CHOREOGRAPHER, read_ablation
 from dancediff.training.ablation_data import (
     corpus,
     held_out_dances,
@@ -177,7 +177,7 @@ def test_edge_keeps_the_sizes_that_both_have(tiny):
         ("[variants.a]\nmodel = 3", "'model' is no table"),
         ("[variants]\na = 3", "variant 'a' is no table"),
         ('[variants."a/b"]', "variant 'a/b' is no name"),
-        (f"[variants.{TRUTH}]", f"variant '{TRUTH}' is no name"),
+        (f"[variants.{CHOREOGRAPHER}]", f"variant '{CHOREOGRAPHER}' is no name"),
     ],
 )
 def test_config_mistakes_are_named(config, text, words):
@@ -215,7 +215,7 @@ def test_rows_dances_and_what_is_done_stays_done(config, tmp_path, monkeypatch):
     out, judge, saved = tmp_path / "out", Judge(), []
     keep = lambda model, folder: saved.append((type(model).__name__, folder.parent.name))  # noqa: E731
     rows = run_ablation(config(FOUR), out, evaluate=judge, save=keep)
-    assert [row["variant"] for row in rows] == [TRUTH, "full", "no-FP", "no-LGDS", "EDGE"]
+    assert [row["variant"] for row in rows] == [CHOREOGRAPHER, "full", "no-FP", "no-LGDS", "EDGE"]
     assert judge.asked == 5 and len({row["scores"]["x"]["value"] for row in rows}) == 5
     assert sorted(kind for kind, _ in saved) == ["EDGE", "TCDiffPP", "TCDiffPP"]
     assert len(list((out / "trainings").iterdir())) == 3  # no-LGDS shares that of full
@@ -277,7 +277,7 @@ def test_the_table_is_there_before_the_last_training(config, tmp_path, monkeypat
 
     monkeypatch.setattr(ablation, "_run_job", watched)
     assert run_ablation(config(FOUR), out, evaluate=Judge()) == rows
-    assert seen == [[TRUTH, "full", "no-LGDS"], [TRUTH, "full", "no-FP", "no-LGDS"]]
+    assert seen == [[CHOREOGRAPHER, "full", "no-LGDS"], [CHOREOGRAPHER, "full", "no-FP", "no-LGDS"]]
 
 
 def test_a_killed_run_goes_on_from_its_checkpoint(config, tmp_path, monkeypatch):
@@ -368,7 +368,7 @@ def test_command_line(config, tmp_path, capsys, monkeypatch):
     assert (tmp_path / "out" / "trainings" / training / "model" / "model.safetensors").exists()
     assert cli.main([*args, "--json"]) == 0
     assert [row["variant"] for row in json.loads(capsys.readouterr().out)["rows"]] == [
-        TRUTH,
+        CHOREOGRAPHER,
         "full",
     ]
     assert cli.main([*args, "--devices", "toaster"]) == 2
