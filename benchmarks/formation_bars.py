@@ -111,7 +111,7 @@ class FormationBars:
             "brackets.",
             "data": "recorded songs; held-out: synthetic",
             "intervals": "95 % bootstrap intervals over dances",
-            "command": "python benchmarks/formation_bars.py runs/drift held",
+            "command": "python benchmarks/formation_bars.py runs/drift HELD",
             "columns": columns,
             "rows": [row.cells() for row in rows],
         }

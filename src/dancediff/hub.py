@@ -148,7 +148,7 @@ def load(name, *, device: str = "cpu", own: str | type | None = None) -> Pipelin
         ) from err
     try:
         return pipeline_of(model.to(device).eval(), folder.name)
-    except (RuntimeError, AssertionError) as err:
+    except (RuntimeError, AssertionError, TypeError) as err:
         raise ValueError(f"device={device!r} cannot be used here: {err}; choose 'cpu'") from err
 
 

@@ -16,6 +16,7 @@ from dancediff.papers.lodge.losses import l_critic, l_genre
 from dancediff.papers.lodge.model import Lodge
 from dancediff.papers.lodge.parallel import GLOBALS, ParallelSampler
 from dancediff.training import lodge
+from dancediff.training.adan import Adan
 from dancediff.training.trainer import Trainer
 from tiny_lodge import GLOBAL, LOCAL, ask, tiny_lodge
 
@@ -56,7 +57,9 @@ def test_l03_as_many_steps_in_each_stage():
     assert calls == {"global_stage": 7, "local_stage": 7}
 
 
-def test_l09_adan_at_1e_4_can_be_asked_for(solos, tmp_path):
+def test_l09_adan_at_1e_4_can_be_asked_for(solos, tmp_path, monkeypatch):
+    steps, plain = [], Adan.step
+    monkeypatch.setattr(Adan, "step", lambda self, *a: steps.append(self) or plain(self, *a))
     assert lodge.stage_config(lodge.check_lodge_tables({}, "here"), "local").optimizer == "adamw"
     asked = {"steps": 1, "warmup": 0, "optimizer": "adan", "lr": 1e-4, "ema": 0.0}
     settings = {"train": asked, "train_fine_tune": {"steps": 0}}
@@ -65,6 +68,7 @@ def test_l09_adan_at_1e_4_can_be_asked_for(solos, tmp_path):
     start = lodge.build(Lodge, lodge.sizes_of(TABLES)).local_stage
     moved = trained.local_stage.decoder.embed.weight - start.decoder.embed.weight
     assert 0 < moved.abs().max() < 1e-3
+    assert steps and all(one.param_groups[0]["lr"] <= 1e-4 for one in steps)
 
 
 def test_l11_the_hinge_is_content_with_a_margin():

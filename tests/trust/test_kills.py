@@ -79,6 +79,29 @@ def check_whole(path: Path) -> None:
     elif path.suffix == ".csv":
         commas = {line.count(",") for line in path.read_text(encoding="utf-8").splitlines()}
         assert len(commas) == 1, f"{path} has half a line"
+    elif path.suffix == ".glb":
+        data = path.read_bytes()
+        assert data[:4] == b"glTF" and int.from_bytes(data[8:12], "little") == len(data), path
+    elif path.suffix == ".bvh":
+        _, rows = path.read_text(encoding="utf-8").split("MOTION\n")
+        count, _, *frames = rows.strip().splitlines()
+        assert int(count.split()[-1]) == len(frames), path
+        assert len({len(frame.split()) for frame in frames}) == 1, path
+    elif path.suffix == ".mp4":
+        assert b"moov" in boxes(path.read_bytes()), path
+    else:
+        raise AssertionError(f"nobody looks into {path}")
+
+
+def boxes(data: bytes) -> list[bytes]:
+    """Names of the parts of a film; their sizes must add up to that of the file."""
+    names, at = [], 0
+    while at < len(data):
+        size, name = int.from_bytes(data[at : at + 4], "big"), data[at + 4 : at + 8]
+        names.append(name)
+        at += size or len(data)
+    assert at == len(data), "the last part is cut off"
+    return names
 
 
 @pytest.mark.parametrize("name", COMMANDS)

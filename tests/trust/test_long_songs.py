@@ -60,3 +60,4 @@ def test_hours_fit_into_memory(songs, tmp_path, words, record_property):
         assert memory[minutes] < LIMIT
     few, many = MINUTES
     assert took[many] < 1.3 * many / few * took[few]
+    assert memory[many] - memory[few] < 60 * (many - few)  # MiB; sound takes about 20 a minute

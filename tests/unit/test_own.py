@@ -245,3 +245,14 @@ def test_metrics_that_fail_are_told_and_end_nothing():
     assert "must be a finite number" in report[names[2]].reason
     with pytest.raises(ValueError, match="form 'module:name'"):
         evaluate_dances([dance], metrics=["frames"])
+
+
+def fails_inside(x_t, t, t_next, x0_hat, abar, **rest):
+    return x_t + "noise"
+
+
+def test_an_error_inside_of_a_sampler_is_the_samplers():
+    x = torch.zeros(1, 2, 9, 4)
+    options = SamplerOptions(cosine_abar(), f"{HERE}:fails_inside", steps=3, eta=1.0)
+    with pytest.raises(TypeError, match="unsupported operand"):
+        sample(lambda x_t, t: x, x.shape, options)

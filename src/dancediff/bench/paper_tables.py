@@ -91,13 +91,14 @@ def means(points: list[dict], systems: dict[str, str], minutes: float, frames: i
 def beside(table: PaperTable, found: dict) -> list[list]:
     """Rows of `COLUMNS`: of each metric the systems that both have; none if that are under two.
 
-    Values here are [mean, lowest, highest]. FSR is a share here and in percent in the paper.
+    Values here are [mean, lowest, highest], in percent where the paper's are: FSR is a share here.
     """
     names = [name for name in table.systems if name in found]
     rows = []
     for k, (theirs, ours, better) in enumerate(table.metrics if len(names) > 1 else []):
         paper = [table.systems[name][k] for name in names]
-        here = [found[name][ours] for name in names]
+        times = 100 if "%" in theirs else 1
+        here = [[times * value for value in found[name][ours]] for name in names]
         same, pairs = agreement(paper, [value for value, *_ in here])
         arrow = {"down": "↓", "up": "↑"}[better]
         label = f"{theirs} {arrow}: {same} of {pairs} pairs in the same order"

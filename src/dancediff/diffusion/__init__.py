@@ -1,8 +1,8 @@
 """From noise to a dance, whatever the network: schedule, samplers, guidance, pinning.
 
-Nothing here knows what a dancer or a song is. A network enters as a function
-``denoise(x_t, t) -> x0_hat``; read `schedule`, `ddpm`, `ddim`, `dpm_solver`, `samplers`,
-`guidance`, `pinning` in this order.
+A network enters as a function ``denoise(x_t, t) -> x0_hat``; read `schedule`, `ddpm`, `ddim`,
+`dpm_solver`, `samplers`, `guidance`, `pinning` in this order. Only the last two know of songs and
+dancers: `conditions`, what a network is told besides x_t, and `long_sampling`, segment by segment.
 """
 
 from dancediff.diffusion.ddim import ddim_step, ddim_times

@@ -17,7 +17,7 @@ from torch import Tensor
 
 from dancediff.diffusion.schedule import Generators, abar_at, check_step, scaled_noise
 
-LOUDEST = -4.5  # half log of signal over noise, where "dpm" begins: 0.01 % of the power is signal
+FIRST_HALF_LOGSNR = -4.5  # half the log of signal over noise, where "dpm" begins: 0.01 % is signal
 
 
 def half_logsnr(abar: Tensor, t: int) -> float:
@@ -42,8 +42,9 @@ def logsnr_times(steps: int, abar: Tensor, sigma_min: float = 0.0) -> list[int]:
       least of the schedule. What a network's guesses under little noise are worth differs:
       ``benchmarks/few_steps.py`` measures it.
 
-    Source: DPM-Solver++ section 5.  Differs: begins at `LOUDEST`, since the cosine schedule's first
-    step alone is a quarter of its way; steps that fall on the same t are taken once.
+    Source: DPM-Solver++ section 5.  Differs: begins at `FIRST_HALF_LOGSNR`, since the
+    cosine schedule's first step alone is a quarter of its way; steps that fall on the same t are
+    taken once.
 
     Raises: ValueError unless 1 <= steps <= len(abar) and 0 <= sigma_min <= 1.
 
@@ -59,7 +60,7 @@ def logsnr_times(steps: int, abar: Tensor, sigma_min: float = 0.0) -> list[int]:
         raise ValueError(f"sigma_min={sigma_min} must lie in 0 ... 1, noise over signal")
     level = 0.5 * torch.log(abar / (1 - abar))
     end = min(-math.log(sigma_min), float(level[0])) if sigma_min else float(level[0])
-    wanted = torch.linspace(max(LOUDEST, float(level[-1])), end, steps)
+    wanted = torch.linspace(max(FIRST_HALF_LOGSNR, float(level[-1])), end, steps)
     times = [int((level - value).abs().argmin()) for value in wanted]
     return [*dict.fromkeys(times), -1]
 

@@ -240,7 +240,7 @@ class LongSampler(ABC):
         )[0]
 
     def by_dancer(self, segment: Segment, x: Tensor) -> Tensor:
-        """The row of each dancer; the first segment numbers them by rank."""
-        if segment.context is None and self.initial_order is None:
+        """The row of each dancer; the first segment numbers them by rank, if nobody else has."""
+        if segment.context is None and self.initial_order is None and self.mask is None:
             return self.rank(x[:, 0]).cpu()
         return segment.row

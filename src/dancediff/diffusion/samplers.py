@@ -8,6 +8,7 @@ The steps are pure functions that never see a network; `sample` is the loop arou
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
+from inspect import signature
 from itertools import pairwise
 from typing import Protocol
 
@@ -38,10 +39,12 @@ def own_step(name: str, x_t: Tensor, *where, **how) -> Tensor:
 
     Raises: ValueError when it cannot be called like that, or returns another shape than x_t's.
     """
+    function = own_function(name, "sampler")
     try:
-        x = own_function(name, "sampler")(x_t, *where, **how)
+        signature(function).bind(x_t, *where, **how)
     except TypeError as err:
         raise ValueError(f"sampler={name!r}: {err}; it is called as ddim_step is") from err
+    x = function(x_t, *where, **how)
     if not isinstance(x, Tensor) or x.shape != x_t.shape:
         what = tuple(x.shape) if isinstance(x, Tensor) else type(x).__name__
         raise ValueError(

@@ -52,7 +52,7 @@ class FormationPrior(Part):
     def __init__(self, max_dancers: int, num_frames: int, *, use_swap: bool = True):
         """Until it is fitted everybody stands in the middle and all vary alike.
 
-        ``use_swap``: False for a network without S.
+        ``use_swap``: False for a network without S: everybody is expected to stay.
         """
         super().__init__()
         self.use_swap = use_swap
@@ -71,7 +71,7 @@ class FormationPrior(Part):
         """
         groups: dict[int, list[tuple[Tensor, Tensor]]] = {}
         for paths, S in windows:
-            groups.setdefault(paths.shape[1], []).append((paths, S))
+            groups.setdefault(paths.shape[1], []).append((paths, self.known_order(S)))
         joined = {
             n: (torch.cat([paths for paths, _ in parts]), torch.cat([S for _, S in parts]))
             for n, parts in groups.items()
@@ -106,6 +106,10 @@ class FormationPrior(Part):
         w = self.progress[self._rows(f)][:, None]
         return place[:, :, None] + w * (goal - place)[:, :, None]
 
+    def known_order(self, S: Tensor) -> Tensor:
+        """S, or the order that never changes where the network has no swap mode."""
+        return S if self.use_swap else torch.arange(S.shape[1], device=S.device).expand_as(S)
+
     def forward(self, S: Tensor, f: int | None = None) -> GroupModes:
         """What preconditioning needs to know about a batch of groups."""
         n, size, rows = S.shape[1], self._size(S), self._rows(f)
@@ -129,8 +133,7 @@ class FormationPrior(Part):
         """Tell preconditioning how this group varies."""
         S = run.conditions.swap
         assert S is not None  # the decoder has checked
-        S = S if self.use_swap else torch.arange(S.shape[1], device=S.device).expand_as(S)
-        run.group = self(S, run.x_t.shape[2])
+        run.group = self(self.known_order(S), run.x_t.shape[2])
 
 
 def _mirrored(paths: Tensor) -> Tensor:

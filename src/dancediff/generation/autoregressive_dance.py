@@ -13,6 +13,7 @@ import torch
 from torch import Tensor
 
 from dancediff.autoregression.network import AutoregressiveNetwork
+from dancediff.axes import FPS
 from dancediff.generation.autoregressive_request import AutoregressiveRequest
 from dancediff.motion.motion import Motion
 from dancediff.motion.representation import TCDIFFPP, at_origin
@@ -67,7 +68,8 @@ def history_of(model: AutoregressiveNetwork, request: AutoregressiveRequest) -> 
     """The frames before the dance: those that are asked for, or people who stand in a row.
 
     Shapes: -> (n, s, d) metres.
-    Raises: ValueError when ``seed_motion`` is no dance, too short, or for other people.
+    Raises: ValueError when ``seed_motion`` is no dance, too short, at another frame rate, or has
+    another number of dancers.
     """
     s, n, seed = model.history_frames, request.dancers, request.seed_motion
     places = torch.zeros(n, 1, TCDIFFPP.dim)
@@ -80,6 +82,11 @@ def history_of(model: AutoregressiveNetwork, request: AutoregressiveRequest) -> 
         raise ValueError(
             f"seed_motion has {seed.num_dancers} dancers and {seed.num_frames} frames; give 1 or "
             f"{n} dancers and at least {s} frames"
+        )
+    if seed.fps != FPS:
+        raise ValueError(
+            f"seed_motion has {seed.fps:g} frames a second, not {FPS}; resample it with "
+            "dancediff.data.resample.resample_motion"
         )
     x = seed.features()[:, -s:]
     if seed.num_dancers == n:

@@ -14,7 +14,7 @@ from dancediff.generation.option import option
 
 @dataclass(frozen=True, kw_only=True)
 class AutoregressiveRequest(DanceRequest):
-    """What can be asked of all of them: a group is dancers who know nothing of each other.
+    """What can be asked of all of them: dancers know each other in CoDancers alone.
 
     ``seed_motion``: a `Motion` whose end comes before the first frame; one dancer of it for all,
     or one for each.

@@ -56,7 +56,7 @@ class DiffusionRequest(DanceRequest):
     )
     steps: int = option(None, "Denoising steps.", low=1, high=1000)
     eta: float = option(
-        None, "Fresh noise in a step of DDIM: 0 none, 1 as much as DDPM.", low=0, high=1
+        None, "Fresh noise in a step of DDIM or DPM-Solver++: 0 none, 1 as DDPM.", low=0, high=1
     )
     sigma_min: float = sigma_min_option(0.0)
     guidance: float = option(

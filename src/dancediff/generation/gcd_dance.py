@@ -23,7 +23,7 @@ from dancediff.generation.segmented_dance import (
 from dancediff.generation.segmented_request import GCDRequest
 from dancediff.generation.segments import SegmentPlan
 from dancediff.papers.edge.naive_long_sampling import join
-from dancediff.papers.gcd.consistency_guidance import dialled
+from dancediff.papers.gcd.consistency_guidance import consistency_guided
 from dancediff.papers.gcd.long_sampling import MatchedOverlaps, in_one_order
 
 
@@ -45,7 +45,7 @@ def gcd_dance(model, song, request: GCDRequest, *, report=None, dtype=None) -> T
     times = sampling_times(options.sampler, options.steps, abar, options.sigma_min)
 
     def bind_with_gamma(part: Conditions) -> Callable[[Tensor, int], Tensor]:
-        return dialled(bind(part), score_of(model, part, n), request.gamma, abar, times)
+        return consistency_guided(bind(part), score_of(model, part, n), request.gamma, abar, times)
 
     x = sample_all(
         in_parts(bind_with_gamma, conditions),

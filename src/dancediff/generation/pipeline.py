@@ -241,7 +241,7 @@ class LodgePipeline(Pipeline):
 
 
 class AutoregressivePipeline(Pipeline):
-    """Each dancer alone, bit by bit; others make no difference to a dancer."""
+    """Some frames after the other; each dancer alone, unless the network is for groups."""
 
     def _pieces(self, song, request, *, report, dtype):
         return autoregressive_pieces(self.model, song, request, report=report, dtype=dtype)
@@ -323,14 +323,14 @@ def _reported(progress) -> Iterator[Callable[[int, int], None] | None]:
 def usable_device(device) -> torch.device:
     """The device of that name.
 
-    Raises: ValueError when it cannot hold a tensor here.
+    Raises: ValueError when it cannot hold a tensor here, in float64 too, as the noise schedule is.
 
     >>> usable_device("cpu")
     device(type='cpu')
     """
     try:
         device = torch.device(device)
-        torch.empty(0, device=device)
+        torch.empty(0, dtype=torch.float64, device=device)
     except (RuntimeError, AssertionError, TypeError) as error:
         raise ValueError(f"device={device!r} cannot be used here: {error}") from None
     return device

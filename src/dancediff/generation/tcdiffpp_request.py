@@ -24,7 +24,8 @@ class TCDiffPPRequest(SegmentedRequest):
 
     ``swap[k]``: the dancer, counted 0.. from the left at the first frame, who stands k-th from the
     left in the end. ``start``, ``end``: one (x, z) in metres a dancer. ``constraints``: see
-    `dancediff.extensions.control`. Changes of order need the sampler "dpm".
+    `dancediff.extensions.control`. Changes of order are danced most
+    often with the sampler "dpm".
 
     >>> TCDiffPPRequest(dancers=2, pinning="glue")
     Traceback (most recent call last):

@@ -181,11 +181,15 @@ class MusicEncoder(nn.Module):
 
     def forward(self, M: Tensor) -> Tensor:
         """Standardised music features in, one token per frame out."""
-        if self._cached is None:
+        cached = self._cached  # another thread may put another list in its place
+        if cached is None:
             return self._encode(M)
-        if not self._cached or not _same_place(M, self._cached[0][0]):
-            self._cached = [(M, self._encode(M))]
-        return self._cached[0][1]
+        for known, h in cached:
+            if _same_place(M, known):
+                return h
+        h = self._encode(M)
+        self._cached = [*cached[1 - CACHED :], (M, h)]
+        return h
 
     def _encode(self, M: Tensor) -> Tensor:
         M = rearrange(M, "b (k p) m -> b k (p m)", p=self.pool)
@@ -203,6 +207,9 @@ class MusicEncoder(nn.Module):
 def _same_place(a: Tensor, b: Tensor) -> bool:
     """Are these the same numbers in memory? b is cached, so nothing else can lie in its place."""
     return (a.data_ptr(), a.shape, a.stride()) == (b.data_ptr(), b.shape, b.stride())
+
+
+CACHED = 64  # encodings that an encoder keeps: parts of a long dance, with each guidance
 
 
 @contextmanager

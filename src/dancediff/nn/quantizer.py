@@ -52,7 +52,8 @@ class VectorQuantizer(nn.Module):
     def codes(self, z: Tensor) -> Tensor:
         """The number of the nearest code of each vector, (..., c) -> (...)."""
         flat = z.detach().float().flatten(0, -2)
-        distances = self.e.square().sum(-1) - 2 * flat @ self.e.T  # and z^2, the same for all
+        with torch.autocast(z.device.type, enabled=False):  # nearest needs all digits
+            distances = self.e.square().sum(-1) - 2 * flat @ self.e.T  # and z^2, the same for all
         return distances.argmin(-1).reshape(z.shape[:-1])
 
     def forward(self, z: Tensor, generator: torch.Generator) -> tuple[Tensor, Tensor, Tensor]:
@@ -81,7 +82,8 @@ class VectorQuantizer(nn.Module):
         """See the equations."""
         chosen = F.one_hot(codes.flatten(), len(self.e)).to(z)
         self.N.lerp_(chosen.sum(0), 1 - self.decay)
-        self.S.lerp_(chosen.T @ z.flatten(0, -2), 1 - self.decay)
+        with torch.autocast(z.device.type, enabled=False):
+            self.S.lerp_(chosen.T @ z.flatten(0, -2), 1 - self.decay)
         self.e.copy_(self.S / self.N[:, None].clamp_min(1e-6))
         mean = self.N.mean()
         self._set(self.N < self.restart * mean, z, mean.item(), generator)

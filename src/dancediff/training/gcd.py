@@ -14,7 +14,7 @@ from dancediff.data.windows import Batch
 from dancediff.diffusion.conditions import Conditions
 from dancediff.diffusion.schedule import q_sample
 from dancediff.nn.losses import Comparison
-from dancediff.papers.gcd.contrast import info_nce, strangers
+from dancediff.papers.gcd.contrast import info_nce, negative_groups
 from dancediff.papers.gcd.losses import GCDWeights, geometric_losses
 from dancediff.training.objective import GroupObjective, Noised
 
@@ -46,7 +46,7 @@ class GCDObjective(GroupObjective):
         x_0, t, b, k = batch.x, noised.t, len(batch.x), self.model.config.negatives
         if b == 1:
             return {"contrast": x_0.new_zeros(())}
-        mixed = torch.cat([strangers(x_0, noised.generator) for _ in range(k)])
+        mixed = torch.cat([negative_groups(x_0, noised.generator) for _ in range(k)])
         eps = torch.randn(mixed.shape, generator=noised.generator).to(x_0.device)
         noisy = q_sample(mixed, t.repeat(k), model.abar, eps).to(x_0.dtype)
         w = model.embedding(c, x_0.shape[1]).repeat(1 + k, 1)

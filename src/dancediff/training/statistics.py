@@ -77,7 +77,7 @@ def fit_linear_guess(
     def around_the_mean() -> Iterator[Tensor]:
         for x, S in windows():
             if formation is not None:
-                x[..., TCDIFFPP.floor] -= formation.mean(S)
+                x[..., TCDIFFPP.floor] -= formation.mean(formation.known_order(S))
             yield x.flatten(0, 1)
 
     if formation is not None:

@@ -74,3 +74,9 @@ def test_a_system_without_a_value_has_no_place():
 def test_one_system_alone_has_no_order():
     assert beside(TABLES["lodge"], found(Lodge=1.0)) == []
     assert papers_beside([], {"a": "EDGE"}, 10, 150) == {}
+
+
+def test_shares_are_in_percent_where_the_papers_are():
+    rows = beside(TABLES["lodge"], found(EDGE=1.0, Lodge=2.0))
+    fsr = next(row for row in rows if row[0].startswith("FSR (%)"))
+    assert fsr[4] == [100.0] * 3

@@ -1,3 +1,5 @@
+import math
+
 import numpy as np
 import pytest
 import torch
@@ -7,6 +9,7 @@ from dancediff.data.choreographed import choreograph_jobs, choreographed_takes
 from dancediff.data.take import DanceTake
 from dancediff.data.windows import GroupCut, WindowSampler, order_changes, rank_left_to_right
 from dancediff.motion.mirror import mirror_features
+from dancediff.motion.representation import TCDIFFPP
 from dancediff.music.energy import energy_curve
 
 
@@ -206,7 +209,7 @@ def styled_takes():
     for k, (kind, genre) in enumerate([("real", "salsa"), ("synthetic", "hiphop"), ("real", None)]):
         M = torch.zeros(3, 90, 35)
         M[..., 1] = torch.linspace(-100 - 20 * k, 0, 90) * torch.tensor([1.0, 2.0, 3.0])[:, None]
-        x = torch.zeros(2, 90, 151)
+        x = torch.full((2, 90, 151), float(k))
         takes.append(DanceTake(f"t{k}", x, kind, M=M[0], M_other=M[1:], genre=genre))
     return takes
 
@@ -217,11 +220,14 @@ def test_windows_know_their_genre_and_the_energy_of_their_song():
     change = Augmentation(music=True, any_song=0.5)
     style = {"genres": names, "energy": True}
     windows = WindowSampler(takes, GroupCut(30), **style, augment=change, dancers_per_batch=8)
+    of_take = [(0.0, 1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 0.0)]
     songs, genres = set(), set()
     for step in range(30):
         batch = windows.batch(step)
         assert batch.genre.shape == (4, 3) and batch.energy.shape == (4, 30)
-        for M, genre, energy in zip(batch.M, batch.genre, batch.energy, strict=True):
+        rows = zip(batch.x, batch.M, batch.genre, batch.energy, strict=True)
+        for x, M, genre, energy in rows:
+            assert tuple(genre.tolist()) == of_take[round(x[0, 0, 0].item())]
             found = [
                 (k, start)
                 for k, song in enumerate(M for take in takes for M in take.songs)
@@ -232,6 +238,21 @@ def test_windows_know_their_genre_and_the_energy_of_their_song():
             songs.add(found[0][0])
             genres.add(tuple(genre.tolist()))
     assert songs == set(range(9))
-    assert genres == {(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 0.0)}
+    assert genres == set(of_take)
     plain = WindowSampler(takes, GroupCut(30)).batch(0)
     assert plain.genre is None and plain.energy is None
+
+
+def test_windows_are_turned_by_at_most_the_angle(takes):
+    plain, turned = (sampler(takes, rotate=angle).batch(3) for angle in (0.0, 0.5))
+    assert not torch.equal(plain.x, turned.x)
+    lateral = turned.x[:, :, 0, TCDIFFPP.lateral]
+    assert (lateral.diff(dim=1) >= 0).all(), "ranked after the turn"
+    x, rng = plain.x[0], np.random.default_rng(0)
+    for _ in range(20):
+        y = Augmentation(rotate=0.5).motion(x, rng)
+        (a, b), (c, d) = (one[0, 0, TCDIFFPP.floor].tolist() for one in (x, y))
+        angle = (math.atan2(b, a) - math.atan2(d, c) + math.pi) % (2 * math.pi) - math.pi
+        assert 0 < abs(angle) <= 0.5 and math.hypot(a, b) == pytest.approx(math.hypot(c, d))
+    with pytest.raises(ValueError, match="rotate=4"):
+        sampler(takes, rotate=4.0)

@@ -154,7 +154,7 @@ def test_feet_keep_their_direction(sliding):
 
 
 def test_a_dance_whose_feet_stand_stays_as_it_is(dance):
-    """Nothing to do: no joint moves by more than a centimetre, most by under a millimetre."""
+    """Little to do: no joint moves by more than three centimetres, most by under a millimetre."""
     moved = (joints_of(project_foot_contact(dance)) - joints_of(dance)).norm(dim=-1)
     assert moved.max() < 0.03
     assert moved.median() < 0.001

@@ -148,3 +148,12 @@ def test_it_is_a_linear_guess_by_rank():
         build(TCDiffPP, config, ["formation_prior", "preconditioning"])
     with pytest.raises(ValueError, match="'formation_prior' needs 'preconditioning'"):
         build(TCDiffPP, TCDiffPPConfig(**SMALL), ["formation_prior"])
+
+
+def test_without_swap_mode_changes_of_place_are_part_of_the_spread(prior):
+    paths, S = walks(3, 3000)
+    blind = FormationPrior(max_dancers=4, num_frames=FRAMES, use_swap=False)
+    blind.fit([(paths, S)])
+    assert torch.equal(blind.progress, torch.linspace(0, 1, FRAMES))
+    least, told = (one.std[2, 0, 0, :3].min() for one in (blind, prior))
+    assert least > 2 * told

@@ -7,6 +7,7 @@ import torch
 
 from dancediff.diffusion.conditions import Conditions
 from dancediff.extensions.autoguidance import LASTING_SHARE, ROOT_SHARE
+from dancediff.extensions.control import WalkAlong
 from dancediff.generation.guided_denoiser import GuidedDenoiser
 from dancediff.generation.pipeline import pipeline_of
 from dancediff.generation.request import TCDiffPPRequest, default_of
@@ -112,6 +113,11 @@ def test_options_reach_the_sampler(model):
         {"overlap": 60},
         {"pinning": "clean"},
         {"swap": [2, 1, 0]},
+        {"sampler": "ddim"},
+        {"sigma_min": 0.5},
+        {"seam": "fade"},
+        {"autoguidance": 2.0},
+        {"foot_contact": False},
         {"song": Tune(11.0)},
     ):
         assert not torch.equal(base.root, dance(model, **{"seconds": 8} | changed).root), changed
@@ -127,6 +133,15 @@ def test_ddpm_takes_all_steps():
         Tune(), seconds=2, steps=3, sampler="ddpm", progress=lambda done, total: calls.append(total)
     )
     assert motion.root.isfinite().all() and calls == [8] * 8
+
+
+def test_ddpm_ends_without_guidance():
+    """Its last guesses are made with the music alone."""
+    tiny = TCDiffPPConfig(d_model=16, num_layers=1, ff_dim=32, fusion_hidden=16, num_steps=20)
+    model, rows = TCDiffPP(tiny), []
+    model.register_forward_pre_hook(lambda _, given: rows.append(len(given[0])))
+    pipeline_of(model).generate(Tune(), seconds=2, sampler="ddpm", guidance=2.0)
+    assert rows == [2] * 18 + [1] * 2
 
 
 def test_bfloat16_dance_is_close(model):
@@ -277,7 +292,8 @@ def test_default_swap_ends_within_the_dance(seconds):
     found = SegmentPlan.of(request, 150)
     orders = found.targets(request)
     chosen = next(i for i, order in enumerate(orders) if order is not None)
-    assert len(orders) == found.count and chosen * found.stride + 150 <= found.frames
+    ends = chosen * found.stride + 150
+    assert len(orders) == found.count and ends <= found.frames < ends + found.stride
     assert sum(order is not None for order in orders) == 1
 
 
@@ -371,3 +387,10 @@ def test_a_path_is_a_song_everywhere(model, tmp_path):
     pieces = list(model.stream(path, steps=2, seed=1))
     assert sum(piece.num_frames for piece in pieces) == 90
     assert dance.save(tmp_path / "new" / "dance.png", path).exists()
+
+
+def test_who_must_stand_on_the_other_side_stays_who_it_is(model):
+    """Dancers whose places are asked for are not numbered anew by where they came to stand."""
+    there = WalkAlong(0, [(0, 2.0, 0.0), (10, 2.0, 0.0)])
+    moved = dance(model, seconds=10, dancers=3, constraints=there)
+    assert (moved.root[0, ::30, 0] - 2).abs().max() < 0.15

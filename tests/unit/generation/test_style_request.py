@@ -211,8 +211,12 @@ def test_all_ways_of_sampling_take_both(group, song):
         {"guidance": 2.0, "autoguidance": 1.5},
         {"sampler": "ddim", "preset": "paper", "energy": 0.5, "genre": "house"},
     ):
-        dance = group.generate(song, seconds=6, dancers=2, **FEW | options)
-        assert dance.root.isfinite().all()
+        ask = {"seconds": 6, "dancers": 2, **FEW, "genre": "house", "energy": 1.0} | options
+        base = group.generate(song, **ask)
+        assert base.root.isfinite().all()
+        for change in ({"genre": "hiphop"}, {"energy": 0.1}):
+            other = group.generate(song, **ask | change)
+            assert (other.root - base.root).abs().max() > 1e-5, (options, change)
 
 
 def test_lodge_mixes_its_style_tokens(lodge, song):

@@ -1,7 +1,7 @@
 import torch
 
 from dancediff.nn.attention import FeedForward
-from dancediff.nn.conditioning import MusicEncoder, cached_music
+from dancediff.nn.conditioning import CACHED, MusicEncoder, cached_music
 from dancediff.nn.decoder import DecoderLayer
 
 
@@ -52,3 +52,17 @@ def test_cached_music_is_that_of_the_song_at_hand():
     with cached_music(encoder):
         encoder(first)
         torch.testing.assert_close(encoder(second), encoder._encode(second))
+
+
+def test_all_parts_of_a_long_dance_are_encoded_once(monkeypatch):
+    encode, count = MusicEncoder._encode, []
+    counted = lambda self, M: (count.append(0), encode(self, M))[1]  # noqa: E731
+    monkeypatch.setattr(MusicEncoder, "_encode", counted)
+    encoder, parts = MusicEncoder(35, 16, num_heads=2, ff_dim=32), torch.randn(9, 1, 9, 35)
+    with cached_music(encoder):
+        first = [encoder(part) for part in parts]
+        again = [encoder(part) for part in parts]
+        assert len(count) == 9 and all(a is b for a, b in zip(first, again, strict=True))
+        for _ in range(100):
+            encoder(torch.randn(1, 9, 35))
+        assert len(encoder._cached) == CACHED

@@ -86,3 +86,14 @@ def test_a_codebook_that_was_saved_goes_on():
     assert torch.equal(before, quantizer.codes(z))
     again(clustered(seed=100), draws())
     assert (again.codes(z) == before).float().mean() > 0.95
+
+
+def test_under_autocast_the_same_codes_are_taken_and_learned():
+    one, other = VectorQuantizer(8, 4).train(), VectorQuantizer(8, 4).train()
+    for step in range(3):
+        z = clustered(seed=step)
+        _, plain, _ = one(z, draws())
+        with torch.autocast("cpu", torch.bfloat16):
+            _, fast, _ = other(z, draws())
+        assert torch.equal(plain, fast)
+    assert torch.equal(one.e, other.e)

@@ -5,7 +5,6 @@ Read first: notebook 05 · Tseng et al. 2023 (EDGE) section 3.
 Symbols (axes: b batch · n dancers · f frames · d motion, m music features)
     x_t    noisy motion, normalised            (b, n, f, d)
     x_hat  the guess                           (b, n, f, d)
-    home   where a dancer is, on the average   (n, 1, 3) metres, height left out
 
 A group is n dancers who do not know of each other: that makes it the baseline of a group model.
 """
@@ -42,7 +41,7 @@ class EDGEConfig:
     motion_dim: int = 151  # features of a dancer's frame
     music_dim: int = 35  # features of a frame of music
     dropout: float = 0.0  # share of values that are set to zero in training
-    cond_drop: float = 0.25  # share of windows in training that hear no music
+    cond_drop: float = 0.25  # share of windows in training whose music is masked
     num_steps: int = 1000  # noise levels
 
     @classmethod

@@ -17,7 +17,7 @@ from torch import Tensor
 from dancediff.diffusion.schedule import abar_at
 
 
-def dialled(
+def consistency_guided(
     denoise: Callable[[Tensor, int], Tensor],
     score: Callable[[Tensor, int], Tensor],
     gamma: float,
@@ -44,7 +44,7 @@ def dialled(
     >>> abar, x = torch.tensor([0.5, 0.1]), torch.ones(1, 1, 1, 1)
     >>> def score(x, t):
     ...     return -0.5 * x.square().flatten(1).sum(1)
-    >>> towards = dialled(lambda x, t: x, score, 1, abar, times=[1, 0, -1])
+    >>> towards = consistency_guided(lambda x, t: x, score, 1, abar, times=[1, 0, -1])
     >>> round(towards(x, 1).item(), 4), towards(x, 0).item()            # 1 - 0.5 / sqrt(0.5)
     (0.2929, 1.0)
     """

@@ -14,7 +14,7 @@ from torch import Tensor
 REPLACED = 0.5  # share of dancers that a negative takes from other groups
 
 
-def strangers(x: Tensor, generator: torch.Generator | None = None) -> Tensor:
+def negative_groups(x: Tensor, generator: torch.Generator | None = None) -> Tensor:
     """Groups some of whose dancers come from another group of the batch.
 
     Each dancer is replaced with probability `REPLACED`, in every group at least one.
@@ -25,7 +25,7 @@ def strangers(x: Tensor, generator: torch.Generator | None = None) -> Tensor:
     Raises: ValueError for a batch of one group.
 
     >>> x = torch.arange(3.0)[:, None, None, None].expand(3, 2, 1, 1)
-    >>> mixed = strangers(x, torch.Generator().manual_seed(0))
+    >>> mixed = negative_groups(x, torch.Generator().manual_seed(0))
     >>> (mixed != x).flatten(1).any(1).tolist()
     [True, True, True]
     """

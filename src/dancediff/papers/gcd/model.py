@@ -48,7 +48,7 @@ class GCDConfig:
     motion_dim: int = 151  # features of a dancer's frame
     music_dim: int = 35  # features of a frame of music
     dropout: float = 0.0  # share of values that are set to zero in training
-    cond_drop: float = 0.2  # share of windows in training that hear no music
+    cond_drop: float = 0.2  # share of windows in training whose music is masked
     num_steps: int = 1000  # noise levels
 
     @classmethod

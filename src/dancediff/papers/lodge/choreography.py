@@ -187,9 +187,9 @@ def spread_evenly(
 ) -> list[int]:
     """``count`` frames of start ... stop: candidates as far as there are, else in the largest gaps.
 
-    Kept are those ``margin`` from both ends and ``apart`` from each other. Of too many every so
-    manieth is taken; too few are completed by halving the largest gap; without any the frames are
-    spread evenly.
+    Kept are those ``margin`` from both ends and ``apart`` from each other. Of too many, evenly
+    spaced ones are taken; too few are completed by halving the largest gap; without any the
+    frames are spread evenly.
 
     >>> spread_evenly([40, 80, 120, 160, 200], 2, 0, 256, margin=8, apart=8)
     [80, 160]

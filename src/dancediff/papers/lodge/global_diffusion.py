@@ -51,7 +51,7 @@ class GlobalConfig:
     motion_dim: int = 139  # features of a frame of motion
     music_dim: int = 35  # features of a frame of music
     dropout: float = 0.1  # share of values that are set to zero in training
-    cond_drop: float = 0.25  # share of windows in training that hear no music
+    cond_drop: float = 0.25  # share of windows in training whose music is masked
     num_steps: int = 1000  # noise levels
 
     def __post_init__(self):

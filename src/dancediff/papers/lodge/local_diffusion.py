@@ -43,7 +43,7 @@ class LocalConfig:
     style_noise: int = 256  # random numbers of which a style token is made
     foot_refine: bool = True  # without it: Table 5
     dropout: float = 0.1  # share of values that are set to zero in training
-    cond_drop: float = 0.25  # share of windows in training that hear no music
+    cond_drop: float = 0.25  # share of windows in training whose music is masked
     num_steps: int = 1000  # noise levels
 
     def __post_init__(self):

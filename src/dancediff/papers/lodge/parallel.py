@@ -61,9 +61,9 @@ def chunks(rows: int, at_once: int | None) -> Iterator[slice]:
 class ParallelSampler:
     r"""The steps from music to dance, one method each.
 
-    ``request`` has what is asked for: sampler, steps, eta, guidance, seed, genre, soft, mirror,
-    beat_align, and at_once, the number of segments that go through a network together, or None.
-    ``dtype``: torch.bfloat16 for half the digits inside the networks. ``report(done, total)``
+    ``request`` has what is asked for: sampler, steps, eta, sigma_min, guidance, seed, genre, soft,
+    mirror, beat_align, and at_once, the number of segments that go through a network together, or
+    None. ``dtype``: torch.bfloat16 for half the digits inside the networks. ``report(done, total)``
     counts denoising steps.
 
     Source: Lodge "Parallel Inference".  Differs: songs of any length (`segments_of`).

@@ -122,7 +122,7 @@ def primitives_of(
 
     Source: Lodge sections 1 ("with high kinematic energy") and 3.3 (local minima of velocity).
     Differs: the released code smooths with sigma 5, which merges beats above 120 a minute, takes
-    every so manieth beat without a look at energy, moves the primitives within a clip by up to 2
+    evenly spaced beats without a look at energy, moves the primitives within a clip by up to 2
     frames at random, looks for beats on normalised vectors, cuts h_k at even distances wherever
     the borders are, trains on 25 primitives and dances with 13, and moves the root in views, which
     damages the clip.

@@ -73,7 +73,7 @@ class MNETConfig:
 
     @classmethod
     def paper(cls, **changes) -> "MNETConfig":
-        """Sizes of the released MNET, with its 10 genres' number of styles."""
+        """Sizes of the released MNET, and 10 genres, as many as it has."""
         sizes: dict[str, Any] = {"d_model": 768, "num_heads": 12, "num_layers": 8, "noise": 256}
         sizes |= {"critic_layers": 4, "ff_dim": 2048, "genres": GENRES[:10]}
         sizes |= {"seed_frames": 60, "music_frames": 120, "targets": 30}
@@ -166,16 +166,16 @@ class MNET(AutoregressiveNetwork):
         other = (one.genre + step) % len(c.genres)
         made = self(one.history, one.M, self.style(one.genre, z_1))
         again = self(one.history, one.M, self.style(one.genre, z_2))
-        astray = self(one.history, one.M, self.style(other, z_1))  # in another genre
+        made_as_other = self(one.history, one.M, self.style(other, z_1))  # in another genre
         with frozen(self.critic):
-            wish = self.score(one, made, one.genre)
-            as_asked, as_true = (self.score(one, astray, g) for g in (other, one.genre))
+            score_made = self.score(one, made, one.genre)
+            as_asked, as_true = (self.score(one, made_as_other, g) for g in (other, one.genre))
         real = self.score(one, one.later, one.genre)
         fake = self.score(one, made.detach(), one.genre)
         terms = {
             "future": mean((made - one.later).square()),
             "joints": mean((self.joints(made) - self.joints(one.later)).square()),
-            "adversarial": -mean(wish),
+            "adversarial": -mean(score_made),
             "consistency": style_consistency(as_asked, as_true),
             "diversity": diversity(z_1, z_2, made, again),
             "critic": hinge(real, fake),
@@ -206,7 +206,7 @@ class MNET(AutoregressiveNetwork):
 
     @property
     def history_frames(self) -> int:
-        """One second, as published two."""
+        """``seed_frames``: one second by default, two in `MNETConfig.paper`."""
         return self.config.seed_frames
 
     def dance(

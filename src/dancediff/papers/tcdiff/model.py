@@ -48,11 +48,15 @@ class TCDiffConfig:
     motion_dim: int = 151  # features of a dancer's frame
     music_dim: int = 35  # features of a frame of music
     dropout: float = 0.0  # share of values that are set to zero in training
-    cond_drop: float = 0.25  # share of windows in training that hear no music
+    cond_drop: float = 0.25  # share of windows in training whose music is masked
     num_steps: int = 1000  # noise levels
 
     def __post_init__(self):
-        """Raises: ValueError when a window does not hold history and stride."""
+        """Raises: ValueError unless stride fits into history, and both into a window."""
+        if not 1 <= self.stride <= self.history:
+            raise ValueError(
+                f"stride={self.stride} must lie in 1 ... {self.history}, the frames of history"
+            )
         if self.history + self.stride > self.num_frames:
             raise ValueError(
                 f"history={self.history} and stride={self.stride} must fit into num_frames="

@@ -30,7 +30,7 @@ def smoothed(p: Tensor) -> Tensor:
     """
     F = torch.tensor([[1.0, 1.0], [0.0, 1.0]], dtype=torch.float64)
     Q = PROCESS * torch.eye(2, dtype=torch.float64)
-    seen = p.double()
+    seen = p.double().cpu()
     velocity = seen[..., 1] - seen[..., 0] if p.shape[-1] > 1 else torch.zeros_like(seen[..., 0])
     s, P = torch.stack([seen[..., 0], velocity], dim=-1), torch.eye(2, dtype=torch.float64)
     filtered, expected = [(s, P)], []
@@ -45,4 +45,4 @@ def smoothed(p: Tensor) -> Tensor:
     for (s, P), (ahead, P_ahead) in zip(filtered[-2::-1], expected[::-1], strict=True):
         back = P @ F.T @ torch.linalg.inv(P_ahead)
         states.append(s + (states[-1] - ahead) @ back.T)
-    return torch.stack(states[::-1], dim=-2)[..., 0].to(p.dtype)
+    return torch.stack(states[::-1], dim=-2)[..., 0].to(p)

@@ -27,7 +27,7 @@ def ground_velocity(x_raw: Tensor) -> Tensor:
     """How fast the root moves over the floor: x and z, normalised units per second, frame 0 zero.
 
     Source: TCDiff++ eq. 9.  Differs: the paper's is 3-D; the released code's is per frame, which
-    leaves numbers of a few thousandths. Ours is cut at 3 units a second.
+    leaves numbers of a few thousandths; here the velocity is cut at 3 units a second.
 
     Shapes: (b, n, f, d) -> (b, n, f, 2).
 

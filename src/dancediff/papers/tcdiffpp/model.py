@@ -45,7 +45,7 @@ class TCDiffPPConfig:
     fusion_hidden: int = 512  # width inside the Fusion Projection
     footwork_hidden: int = 128  # width inside the Footwork Adaptor
     dropout: float = 0.0  # share of values that are set to zero in training
-    cond_drop: float = 0.25  # share of windows in training that hear no music
+    cond_drop: float = 0.25  # share of windows in training whose music is masked
     num_steps: int = 1000  # noise levels
     without: tuple[str, ...] = ()  # components that Table 4 leaves out, of `COMPONENTS`
 

@@ -212,6 +212,14 @@ def dance(model, **options):
     return pipeline_of(model).generate(dd.packaged_song(), **{"seconds": 3, "seed": 4} | options)
 
 
+def test_the_likeliest_unit_alone_leaves_nothing_to_chance(model):
+    greedy = [dance(model, seed=s, top_k=1, seed_noise=0.0).features() for s in (4, 5)]
+    assert torch.equal(*greedy)
+    how = {"seed_noise": 0.0, "top_k": 16}
+    cold, warm = (dance(model, temperature=t, **how).features() for t in (0.01, 100.0))
+    assert not torch.equal(cold, warm)
+
+
 def test_dancers_dance_alone(model):
     trio, solo = dance(model, dancers=3), dance(model, dancers=1)
     assert torch.equal(trio.features(), dance(model, dancers=3).features())

@@ -139,10 +139,34 @@ def test_a_group_dance_can_be_repeated(model):
     duo = dance(model, dancers=2).features()
     assert not torch.equal(dance(model, dancers=3, seed=5).features(), trio.features())
     assert duo.shape == (2, 90, 151)
-    plain = dance(model, dancers=3, reweight=0.0)
-    assert plain.meta["reweight"] == 0 and plain.num_dancers == 3
     with pytest.raises(ValueError, match="dancers=6 must lie in 1"):
         dance(model, dancers=6)
+
+
+def test_units_that_training_met_often_are_drawn_less_often_with_reweighting():
+    model, share = made(), {}
+    model.shares.fill_(1e-3)
+    model.shares[:, 0] = 1 - 15e-3
+    g = torch.Generator().manual_seed(7)
+    codes, places = torch.randint(16, (1, 5, 3, 6), generator=g), torch.zeros(1, 5, 6, 3)
+    for theta in (0.0, 50.0):
+        request = SimpleNamespace(reweight=theta, temperature=1.0, top_k=16)
+        generators = [torch.Generator().manual_seed(k) for k in range(5)]
+        drawn = [
+            model.next_units(codes, places, torch.zeros(90, 35), request, generators)
+            for _ in range(60)
+        ]
+        share[theta] = (torch.cat(drawn) == 0).double().mean().item()
+    assert share[0.0] > 0.02 and share[50.0] < 0.2 * share[0.0]
+    assert dance(model, dancers=2, reweight=0.0).meta["reweight"] == 0
+
+
+def test_the_likeliest_unit_alone_leaves_nothing_to_chance(model):
+    how = {"dancers": 2, "seed_noise": 0.0}
+    greedy = [dance(model, seed=s, top_k=1, **how).features() for s in (4, 5)]
+    assert torch.equal(*greedy)
+    cold, warm = (dance(model, temperature=t, **how).features() for t in (0.01, 100.0))
+    assert not torch.equal(cold, warm)
 
 
 def test_whoever_stands_left_is_the_first_in_a_dance_too(model):

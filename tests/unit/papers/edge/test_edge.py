@@ -275,3 +275,14 @@ def test_the_config_that_comes_along_is_valid_and_uses_the_same_data():
     edge, group = (read_config(CONFIGS / f"{k}_small.toml") for k in ("edge", "tcdiffpp"))
     assert edge["data"] == group["data"] and edge["train"] == group["train"]
     assert edge["model"]["class"] == "EDGE" and edge["weights"] == group["weights"]
+
+
+def test_guidance_of_long_dances_begins_at_nothing(model):
+    """As in the released code: the weight rises from 0, a guess without music."""
+    seen = []
+    hook = model.register_forward_pre_hook(lambda _, given: seen.append(given[2]))
+    dance(model, seconds=8, dancers=1, guidance=2.0, steps=4)
+    hook.remove()
+    first, last = seen[0], seen[-1]
+    assert first.music_mask is not None and not first.music_mask.any()
+    assert last.music_mask is None or last.music_mask.any()

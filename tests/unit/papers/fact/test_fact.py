@@ -1,5 +1,7 @@
 """FACT: its equation, its sizes, its loss, and the way from a config to a dance."""
 
+from dataclasses import replace
+
 import pytest
 import torch
 
@@ -143,8 +145,20 @@ def test_a_dance_goes_on_from_one_that_is_given(model):
     how = {"seconds": 1, "seed_motion": seed, "seed_noise": 0.0}
     duo = pipeline_of(model).generate(song, dancers=2, **how)
     assert duo.num_dancers == 2 and "seed_motion" not in duo.meta
+    step = torch.tensor([2.0, 0.0, -1.0])
+    far = replace(seed, root=seed.root + step)
+    moved = pipeline_of(model).generate(song, dancers=2, **how | {"seed_motion": far})
+    begun = (moved.root - duo.root)[:, 0]
+    torch.testing.assert_close(begun, step.expand(2, 3), atol=0.2, rtol=0)
+    one_for_all = how | {"seed_motion": seed.dancer(0)}
+    trio = pipeline_of(model).generate(song, dancers=3, **one_for_all)
+    standing = pipeline_of(model).generate(song, dancers=3, seconds=1, seed_noise=0.0)
+    assert trio.num_dancers == 3 and (trio.pose - standing.pose).abs().max() > 1e-3
     with pytest.raises(ValueError, match="seed_motion has 2 dancers and 90 frames"):
         pipeline_of(model).generate(song, dancers=3, **how)
+    slow = how | {"seed_motion": replace(seed, fps=60.0)}
+    with pytest.raises(ValueError, match="seed_motion has 60 frames a second, not 30"):
+        pipeline_of(model).generate(song, dancers=2, **slow)
     with pytest.raises(ValueError, match="seed_motion is a str"):
         pipeline_of(model).generate(song, seconds=1, seed_motion="a")
 
@@ -173,8 +187,8 @@ def test_from_a_config_to_a_dance(tmp_path, takes, capsys):
     dances = [p.generate(dd.packaged_song(), **options) for p in (pipeline_of(made), kept)]
     assert torch.equal(dances[0].features(), dances[1].features())
     command = f"generate packaged --model {tmp_path / 'model'} --seconds 1 --keep 4 --formats npz"
-    main([*command.split(), "--out", str(tmp_path / "out")])
-    assert "keep" in str(dd.Motion.load(next((tmp_path / "out").glob("*.npz"))).meta)
+    assert main([*command.split(), "--out", str(tmp_path / "out")]) == 0
+    assert dd.Motion.load(next((tmp_path / "out").glob("*.npz"))).meta["keep"] == 4
 
 
 def test_a_stopped_training_goes_on(tmp_path, takes):

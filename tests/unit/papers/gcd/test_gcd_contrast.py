@@ -10,8 +10,8 @@ from dancediff.data.windows import GroupCut, WindowSampler
 from dancediff.diffusion.ddpm import ddpm_step
 from dancediff.diffusion.samplers import SamplerOptions, sample, sampling_times
 from dancediff.diffusion.schedule import cosine_abar
-from dancediff.papers.gcd.consistency_guidance import dialled
-from dancediff.papers.gcd.contrast import info_nce, strangers
+from dancediff.papers.gcd.consistency_guidance import consistency_guided
+from dancediff.papers.gcd.contrast import info_nce, negative_groups
 from dancediff.papers.gcd.losses import GCDWeights
 from dancediff.papers.gcd.model import GCD, GCDConfig
 from dancediff.training.config import TrainConfig
@@ -24,7 +24,7 @@ ABAR = cosine_abar()
 
 def test_a_negative_differs_and_consists_of_dancers_of_the_batch():
     x = torch.randn(4, 3, 5, 2)
-    mixed = strangers(x, torch.Generator().manual_seed(1))
+    mixed = negative_groups(x, torch.Generator().manual_seed(1))
     replaced = (mixed != x).flatten(2).any(2)
     assert replaced.any(1).all()
     dancers = x.flatten(0, 1)
@@ -35,13 +35,13 @@ def test_a_negative_differs_and_consists_of_dancers_of_the_batch():
 
 def test_half_of_the_dancers_are_replaced_beside_the_one_who_always_is():
     x = torch.randn(2, 4, 1, 1).repeat(500, 1, 1, 1) + torch.rand(1000, 1, 1, 1)
-    mixed = strangers(x, torch.Generator().manual_seed(2))
+    mixed = negative_groups(x, torch.Generator().manual_seed(2))
     assert (mixed != x).float().mean() == pytest.approx(1 / 4 + 3 / 4 / 2, abs=0.03)
 
 
 def test_one_group_has_no_strangers():
     with pytest.raises(ValueError, match="x has 1 group"):
-        strangers(torch.zeros(1, 2, 3, 4))
+        negative_groups(torch.zeros(1, 2, 3, 4))
 
 
 def test_info_nce():
@@ -58,7 +58,7 @@ def test_gamma_0_is_the_plain_sampler_to_the_bit():
     def denoise(x_t, t):
         return 0.5 * x_t
 
-    assert dialled(denoise, None, 0.0, ABAR, [1, -1]) is denoise
+    assert consistency_guided(denoise, None, 0.0, ABAR, [1, -1]) is denoise
 
 
 @pytest.mark.parametrize("gamma", [-0.5, 0.5])
@@ -70,7 +70,7 @@ def test_the_mean_of_a_step_moves_by_gamma_times_the_variance_times_the_gradient
     def score(x, t):
         return -0.5 * x.square().flatten(1).sum(1)
 
-    moved = dialled(lambda x, t: guess, score, gamma, ABAR, [t, t - 1])(x_t, t)
+    moved = consistency_guided(lambda x, t: guess, score, gamma, ABAR, [t, t - 1])(x_t, t)
 
     def mean(x_0):  # under the same noise each time
         return ddpm_step(x_t, x_0, t, ABAR, generator=torch.Generator().manual_seed(0))
@@ -89,7 +89,7 @@ def test_gamma_works_in_inference_mode_and_pulls_towards_higher_scores():
     with torch.inference_mode():
         for gamma in (-0.2, 0.0, 0.2):
             times = sampling_times("ddim", 10, ABAR)
-            run = dialled(lambda x_t, t: 0.5 * x_t, score, gamma, ABAR, times)
+            run = consistency_guided(lambda x_t, t: 0.5 * x_t, score, gamma, ABAR, times)
             options = SamplerOptions(ABAR, "ddim", 10, eta=0.0, clamp=3.0)
             x = sample(run, (4, 2, 5, 3), options, generator=torch.Generator().manual_seed(0))
             sizes[gamma] = x.square().mean().item()

@@ -153,6 +153,14 @@ def test_the_same_seed_gives_the_same_dance_and_gamma_changes_it():
     assert first.meta["seams"] == [150, 225] and first.meta["model"] == "gcd"
 
 
+def test_one_latent_serves_all_segments():
+    model, seen = GCD(GCDConfig(**TINY)), []
+    model.register_forward_pre_hook(lambda _, given: seen.append(given[2].latent))
+    pipeline_of(model).generate(synth_song(3, seconds=9.0)[0], dancers=3, steps=2)
+    z = torch.cat(seen)
+    assert len(z) >= 3 and torch.equal(z, z[:1].expand_as(z))
+
+
 @pytest.mark.parametrize("extensions", [(), ("preconditioning", "beat_phase", "aligned_attention")])
 def test_a_model_folder_holds_all_of_it(tmp_path, extensions):
     model = build(GCD, GCDConfig(**TINY), extensions)

@@ -177,13 +177,14 @@ def test_a_longer_return_starts_the_material_again_and_an_empty_section_gives_no
     assert torch.equal(repeat_sections(made, segments_of(1024), empty, mirror=True).soft, soft)
 
 
-def test_cues_for_the_network_are_scaled_and_cut():
+def test_cues_for_the_network_are_scaled_and_not_cut():
     primitives = random_primitives()
     norm = Normalizer(torch.full((139,), -2.0), torch.full((139,), 6.0))
     cues = make_cues(primitives, segments_of(1024))
     scaled = cues.normalized(norm)
     cued = cues.hard | cues.soft
     assert torch.allclose(scaled.value[cued], (cues.value[cued] - 2) / 4, atol=1e-6)
+    assert scaled.value[cued].min() < -1
     assert (scaled.value[~cued] == 0).all()
 
 

@@ -255,3 +255,8 @@ def test_a_config_trains_it_and_a_folder_holds_it(tmp_path):
         assert torch.equal(model(x_t, t, conditions), again(x_t, t, conditions))
     dance = pipeline_of(again).generate(synth_song(3, seconds=6.0)[0], dancers=3, steps=2)
     assert dance.joints().isfinite().all() and dance.meta["model"] == "tcdiff"
+
+
+def test_the_stride_fits_into_the_history():
+    with pytest.raises(ValueError, match=r"stride=25 must lie in 1 ... 10"):
+        TCDiffConfig(history=10)
