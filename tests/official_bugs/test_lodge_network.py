@@ -17,7 +17,7 @@ from dancediff.motion.skeleton import FOOT_JOINTS
 from dancediff.nn.mapping_network import MappingNetwork
 from dancediff.papers.lodge.cue_guidance import CueGuidance, guided_steps
 from dancediff.papers.lodge.foot_refine import FootRefine, contact_score, foot_features
-from dancediff.papers.lodge.global_diffusion import GlobalConfig, token_frames
+from dancediff.papers.lodge.global_diffusion import GlobalConfig, global_token_frames
 from dancediff.papers.lodge.local_diffusion import LocalConfig, LocalDenoiser
 from dancediff.papers.lodge.losses import l_focus, l_jacc, l_jvel
 
@@ -199,7 +199,7 @@ def test_root_acceleration_is_an_acceleration():
 
 def test_a_primitive_stands_beside_its_own_music():
     """Released: token 103 sits at the music of frame 103, though it is danced at 1023."""
-    frames, released = token_frames(GlobalConfig()), torch.arange(104)
+    frames, released = global_token_frames(GlobalConfig()), torch.arange(104)
     ends = torch.arange(256.0, 1025, 256)
     last = frames.reshape(13, 8)[[3, 6, 9, 12]].amax(1)
     assert ((ends - last).abs() <= 4).all()

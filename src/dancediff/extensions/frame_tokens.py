@@ -77,5 +77,5 @@ def pool_music(decoder: MusicConditioning, c: Any) -> None:
     decoder.music = MusicTokens(c.music_dim, c.d_model, pool=FRAMES, **blocks)
     k = -(-c.num_frames // FRAMES)
     decoder.null_music = nn.Parameter(torch.randn(1, k, c.d_model))
-    if hasattr(decoder, "token_frames"):
-        decoder.token_frames = torch.arange(k)
+    if hasattr(decoder, "music_token_frames"):
+        decoder.music_token_frames = torch.arange(k)

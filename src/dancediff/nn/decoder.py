@@ -78,6 +78,25 @@ def token_frames(h: Tensor) -> Tensor:
     return repeat(torch.arange(h.shape[2], device=h.device), "f -> (f n)", n=h.shape[1])
 
 
+def frames_of_memory(num_tokens: int, music_frames: Tensor, *, first: int = 0) -> Tensor:
+    """The frame of each memory token: only music, from the ``first`` token on, belongs to frames.
+
+    Frame 0 means "not turned" to the other tokens.
+
+    >>> frames_of_memory(6, torch.arange(3), first=1).tolist()
+    [0, 0, 1, 2, 0, 0]
+    """
+    frames = music_frames.new_zeros(num_tokens)
+    frames[first : first + len(music_frames)] = music_frames
+    return frames
+
+
+def read_out(out: nn.Linear, h: Tensor) -> Tensor:
+    """From tokens (..., d_model) to motion (..., d), in float32: millimetres need it."""
+    with torch.autocast(h.device.type, enabled=False):
+        return out(h.float())
+
+
 class FusionProjection(nn.Module):
     r"""Fusion Projection (FP): a three-layer network over all dancers of one frame, side by side.
 
@@ -143,7 +162,7 @@ class DanceDecoder(MusicConditioning):
     torch.Size([2, 8, 139])
     """
 
-    token_frames: Tensor
+    music_token_frames: Tensor
 
     def __init__(
         self,
@@ -168,7 +187,7 @@ class DanceDecoder(MusicConditioning):
         self.layers = nn.ModuleList(DecoderLayer(d_model, **blocks) for _ in range(num_layers))
         self.out = nn.Linear(d_model, motion_dim)
         middle = pool * torch.arange(music_frames // pool) + (pool - 1) / 2
-        self.register_buffer("token_frames", middle, persistent=False)
+        self.register_buffer("music_token_frames", middle, persistent=False)
 
     @classmethod
     def of(cls, c: Any, music_frames: int, pool: int = 1) -> "DanceDecoder":
@@ -183,19 +202,16 @@ class DanceDecoder(MusicConditioning):
         ``memory``: the music tokens first, then any that belong to no frame.
         """
         h = h.float()  # the residual stream stays in float32 under autocast
-        # Only music belongs to a frame. Frame 0 means "not turned" to the other tokens.
-        num_music = memory[0].shape[1]
         tokens = self.norm_memory(torch.cat(memory, dim=1))
-        memory_frames = self.token_frames.new_zeros(tokens.shape[1])
-        memory_frames[:num_music] = self.token_frames[:num_music]
+        of_music = self.music_token_frames[: memory[0].shape[1]]
+        of_tokens = frames_of_memory(tokens.shape[1], of_music)
         for layer in self.layers:
-            h = layer(h, tokens, cond, frames, memory_frames)
+            h = layer(h, tokens, cond, frames, of_tokens)
         return h
 
     def read(self, h: Tensor) -> Tensor:
         """From tokens (b, f, d_model) to motion (b, f, d)."""
-        with torch.autocast(h.device.type, enabled=False):  # millimetres need float32
-            return self.out(h.float())
+        return read_out(self.out, h)
 
 
 def check_group(x_t: Tensor, config: Any) -> None:

@@ -29,7 +29,7 @@ def test_pooled_music_has_fewer_tokens_in_the_middle_of_their_frames(pool, token
     )
     assert music.shape == (2, tokens, 16) and steps.shape == (2, 2, 16) and cond.shape == (2, 16)
     middles = torch.arange(24.0).reshape(tokens, pool).mean(1)
-    assert torch.equal(decoder.token_frames, middles)
+    assert torch.equal(decoder.music_token_frames, middles)
 
 
 def test_a_pooled_token_keeps_the_frame_of_a_beat():

@@ -21,7 +21,7 @@ from dancediff.diffusion.conditions import Conditions
 from dancediff.diffusion.schedule import Generators, gaussian
 from dancediff.nn.conditioning import MusicConditioning
 from dancediff.nn.dance_network import DanceNetwork
-from dancediff.nn.decoder import DecoderLayer, check_group, check_shapes
+from dancediff.nn.decoder import DecoderLayer, check_group, check_shapes, frames_of_memory, read_out
 from dancediff.papers.gcd.consistency_critic import ConsistencyCritic
 from dancediff.papers.gcd.group_attention import GroupGlobalAttention
 from dancediff.papers.gcd.group_modulation import GroupEmbedding, GroupModulation
@@ -115,18 +115,16 @@ class GCDDecoder(MusicConditioning):
     def decode(self, h: Tensor, memory: list[Tensor], cond: Tensor, w: Tensor) -> Tensor:
         """All blocks, (b, n, f, d_model) -> the same; ``memory``: music tokens, then others."""
         h = h.float()  # the residual stream stays in float32 under autocast
-        num_music = memory[0].shape[1]
         tokens = self.norm_memory(torch.cat(memory, dim=1))
-        frames = torch.zeros(tokens.shape[1], dtype=torch.long, device=h.device)
-        frames[:num_music] = torch.arange(num_music, device=h.device)
+        of_music = torch.arange(memory[0].shape[1], device=h.device)
+        frames = frames_of_memory(tokens.shape[1], of_music)
         for block in self.blocks:
             h = block(h, tokens, cond, w, frames)
         return h
 
     def read(self, h: Tensor) -> Tensor:
         """From tokens (b, n, f, d_model) to motion (b, n, f, d)."""
-        with torch.autocast(h.device.type, enabled=False):  # millimetres need float32
-            return self.out(h.float())
+        return read_out(self.out, h)
 
 
 class GCD(DanceNetwork):

@@ -82,7 +82,7 @@ class GlobalConfig:
         return self.layout.num_frames
 
 
-def token_frames(config: GlobalConfig) -> Tensor:
+def global_token_frames(config: GlobalConfig) -> Tensor:
     """The frame of the segment that each token stands for, an input of the network.
 
     Hard primitives sit on the borders, where they will be used. A soft one is danced on some beat
@@ -90,9 +90,9 @@ def token_frames(config: GlobalConfig) -> Tensor:
 
     Shapes: -> (f,) float.
 
-    >>> token_frames(GlobalConfig()).reshape(13, 8)[:4, 0].tolist()
+    >>> global_token_frames(GlobalConfig()).reshape(13, 8)[:4, 0].tolist()
     [0.0, 60.0, 188.0, 252.0]
-    >>> token_frames(GlobalConfig())[-1].item()
+    >>> global_token_frames(GlobalConfig())[-1].item()
     1023.0
     """
     c = config
@@ -133,7 +133,7 @@ class GlobalDenoiser(DanceNetwork):
         self.config = c
         self.decoder = DanceDecoder.of(c, c.music_frames, c.pool)
         self.style: StyleToken | None = None  # this stage has no genre
-        self.register_buffer("frames", token_frames(c), persistent=False)
+        self.register_buffer("frames", global_token_frames(c), persistent=False)
 
     def clips(self, x: Tensor) -> Tensor:
         """The primitives apart: (b, f, d) -> (b, p, 8, d)."""

@@ -19,7 +19,13 @@ from torch import Tensor, nn
 from dancediff.diffusion.conditions import Conditions
 from dancediff.motion.representation import TCDIFFPP
 from dancediff.nn.conditioning import ConcatSquashLinear, MusicConditioning
-from dancediff.nn.decoder import DecoderLayer, FusionProjection, token_frames
+from dancediff.nn.decoder import (
+    DecoderLayer,
+    FusionProjection,
+    frames_of_memory,
+    read_out,
+    token_frames,
+)
 
 SQUASH, EMBEDDED = 128, 64  # hidden widths of the adaptor and of the displacement's embedding
 
@@ -117,18 +123,16 @@ class TrajectoryDiffusion(MusicConditioning):
 
     def decode(self, h: Tensor, memory: list[Tensor], cond: Tensor, context: Tensor) -> Tensor:
         """All layers, (b, n, f, c) -> the same; ``memory``: music tokens, then others."""
-        num_music = memory[0].shape[1]
         tokens = self.norm_memory(torch.cat(memory, dim=1))
-        frames = torch.zeros(tokens.shape[1], dtype=torch.long, device=h.device)
-        frames[:num_music] = torch.arange(num_music, device=h.device)
+        of_music = torch.arange(memory[0].shape[1], device=h.device)
+        frames = frames_of_memory(tokens.shape[1], of_music)
         for layer in self.layers:
             h = layer(h, tokens, cond, context, frames)
         return h
 
     def read(self, h: Tensor) -> Tensor:
         """From tokens (b, n, f, c) to motion (b, n, f, d)."""
-        with torch.autocast(h.device.type, enabled=False):  # millimetres need float32
-            return self.out(h.float())
+        return read_out(self.out, h)
 
 
 def displacement(path: Tensor) -> Tensor:

@@ -16,7 +16,7 @@ from torch import Tensor, nn
 
 from dancediff.diffusion.conditions import Conditions
 from dancediff.nn.conditioning import BatchInvariantLinear, MusicConditioning
-from dancediff.nn.decoder import FusionProjection, check_group, check_shapes
+from dancediff.nn.decoder import FusionProjection, check_group, check_shapes, read_out
 from dancediff.papers.tcdiffpp.sequence_decoder import SequenceDecoder
 
 
@@ -155,8 +155,7 @@ class GroupDanceDecoder(MusicConditioning):
 
     def read(self, h: Tensor) -> Tensor:
         """From tokens (b, n, f, d_model) to motion (b, n, f, d)."""
-        with torch.autocast(h.device.type, enabled=False):  # millimetres need float32
-            return self.out(h.float())
+        return read_out(self.out, h)
 
     def check(self, x_t: Tensor, t: Tensor, conditions: Conditions) -> None:
         """Refuse shapes that do not fit."""

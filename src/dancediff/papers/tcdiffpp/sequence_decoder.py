@@ -12,7 +12,7 @@ import torch
 from einops import rearrange
 from torch import Tensor, nn
 
-from dancediff.nn.decoder import DecoderLayer, token_frames
+from dancediff.nn.decoder import DecoderLayer, frames_of_memory, token_frames
 from dancediff.nn.ssm import MambaBlock
 
 
@@ -92,10 +92,8 @@ class SequenceDecoder(nn.Module):
 
     def forward(self, h: Tensor, memory: Tensor, cond: Tensor) -> Tensor:
         """Run the layers."""
-        f = h.shape[2]
-        # Only music belongs to a frame. Frame 0 means "not turned" to the other tokens.
-        frames = torch.zeros(memory.shape[1], dtype=torch.long, device=h.device)
-        frames[1 : 1 + f] = torch.arange(f, device=h.device)
+        of_music = torch.arange(h.shape[2], device=h.device)
+        frames = frames_of_memory(memory.shape[1], of_music, first=1)  # the swap token comes first
         memory = self.norm_memory(memory)
         for layer in self.layers:
             h = layer(h, memory, cond, frames)

@@ -9,7 +9,11 @@ import torch
 from dancediff.diffusion.conditions import Conditions
 from dancediff.diffusion.guidance import guided
 from dancediff.extensions.preconditioning import preconditioning_of
-from dancediff.papers.lodge.global_diffusion import GlobalConfig, GlobalDenoiser, token_frames
+from dancediff.papers.lodge.global_diffusion import (
+    GlobalConfig,
+    GlobalDenoiser,
+    global_token_frames,
+)
 from tiny_lodge import tiny_lodge
 
 OURS = ("preconditioning", "style_film", "global_style")
@@ -34,16 +38,16 @@ def inputs(model, b=2):
 def test_sizes_of_table_7(N, n, frames):
     config = GlobalConfig(music_frames=N, local_frames=n)
     assert config.num_frames == frames == 8 * ((N // n + 1) + 2 * (N // n))
-    assert len(token_frames(config)) == frames
+    assert len(global_token_frames(config)) == frames
 
 
 def test_tokens_stand_where_they_are_danced():
-    starts = token_frames(GlobalConfig()).reshape(13, 8)[:, 0].tolist()
+    starts = global_token_frames(GlobalConfig()).reshape(13, 8)[:, 0].tolist()
     hard, soft = starts[::3], [s for k, s in enumerate(starts) if k % 3]
     assert hard == [0, 252, 508, 764, 1016]  # 8 frames about each border; whole at both ends
     assert soft == [60, 188, 316, 444, 572, 700, 828, 956]
-    assert (token_frames(GlobalConfig()).reshape(13, 8).diff() == 1).all()
-    assert token_frames(GlobalConfig(variant="discrete")).tolist() == list(range(0, 1024, 4))
+    assert (global_token_frames(GlobalConfig()).reshape(13, 8).diff() == 1).all()
+    assert global_token_frames(GlobalConfig(variant="discrete")).tolist() == list(range(0, 1024, 4))
 
 
 @pytest.mark.parametrize("extensions", [(), OURS, ("preconditioning",), ("global_style",)], ids=str)
@@ -146,7 +150,7 @@ def test_layers_know_where_tokens_are_danced(extensions):
     model, seen = make(extensions), []
     model.decoder.layers[0].register_forward_pre_hook(lambda layer, args: seen.append(args[3]))
     model(*inputs(model))
-    assert torch.equal(seen[0], token_frames(model.config))
+    assert torch.equal(seen[0], global_token_frames(model.config))
 
 
 def test_a_token_gets_the_energy_of_the_frame_that_it_stands_for():
@@ -154,4 +158,4 @@ def test_a_token_gets_the_energy_of_the_frame_that_it_stands_for():
     x_t, t, conditions = inputs(model)
     curve = torch.rand(2, model.config.music_frames)
     run = model.prepare(x_t, t, Conditions(conditions.music, energy=curve))
-    assert torch.equal(run.conditions.energy, curve[:, token_frames(model.config).long()])
+    assert torch.equal(run.conditions.energy, curve[:, global_token_frames(model.config).long()])
