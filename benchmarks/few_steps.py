@@ -16,7 +16,7 @@ from tqdm.auto import tqdm
 from dancediff import hub
 from dancediff.data.windows import GroupCut, WindowSampler
 from dancediff.diffusion.samplers import SamplerOptions, sampling_times
-from dancediff.extensions.energy_condition import listens_to_energy
+from dancediff.extensions.energy_condition import has_energy_condition
 from dancediff.extensions.genre_condition import genres_of
 from dancediff.metrics.measure import Measured
 from dancediff.metrics.rows import table_rows
@@ -48,7 +48,7 @@ class FewSteps:
             prepared_takes(self.data, model.config, self.split),
             GroupCut(model.config.num_frames),
             genres=genres_of(model),
-            energy=listens_to_energy(model),
+            energy=has_energy_condition(model),
             dancers_per_batch=DANCERS,
             seed=77,
         )

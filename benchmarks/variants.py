@@ -29,7 +29,7 @@ from dancediff.data.windows import GroupCut, WindowSampler
 from dancediff.diffusion.conditions import Conditions
 from dancediff.diffusion.schedule import q_sample
 from dancediff.extensions.build import build
-from dancediff.extensions.energy_condition import listens_to_energy
+from dancediff.extensions.energy_condition import has_energy_condition
 from dancediff.extensions.genre_condition import genres_of
 from dancediff.motion.representation import joints_of
 from dancediff.papers.edge.model import EDGE
@@ -90,7 +90,7 @@ class Timed:
             held,
             cut,
             genres=genres_of(model),
-            energy=listens_to_energy(model),
+            energy=has_energy_condition(model),
             dancers_per_batch=DANCERS,
             seed=99,
         )

@@ -1,4 +1,4 @@
-r"""Classifier-free guidance: listen to the music more than the data ask for.
+r"""Classifier-free guidance: exaggerate what the music changes in a guess.
 
 Read first: notebook 06 · Ho and Salimans 2022 eq. 6 · EDGE section 3.3.
 

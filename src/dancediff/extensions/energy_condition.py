@@ -61,7 +61,7 @@ class EnergyCondition(Part):
         return h + vectors.reshape(len(h), *[1] * (h.ndim - 3), *vectors.shape[1:])
 
 
-def listens_to_energy(model: nn.Module) -> bool:
+def has_energy_condition(model: nn.Module) -> bool:
     """Does a model, or a part of it, have an `EnergyCondition`?"""
     return any(isinstance(part, EnergyCondition) for part in model.modules())
 

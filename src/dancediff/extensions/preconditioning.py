@@ -135,7 +135,7 @@ class Preconditioning(nn.Module):
             return mean + C.T @ _scaled(skip, C @ noisy, group)
 
     def noise(self, x_t: Tensor, guess: Tensor, abar: Tensor) -> Tensor:
-        r"""The noise there is in x_t if a guess is right: what the network listens to besides.
+        r"""The noise there is in x_t if a guess is right: an additional input of the network.
 
         $$\hat\epsilon = \frac{x_t - \sqrt{\bar\alpha}\,\hat x_0}{\sqrt{1 - \bar\alpha}}$$
 

@@ -60,9 +60,9 @@ def resolved_energy(asked: Energy | None, usual: Energy, model, frames: int) -> 
 
     Raises: ValueError for such a model that is asked for more, and a curve of another length.
     """
-    from dancediff.extensions.energy_condition import listens_to_energy
+    from dancediff.extensions.energy_condition import has_energy_condition
 
-    if not listens_to_energy(model):
+    if not has_energy_condition(model):
         if asked in (None, ANY):
             return None
         shown = asked if isinstance(asked, float) else "[...]"

@@ -18,7 +18,7 @@ from dancediff.diffusion.samplers import GuessHook
 from dancediff.extensions.autoguidance import autoguided, linear_guess_of
 from dancediff.extensions.border_smoothing import BorderSmoothing
 from dancediff.extensions.cue_constraint import cue_constraint, return_to_origin
-from dancediff.extensions.energy_condition import listens_to_energy
+from dancediff.extensions.energy_condition import has_energy_condition
 from dancediff.extensions.foot_contact_projection import foot_contact_hook
 from dancediff.extensions.group_relations import PIECE, Group, canon_delays, places
 from dancediff.extensions.preconditioning import preconditioning_of
@@ -53,7 +53,7 @@ class LodgeSampler(ParallelSampler):
     def conditions(self, stage, M: Tensor, first: int) -> Conditions:
         """With the energy of each row."""
         made = super().conditions(stage, M, first)
-        if self.energy is None or not listens_to_energy(stage):
+        if self.energy is None or not has_energy_condition(stage):
             return made
         segments, part = self.segments, slice(first, first + len(M))
         cut = segments.global_music if stage is self.global_stage else segments.local_music

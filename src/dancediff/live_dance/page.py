@@ -8,7 +8,7 @@ from itertools import permutations
 
 from dancediff.axes import FPS
 from dancediff.data.choreographer.formations import formation_names
-from dancediff.extensions.energy_condition import listens_to_energy
+from dancediff.extensions.energy_condition import has_energy_condition
 from dancediff.extensions.genre_condition import genres_of
 from dancediff.extensions.group_relations import places
 from dancediff.motion.motion import Motion
@@ -51,7 +51,7 @@ def knobs(session) -> dict:
     """What can be changed while this model dances: for each knob its (text, value) pairs."""
     model, n = session.pipeline.model, session.stream.request.dancers
     found: dict[str, list[tuple]] = {}
-    if listens_to_energy(model):
+    if has_energy_condition(model):
         found["energy"] = []
     if genres := genres_of(model):
         found["genre"] = [(name, name) for name in genres]

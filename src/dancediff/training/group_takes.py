@@ -8,7 +8,7 @@ from dancediff.data.choreographed import choreographed_corpus
 from dancediff.data.packed import PackedTakes
 from dancediff.data.take import DanceTake
 from dancediff.data.windows import GroupCut, WindowSampler
-from dancediff.extensions.energy_condition import listens_to_energy
+from dancediff.extensions.energy_condition import has_energy_condition
 from dancediff.extensions.genre_condition import genres_of
 from dancediff.training.config import GroupData
 
@@ -73,7 +73,7 @@ def windows_of(
         takes,
         GroupCut(model.config.num_frames),
         genres=genres_of(model),
-        energy=listens_to_energy(model),
+        energy=has_energy_condition(model),
         augment=augment,
         dancers_per_batch=corpus.dancers_per_batch,
         real=corpus.real,

@@ -28,7 +28,7 @@ from dancediff.data.augment import Augmentation
 from dancediff.data.take import DanceTake
 from dancediff.data.windows import SoloCut, WindowSampler
 from dancediff.extensions.build import build, check_extensions
-from dancediff.extensions.energy_condition import listens_to_energy
+from dancediff.extensions.energy_condition import has_energy_condition
 from dancediff.extensions.metre_unit import metre_unit_normalizer
 from dancediff.extensions.preconditioning import preconditioning_of
 from dancediff.extensions.registry import check_training
@@ -245,7 +245,7 @@ class LodgeTraining:
         return WindowSampler(
             long_enough(solos, cut),
             cut,
-            energy=listens_to_energy(self.model),
+            energy=has_energy_condition(self.model),
             augment=Augmentation(mirror=corpus.mirror, music=corpus.music, any_song=any_song),
             dancers_per_batch=batch,
             real=corpus.real,

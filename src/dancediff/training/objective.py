@@ -22,7 +22,7 @@ from torch import Tensor
 from dancediff.data.windows import Batch
 from dancediff.diffusion.conditions import Conditions, Denoiser
 from dancediff.diffusion.schedule import noise_like, q_sample, send
-from dancediff.extensions.energy_condition import listens_to_energy, with_dropped_energy
+from dancediff.extensions.energy_condition import has_energy_condition, with_dropped_energy
 from dancediff.extensions.genre_condition import genre_condition_of, with_dropped_genre
 from dancediff.extensions.level_weights import draw_levels, weights_of
 from dancediff.extensions.music_dropout import with_dropped_blocks
@@ -192,7 +192,7 @@ class Objective(BatchLosses[DanceNetwork]):
     @cached_property
     def has_energy(self) -> bool:
         """Does the network have a part for the energy of music?"""
-        return listens_to_energy(self.model)
+        return has_energy_condition(self.model)
 
     def noised(self, x_0: Tensor, number: int) -> Noised:
         """Draw a noise level for every row, the noise, and whose music is dropped."""

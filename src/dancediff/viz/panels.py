@@ -14,7 +14,7 @@ import torch
 from torch import Tensor
 
 from dancediff.diffusion.schedule import q_sample
-from dancediff.extensions.energy_condition import listens_to_energy
+from dancediff.extensions.energy_condition import has_energy_condition
 from dancediff.extensions.genre_condition import genre_condition_of, genres_of
 from dancediff.generation.genre_mix import ANY, BY_TEMPO
 from dancediff.generation.request import default_of
@@ -292,7 +292,7 @@ def style_controls(model, *, genre: str = BY_TEMPO) -> dict:
     if names:
         known = (BY_TEMPO, *names, *((ANY,) if genre_condition_of(model.model) else ()))
         controls["genre"] = option(model, "genre", value=genre, choices=known)
-    if listens_to_energy(model.model):
+    if has_energy_condition(model.model):
         controls["energy"] = option(
             model, "energy", 0.0, MOST_ENERGY, label="energy, times the song's"
         )

@@ -115,9 +115,11 @@ class GenreDiscriminator(nn.Module):
             if value.shape[1] != f:
                 raise ValueError(f"{name} has {value.shape[1]} frames; the discriminator knows {f}")
         h = torch.cat([self.embed_music(M), self.embed_motion(x)], dim=1).float()
-        for i, (attend, think) in enumerate(zip(self.attentions, self.feed_forwards, strict=True)):
+        for i, (attend, feed_forward) in enumerate(
+            zip(self.attentions, self.feed_forwards, strict=True)
+        ):
             h = h + attend(self.norms[2 * i](h))
-            h = h + think(self.norms[2 * i + 1](h))
+            h = h + feed_forward(self.norms[2 * i + 1](h))
         return self.verdicts(h.mean(dim=1))[..., 0]
 
     def forward(self, x: Tensor, M: Tensor, genre: Tensor) -> Tensor:

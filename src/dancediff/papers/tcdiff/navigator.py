@@ -77,10 +77,10 @@ class Navigator(nn.Module):
         frames = torch.arange(h, device=path.device)
         motion, _ = self.lstm(rearrange(path, "b n h c -> (b n) h c"))
         motion = rearrange(motion, "(b n) h d -> b h n d", b=b)
-        heard, heard_later = (
+        music_now, music_later = (
             self.music(part)[:, :, None].expand(b, h, n, -1) for part in (music, later)
         )
-        tokens = torch.cat([motion, heard], dim=-1)
+        tokens = torch.cat([motion, music_now], dim=-1)
         tokens = tokens + sinusoid(frames, tokens.shape[-1])[:, None]
         tokens = rearrange(tokens, "b h n d -> b (h n) d").float()
         mask = frames[:, None] >= frames
@@ -89,7 +89,7 @@ class Navigator(nn.Module):
             tokens = layer(tokens, mask)
         tokens = rearrange(tokens, "b (h n) d -> b h n d", n=n)
         with torch.autocast(path.device.type, enabled=False):  # centimetres need float32
-            way = self.out(torch.cat([tokens, heard_later], dim=-1).float())
+            way = self.out(torch.cat([tokens, music_later], dim=-1).float())
         return path + rearrange(way, "b h n c -> b n h c")
 
 
@@ -105,10 +105,10 @@ def roll_out(
     """
     b, frames, m = music.shape
     silence = music.new_zeros(b, history, m)
-    heard = torch.cat([silence, music, silence[:, :stride]], dim=1)
+    music = torch.cat([silence, music, silence[:, :stride]], dim=1)
     path = start[:, :, None].expand(-1, -1, history, -1)
     for at in range(0, frames, stride):
         known = path[:, :, at : at + history]
-        now, later = (heard[:, k : k + history] for k in (at, at + stride))
+        now, later = (music[:, k : k + history] for k in (at, at + stride))
         path = torch.cat([path, navigator(known, now, later)[:, :, -stride:]], dim=2)
     return path[:, :, history : history + frames]
