@@ -60,7 +60,7 @@ def _joins(got, paths) -> str:
             return f"walk {k} has other steps than its own, far from every seam"
     kink = step.diff().abs().max()
     if kink > 0.01:
-        return f"somewhere a step is {100 * kink:.1f} cm longer or shorter than the one before"
+        return f"somewhere a move differs by {100 * kink:.1f} cm from the one before"
     return ""
 
 
