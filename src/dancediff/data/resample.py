@@ -46,7 +46,11 @@ def resample_motion(motion: Motion, fps: float = FPS) -> Motion:
         pose = torch.where((w == 0)[None, :, None, None, None], pose, moved)
         root = torch.lerp(root, motion.root[:, after], w[None, :, None])
     contact = None if motion.contact is None else motion.contact[:, before]
-    return replace(motion, pose=pose, root=root, contact=contact, fps=fps)
+    meta = dict(motion.meta)
+    if "seams" in meta:
+        at = [round(seam * fps / motion.fps) for seam in meta["seams"]]
+        meta["seams"] = [seam for seam in at if 0 < seam < len(before)]
+    return replace(motion, pose=pose, root=root, contact=contact, fps=fps, meta=meta)
 
 
 def moments(frames: int, old: float, new: float) -> tuple[Tensor, Tensor, Tensor]:

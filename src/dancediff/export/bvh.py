@@ -69,10 +69,21 @@ def load_bvh(path) -> Motion:
     return Motion(
         bvh.rotations[None, :, index],
         bvh.root[None],
-        round(bvh.fps, 4),
+        usual_rate(bvh.fps),
         skeleton=SMPL24 if known else Skeleton(SMPL24.names, SMPL24.parents, offsets),
         meta={"source": "bvh"},
     )
+
+
+def usual_rate(fps: float) -> float:
+    """The rate that a header means: programs write the time of a frame with six digits.
+
+    >>> usual_rate(1 / 0.033333), usual_rate(1 / 0.008333), round(usual_rate(1 / 0.0417083), 3)
+    (30.0, 120.0, 23.976)
+    """
+    known = [float(round(fps)), *(k * 1000 / 1001 for k in (24, 30, 60, 120))]
+    near = [rate for rate in known if rate >= 1 and abs(1 / rate - 1 / fps) < 6e-7]
+    return near[0] if near else round(fps, 4)
 
 
 def _euler_zxy(R: Tensor) -> Tensor:

@@ -19,7 +19,7 @@ from dancediff.atomic import atomic_write
 from dancediff.data.folder.gltf import OWN_FORMAT as FORMAT
 from dancediff.data.folder.gltf import chunks
 from dancediff.motion.motion import Motion
-from dancediff.motion.skeleton import SMPL24
+from dancediff.motion.skeleton import SMPL24, Skeleton
 from dancediff.viz.mannequin import lighter, steady_quaternions
 from dancediff.viz.palette import dancer_color
 from dancediff.viz.skin import body_skin, rest_joints
@@ -164,7 +164,7 @@ def _dancer(file: _File, motion: Motion, k: int, parts: dict) -> int:
         painted = [(parts[joint], skin)] if joint in parts else []
         if joint == "head" and parts:
             painted.append((parts["face"], face))
-        place = motion.root[k, 0] if j == 0 else SMPL24.offsets[j]
+        place = motion.root[k, 0] if j == 0 else motion.skeleton.offsets[j]
         node = file.gltf.Node(
             name=f"{name} {joint}", translation=place.tolist(), rotation=start[j].tolist()
         )
@@ -240,7 +240,17 @@ def _read(book: dict, blob: bytes, extras: dict) -> Motion:
     ]
     q = torch.nn.functional.normalize(torch.from_numpy(np.stack(turns)), dim=-1)
     meta = {"source": "glb"}
-    return Motion(roma.unitquat_to_rotmat(q), torch.from_numpy(np.stack(root)), fps, meta=meta)
+    pose, paths = roma.unitquat_to_rotmat(q), torch.from_numpy(np.stack(root))
+    return Motion(pose, paths, fps, skeleton=_skeleton(book), meta=meta)
+
+
+def _skeleton(book: dict) -> Skeleton:
+    """Bones as long as those of the first dancer's nodes."""
+    places = {node["name"]: node.get("translation", (0.0, 0.0, 0.0)) for node in book["nodes"]}
+    offsets = torch.tensor([places[f"dancer 1 {joint}"] for joint in SMPL24.names])
+    offsets[0] = SMPL24.offsets[0]  # the root's node stands where the dance begins
+    own = Skeleton(SMPL24.names, SMPL24.parents, offsets.float())
+    return SMPL24 if own.is_like(SMPL24) else own
 
 
 def _values(book: dict, blob: bytes, number: int) -> np.ndarray:

@@ -19,12 +19,13 @@ import torch
 from dancediff.arrays import COMPRESSED, read_arrays
 from dancediff.atomic import atomic_write
 from dancediff.data.folder.smpl import RATES
-from dancediff.motion.motion import Motion
+from dancediff.motion.motion import MOST_FPS, Motion
 from dancediff.motion.representation import whole_pose
 from dancediff.motion.rotation import axis_angle_to_matrix, matrix_to_axis_angle, rotation_about
 from dancediff.motion.skeleton import SMPL24
 
-BODY, JOINTS = 22, 52  # that our skeleton shares with SMPL-H; of SMPL-H
+BODY = 22  # joints that our skeleton shares with SMPL-H
+JOINTS = 52  # joints that SMPL-H has
 J_0 = (-0.0018, -0.2233, 0.0282)  # of another body shape a centimetre or two away
 
 
@@ -34,8 +35,8 @@ def save_smpl(motion: Motion, path) -> Path:
     $$\theta_0 = \log(U R_0), \qquad \text{trans} = U\,p - J_0, \qquad
       U = \text{90 degrees about x}$$
 
-    How the two hands are turned is not kept; no joint's position depends on it. The file appears
-    whole or not at all.
+    How the two hands are turned is not kept; no joint's position depends on it. Of a body with
+    other bones only the rotations and the path are kept. The file appears whole or not at all.
 
     Raises: ValueError for more than one dancer, or another skeleton than SMPL-24.
     """
@@ -80,10 +81,13 @@ def load_smpl(path) -> Motion:
             raise ValueError(f"it lacks {', '.join(missing)}")
         poses, trans = (np.asarray(arrays[key], dtype=np.float64) for key in ("poses", "trans"))
         fps = float(arrays[rate])
-        if poses.ndim != 2 or poses.shape[1] < 3 * BODY or trans.shape != (len(poses), 3):
+        width = poses.shape[1] if poses.ndim == 2 else 0
+        if width < 3 * BODY or width % 3 or trans.shape != (len(poses), 3):
             raise ValueError(f"poses {poses.shape} and trans {trans.shape} do not fit together")
         if not (np.isfinite(poses).all() and np.isfinite(trans).all() and np.isfinite(fps)):
             raise ValueError("it has numbers that are not finite")
+        if not len(poses) or not 1 <= fps <= MOST_FPS:
+            raise ValueError(f"it has {len(poses)} frames at fps={fps:g}")
     except (ValueError, TypeError, KeyError, zipfile.BadZipFile) as err:
         raise ValueError(f"{path} is no SMPL motion in AMASS's layout: {err}") from err
     down = rotation_about("x", torch.tensor(-torch.pi / 2, dtype=torch.float64))

@@ -21,7 +21,7 @@ from dancediff.data.folder.upright import standing
 from dancediff.data.prepared import PreparedData, is_prepared
 from dancediff.export.bvh import load_bvh, save_bvh
 from dancediff.export.smpl import save_smpl
-from dancediff.io.npz import load_npz, save_npz
+from dancediff.io.npz import check_finite, load_npz, save_npz
 from dancediff.motion.files import Files, register
 from dancediff.motion.motion import Motion
 from dancediff.music.song import as_song
@@ -39,15 +39,17 @@ def save(motion: Motion, path, song=None, *, body: str = "mannequin") -> Path:
         raise ValueError(f"suffix {kind!r} of {path} is unknown; use {' '.join(SUFFIXES)}")
     if body != "mannequin" and kind != ".glb":
         raise ValueError(f"body={body!r} goes with .glb only, not with {path}; leave it out")
-    if not (motion.root.isfinite().all() and motion.pose.isfinite().all()):
-        raise ValueError(f"the dance for {path} has numbers that are not finite; repair it first")
+    check_finite(motion, path)
     path.parent.mkdir(parents=True, exist_ok=True)
     write = _writer(kind, as_song(song), body)
     if kind not in PER_DANCER or motion.num_dancers == 1:
         write(motion, path)
         return path
     stem = path.name.removesuffix(kind)
-    numbered = [path.with_name(f"{stem}.{k + 1}{kind}") for k in range(motion.num_dancers)]
+    digits = len(str(motion.num_dancers))  # 01 ... 10: by name they lie in their order
+    numbered = [
+        path.with_name(f"{stem}.{k + 1:0{digits}d}{kind}") for k in range(motion.num_dancers)
+    ]
     for k, name in enumerate(numbered):
         write(motion.dancer(k), name)
     return numbered[0]
@@ -156,7 +158,10 @@ def _reader(path: Path) -> Callable[[Path], Motion]:
 
 
 def _load_arrays(path: Path) -> Motion:
-    """A dance that another paper's code wrote, turned upright; its frame rate is taken as 30."""
+    """A dance that another paper's code wrote, turned upright; 30 frames a second if it tells none.
+
+    The files of AIST++ tell none either: they have 60.
+    """
     try:
         return standing(path).motion
     except FileNotFoundError:

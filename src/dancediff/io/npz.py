@@ -25,6 +25,13 @@ FORMAT = "dancediff-motion-1"
 _PARTS = ("rot6d", "root", "fps", "offsets", "header", "contact")
 
 
+def check_finite(motion: Motion, path) -> None:
+    """Raises: ValueError naming the file for a dance with numbers that are not finite."""
+    parts = [part for part in (motion.root, motion.pose, motion.contact) if part is not None]
+    if not all(part.isfinite().all() for part in parts):
+        raise ValueError(f"the dance for {path} has numbers that are not finite; repair it first")
+
+
 def save_npz(motion: Motion, path: Path) -> None:
     """Write a dance; the file appears whole or not at all."""
     with atomic_write(path) as part, part.open("wb") as file:
@@ -72,7 +79,7 @@ def load_npz(path: Path) -> Motion:
             pose=rot6d_to_matrix(torch.from_numpy(data["rot6d"])),
             root=torch.from_numpy(data["root"]),
             fps=float(data["fps"]),
-            skeleton=SMPL24 if skeleton.names == SMPL24.names else skeleton,
+            skeleton=SMPL24 if skeleton.is_like(SMPL24) else skeleton,
             contact=torch.from_numpy(data["contact"]) if "contact" in data else None,
             meta=dict(header["meta"]),
         )

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from dancediff.atomic import atomic_write
-from dancediff.io.npz import npz_arrays
+from dancediff.io.npz import check_finite, npz_arrays
 from dancediff.motion.motion import Motion
 
 _ALONG_TIME = ("rot6d", "root", "contact")  # (n, f, ...); the other arrays are those of one piece
@@ -22,8 +22,8 @@ def save_pieces(pieces: Iterable[Motion], path) -> Path:
     The file is the one that `Motion.save` writes of the whole dance; only one piece at a time is
     held in memory. It appears whole or not at all, its folder is made.
 
-    Raises: ValueError when there is no piece, when the path does not end in .npz, or when dancers
-    or arrays differ between pieces.
+    Raises: ValueError when there is no piece, when the path does not end in .npz, when dancers or
+    arrays differ between pieces, or numbers are not finite.
 
     >>> import torch
     >>> still = Motion(torch.eye(3).expand(2, 9, 24, 3, 3), torch.zeros(2, 9, 3))
@@ -43,6 +43,7 @@ def save_pieces(pieces: Iterable[Motion], path) -> Path:
         files: dict = {}
         last, frames = None, 0
         for piece in pieces:
+            check_finite(piece, path)
             last, arrays = piece, npz_arrays(piece)
             here = {
                 (name, k)

@@ -119,13 +119,23 @@ def body_points(joints: Tensor) -> Tensor:
 
 def _capsules_touch(points: Tensor, first: Tensor, second: Tensor) -> Tensor:
     """Narrow down by the whole body, then by bones' middles; measure only what is left."""
-    a, b = (torch.tensor([c[k] for c in CAPSULES]) for k in (1, 2))
     radius = points.new_tensor([c[3] for c in CAPSULES])
     root = points[:, :, 0]
     reach = (points - root[:, :, None]).norm(dim=-1).amax(-1) + radius.max()  # (n, f)
     gap = (root[first] - root[second]).norm(dim=-1)
-    pair, frame = (gap < reach[first] + reach[second]).nonzero(as_tuple=True)
-    i, j = first[pair], second[pair]
+    touching = torch.zeros(len(first), points.shape[1], dtype=torch.bool)
+    rows = (gap < reach[first] + reach[second]).nonzero()
+    for some in rows.split(4096):  # the distances of an hour are gigabytes
+        pair, frame = some.unbind(1)
+        hit = _touching_rows(points, root, radius, (first[pair], second[pair], frame))
+        touching[pair[hit], frame[hit]] = True
+    return touching
+
+
+def _touching_rows(points: Tensor, root: Tensor, radius: Tensor, where: tuple) -> Tensor:
+    """Which pairs of dancers i and j touch in a frame; ``where``: i, j and frames (r,)."""
+    i, j, frame = where
+    a, b = (torch.tensor([c[k] for c in CAPSULES]) for k in (1, 2))
     # from here in metres from the first dancer's root, which keeps the digits of far stages
     P = points[i, frame] - root[i, frame, None]
     Q = points[j, frame] - root[i, frame, None]
@@ -134,10 +144,7 @@ def _capsules_touch(points: Tensor, first: Tensor, second: Tensor) -> Tensor:
     near = middle < (half_p + radius)[:, :, None] + (half_q + radius)[:, None]
     row, k, m = near.nonzero(as_tuple=True)
     apart = segment_distance(P[row, a[k]], P[row, b[k]], Q[row, a[m]], Q[row, b[m]])
-    hit = row[apart < radius[k] + radius[m]]
-    touching = torch.zeros(len(first), points.shape[1], dtype=torch.bool)
-    touching[pair[hit], frame[hit]] = True
-    return touching
+    return row[apart < radius[k] + radius[m]]
 
 
 def segment_distance(a: Tensor, b: Tensor, c: Tensor, d: Tensor) -> Tensor:

@@ -16,6 +16,7 @@ from itertools import combinations, permutations
 
 import numpy as np
 import torch
+from scipy.optimize import linear_sum_assignment
 from scipy.spatial import ConvexHull, QhullError
 from torch import Tensor
 
@@ -25,6 +26,7 @@ from dancediff.metrics.inputs import as_group
 SAMPLE = 0.5  # seconds between the shapes that are compared
 LASTS = 2.0  # seconds that a formation is kept, or it is a way from one to another
 KEPT = 0.3  # metres a dancer that a formation which is kept may change in that time
+FEW = 6  # dancers whose orders are all tried; of more, the best one is searched for
 OTHER = 0.5  # metres a dancer between two formations that are not the same
 FORMATION_WINDOW = 30.0  # seconds in which formations and crossings are counted
 PASSED = 0.2  # metres that a dancer must be beyond another one to have passed
@@ -117,6 +119,10 @@ def shape_distance(first: Tensor, second: Tensor) -> Tensor:
     """
     gap = (first[..., :, None, :] - second[..., None, :, :]).norm(dim=-1)  # (..., n, n)
     n = gap.shape[-1]
+    if n > FEW:
+        pairs = [linear_sum_assignment(one) for one in gap.reshape(-1, n, n).numpy()]
+        found = [one[pair].mean() for one, pair in zip(gap.reshape(-1, n, n), pairs, strict=True)]
+        return torch.stack(found).reshape(gap.shape[:-2])
     every = torch.tensor(list(permutations(range(n))))
     return gap[..., torch.arange(n), every].mean(-1).amin(-1)
 

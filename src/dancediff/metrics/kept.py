@@ -24,7 +24,7 @@ def kept_path(folder: Path, dance: Path, *facts, metrics: tuple[str, ...] = ()) 
 
     Raises: OSError when the dance cannot be read.
     """
-    code = code_digest(("motion", "metrics", "io", "export"))
+    code = code_digest(("motion", "metrics", "io", "export", "data"))
     own = [(name, _source(name)) for name in metrics]
     names = (dance.parent.name, dance.name)  # what the dance is called
     return folder / f"{content_key(code, names, dance.read_bytes(), *facts, own)}.json"

@@ -156,8 +156,9 @@ def standing(joints: Tensor, *, fps: float = 30.0) -> float:
     size = round(STAND * fps)
     p = as_group(joints, fps, least=size)
     stretches = p.unfold(1, size, max(1, round(HALF_A_SECOND * fps)))  # (n, w, j, 3, size)
-    away = (stretches - stretches[..., :1]).norm(dim=3).mean(2)
-    return _share(away.amax(-1) < STANDS)
+    # some at a time: the stretches of hours are gigabytes
+    away = [(x - x[..., :1]).norm(dim=3).mean(2).amax(-1) for x in stretches.split(64, dim=1)]
+    return _share(torch.cat(away, dim=1) < STANDS)
 
 
 def stillness(joints: Tensor, *, fps: float = 30.0) -> float:

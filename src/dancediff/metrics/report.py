@@ -10,6 +10,7 @@ import operator
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
+from numbers import Real
 from os import PathLike
 from pathlib import Path
 
@@ -234,7 +235,7 @@ def evaluate_dances(
 
 def _beats(song, count: int) -> list:
     """Beats for each dance, or None."""
-    many = isinstance(song, list | tuple) and not all(isinstance(s, int | float) for s in song)
+    many = isinstance(song, list | tuple) and not all(isinstance(s, Real) for s in song)
     if not many:
         return [_beats_of(song)] * count
     if len(song) != count:

@@ -85,7 +85,9 @@ def closeness(times: np.ndarray, others: np.ndarray, sigma: float) -> float:
     """
     if not len(times) or not len(others):
         return 0.0
-    nearest = np.abs(times[:, None] - others).min(1)
+    others = np.sort(others)
+    after = np.searchsorted(others, times).clip(1, len(others) - 1) if len(others) > 1 else 0
+    nearest = np.minimum(np.abs(times - others[after]), np.abs(times - others[after - 1]))
     return float(np.exp(-(nearest**2) / (2 * sigma**2)).mean())
 
 

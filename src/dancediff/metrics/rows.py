@@ -260,7 +260,11 @@ def _of_reference(metric: Metric, reference: list[Measured] | None) -> float | N
     """The metric of the reference set itself; None where it makes no sense or there is none."""
     dances = reference or []
     mixed = len({dance.fps for dance in dances}) > 1
-    if mixed or metric.compare in (fid, gmr) or not (parts := _parts(metric, dances)):
+    if (
+        (mixed and not metric.whole)
+        or metric.compare in (fid, gmr)
+        or not (parts := _parts(metric, dances))
+    ):
         return None
     x = _joined(_sample(parts, 0) if metric.compare is diversity else parts)
     try:

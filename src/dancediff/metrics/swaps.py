@@ -194,6 +194,6 @@ def _check_seams(seams, num_frames: int) -> list[int]:
         frames = [0]  # is refused
     if not all(0 < frame < num_frames for frame in frames):
         raise ValueError(
-            f"seams={list(seams)} must be frames of 1..{num_frames - 1}, the first of each segment"
+            f"seams={seams!r} must be frames of 1..{num_frames - 1}, the first of each segment"
         )
     return sorted(set(frames))

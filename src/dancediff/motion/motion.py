@@ -64,8 +64,8 @@ class Motion:
                 raise ValueError(
                     f"contact has shape {tuple(self.contact.shape)}; expected {(n, f, 4)}"
                 )
-        if not 0 < self.fps <= MOST_FPS:
-            raise ValueError(f"fps={self.fps:g} must be above 0 and at most {MOST_FPS:g}")
+        if not 1 <= self.fps <= MOST_FPS:
+            raise ValueError(f"fps={self.fps:g} must lie in 1 ... {MOST_FPS:g}")
 
     @property
     def num_dancers(self) -> int:
@@ -108,22 +108,32 @@ class Motion:
     def frames(self, start: int, stop: int) -> "Motion":
         """The frames start..stop-1, as with a slice of a list.
 
+        Of ``meta``, seams are counted anew, and an order that was asked for at the end is left out.
+
         Raises: ValueError when no frame is left.
         """
         part = slice(start, stop)
         if self.root[:, part].shape[1] == 0:
             raise ValueError(f"frames({start}, {stop}) is empty; there are {self.num_frames}")
         contact = None if self.contact is None else self.contact[:, part]
-        return replace(self, pose=self.pose[:, part], root=self.root[:, part], contact=contact)
+        meta, (first, last, _) = dict(self.meta), part.indices(self.num_frames)
+        if "seams" in meta:
+            meta["seams"] = [seam - first for seam in meta["seams"] if first < seam < last]
+        if (first, last) != (0, self.num_frames):
+            meta.pop("swap", None)
+        pose, root = self.pose[:, part], self.root[:, part]
+        return replace(self, pose=pose, root=root, contact=contact, meta=meta)
 
     def seconds(self, start: float, stop: float) -> "Motion":
-        """The part between two times."""
-        return self.frames(round(start * self.fps), round(stop * self.fps))
+        """The part between two times; what lies before the dance is left out."""
+        return self.frames(round(max(start, 0) * self.fps), round(max(stop, 0) * self.fps))
 
     def dancer(self, k: int) -> "Motion":
         """One dancer as a solo."""
         contact = None if self.contact is None else self.contact[k : k + 1]
-        return replace(self, pose=self.pose[k : k + 1], root=self.root[k : k + 1], contact=contact)
+        meta = {key: value for key, value in self.meta.items() if key != "swap"}  # of a group
+        pose, root = self.pose[k : k + 1], self.root[k : k + 1]
+        return replace(self, pose=pose, root=root, contact=contact, meta=meta)
 
     def features(self, name: str = "tcdiffpp") -> Tensor:
         """The vectors a network sees, not normalised: (n, f, 151), or (n, f, 139) for "lodge".
@@ -207,8 +217,8 @@ class Motion:
                         f"{name}={getattr(other, name)} of one dance, {getattr(first, name)} of "
                         "another; cut or resample them first"
                     )
-            if other.skeleton.names != first.skeleton.names:
-                raise ValueError("the dances have different skeletons")
+            if not other.skeleton.is_like(first.skeleton):
+                raise ValueError("the dances have different skeletons, or bones of other lengths")
         known = [motion.contact for motion in motions if motion.contact is not None]
         contact = torch.cat(known) if len(known) == len(motions) else None
         pose = torch.cat([motion.pose for motion in motions])

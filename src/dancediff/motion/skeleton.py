@@ -64,6 +64,17 @@ class Skeleton:
         """All (parent, child) pairs, for drawing."""
         return [(p, j) for j, p in enumerate(self.parents) if p >= 0]
 
+    def is_like(self, other: "Skeleton") -> bool:
+        """Has another body the same joints, tree and bone lengths, to a hundredth of a millimetre?
+
+        >>> longer = Skeleton(SMPL24.names, SMPL24.parents, 1.1 * SMPL24.offsets)
+        >>> SMPL24.is_like(SMPL24), SMPL24.is_like(longer)
+        (True, False)
+        """
+        if (self.names, self.parents) != (other.names, other.parents):
+            return False
+        return bool((self.offsets - other.offsets).abs().max() < 1e-5)
+
     def index(self, name: str) -> int:
         """Index of a joint by name.
 

@@ -65,7 +65,7 @@ class Band:
         }
 
     def play(self, mix: np.ndarray, part: dict, when: Callable, bar: int, end: float) -> None:
-        """Add one bar, with step k at the time ``when(k)``; nothing begins after ``end``."""
+        """Add one bar, with step k at the time ``when(k)``; no drum begins after ``end``."""
         step = self.beat / 4
         for k in range(16):
             time = when(k + (self.swing * 2 if k % 2 else 0))

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import torch
 
 from dancediff.data.choreographer import choreograph
 from dancediff.export.bvh import load_bvh, save_bvh
@@ -49,3 +50,21 @@ def test_a_damaged_file_is_named(tmp_path):
     (tmp_path / "a.bvh").write_text("HIERARCHY\nROOT\n")
     with pytest.raises(ValueError, match=r"a\.bvh: BVH has 'ROOT'"):
         load_bvh(tmp_path / "a.bvh")
+
+
+def test_other_bones_stay_in_the_files_that_keep_joints(group, tmp_path):
+    path = save_bvh(group.dancer(0), tmp_path / "a.bvh")
+    path.write_text(path.read_text().replace("OFFSET 4.345142", "OFFSET 9.345142"))
+    other = load_bvh(path)
+    for suffix in (".npz", ".glb"):
+        again = Motion.load(other.save(tmp_path / f"b{suffix}"))
+        torch.testing.assert_close(again.joints(), other.joints(), atol=1e-4, rtol=0)
+    with pytest.raises(ValueError, match="bones of other lengths"):
+        Motion.side_by_side([group.dancer(1), other])
+
+
+def test_files_of_ten_dancers_lie_in_their_order_by_name(group, tmp_path):
+    ten = Motion.side_by_side([group.dancer(k % 2) for k in range(10)])
+    ten.save(tmp_path / "dance.bvh")
+    names = sorted(path.name for path in tmp_path.glob("*.bvh"))
+    assert names[0] == "dance.01.bvh" and names[-1] == "dance.10.bvh"

@@ -61,3 +61,11 @@ def test_a_failing_stream_leaves_the_old_file(dance, tmp_path):
 def test_the_folder_is_made(tmp_path):
     still = Motion(torch.eye(3).expand(1, 9, 24, 3, 3), torch.zeros(1, 9, 3))
     assert save_pieces([still], tmp_path / "new" / "dance.npz").is_file()
+
+
+def test_pieces_with_nan_are_not_written(tmp_path):
+    still = Motion(torch.eye(3).expand(1, 9, 24, 3, 3), torch.zeros(1, 9, 3))
+    lost = Motion(still.pose, torch.full((1, 9, 3), torch.nan))
+    with pytest.raises(ValueError, match="not finite"):
+        save_pieces([still, lost], tmp_path / "a.npz")
+    assert not list(tmp_path.iterdir())

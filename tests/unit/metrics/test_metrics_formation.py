@@ -109,3 +109,10 @@ def test_broken_dances_are_seen(dances):
     assert means["frozen"]["crossings"] == 0 < means["good"]["crossings"]
     assert means["heap"]["hull area"] < 1e-6 < means["good"]["hull area"]
     assert means["heap"]["depth"] < 1e-6 < means["good"]["depth"]
+
+
+def test_the_best_order_of_many_is_searched_for(monkeypatch):
+    first, second = torch.randn(2, 4, 7, 2, generator=torch.Generator().manual_seed(0))
+    searched = shape_distance(first, second)
+    monkeypatch.setattr("dancediff.metrics.formation.FEW", 7)
+    torch.testing.assert_close(searched, shape_distance(first, second))

@@ -7,7 +7,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from dancediff.data.choreographer import choreograph
 from dancediff.metrics.corruption import jitter, shift_beats
-from dancediff.metrics.rhythm import beat_alignment
+from dancediff.metrics.rhythm import beat_alignment, closeness
 from dancediff.motion.beats import motion_beats
 
 BEATS = np.arange(0.3, 8, 0.5)
@@ -182,3 +182,11 @@ def test_bad_input_is_named(joints):
     ]:
         with pytest.raises(ValueError, match=words):
             call()
+
+
+def test_the_nearest_beat_is_found_in_any_order():
+    rng = np.random.default_rng(0)
+    times, others = 10 * rng.random(50), 10 * rng.random(40)
+    for some in (others, others[:1]):
+        nearest = np.abs(times[:, None] - some).min(1)
+        assert closeness(times, some, 0.1) == pytest.approx(np.exp(-(nearest**2) / 0.02).mean())

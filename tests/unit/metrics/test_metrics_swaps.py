@@ -182,7 +182,7 @@ def test_bad_input_is_named():
         abrupt_swaps(root[:, :1])
     with pytest.raises(ValueError, match="fps"):
         abrupt_swaps(root, fps=-1)
-    for seams in ([0], [40], [1.5]):
+    for seams in ([0], [40], [1.5], 5):
         with pytest.raises(ValueError, match="seams"):
             abrupt_swaps(root, seams=seams)
     with pytest.raises(ValueError, match=r"swap=\[0, 0\]"):

@@ -5,6 +5,7 @@ import pytest
 import torch
 
 from dancediff.arrays import read_arrays
+from dancediff.data.resample import resample_motion
 from dancediff.motion.motion import Motion
 from dancediff.motion.rotation import axis_angle_to_matrix
 
@@ -123,5 +124,21 @@ def test_a_dance_says_in_one_line_what_it_is():
 
 @pytest.mark.parametrize("fps", [0.0, -30.0, 1e9, float("nan"), float("inf")])
 def test_frame_rates_that_nothing_records_are_refused(fps):
-    with pytest.raises(ValueError, match="must be above 0 and at most 1000"):
+    with pytest.raises(ValueError, match=r"must lie in 1 \.\.\. 1000"):
         Motion(torch.eye(3).expand(1, 2, 24, 3, 3), torch.zeros(1, 2, 3), fps=fps)
+
+
+def test_a_part_knows_its_own_seams_and_no_order_of_the_whole():
+    motion = random_motion(f=90)
+    motion.meta |= {"seams": [20, 60], "swap": [1, 0]}
+    part = motion.frames(10, 50)
+    assert part.meta["seams"] == [10] and "swap" not in part.meta
+    assert motion.frames(0, 90).meta["swap"] == [1, 0] and "swap" not in motion.dancer(0).meta
+    part.meta["seed"] = 4
+    assert motion.meta == {"seed": 3, "seams": [20, 60], "swap": [1, 0]}
+    assert resample_motion(motion, 60).meta["seams"] == [40, 120]
+
+
+def test_a_part_begins_with_the_dance_at_the_earliest():
+    motion = random_motion(f=60)
+    assert torch.equal(motion.seconds(-1, 1).root, motion.frames(0, 30).root)

@@ -30,6 +30,7 @@ APART = 0.3  # metres from a path to the pelvis of the same dancer, whatever is 
 BODY = 22  # joints that SMPL, SMPL-H and SMPL-X share
 _POSES = ("poses", "smpl_poses")
 _TRANS = ("trans", "smpl_trans", "root_trans", "transl")
+AISTPP_FPS = 60.0  # of its cameras; its files do not tell
 RATES = ("mocap_framerate", "mocap_frame_rate", "fps", "framerate")
 _PARTS = ("root_orient", "global_orient", "pose_body", "body_pose")
 _SCALE = "smpl_scaling"
@@ -38,7 +39,7 @@ _SCALE = "smpl_scaling"
 def read_smpl(path) -> tuple[Motion, bool]:
     """A dance as the file has it, its up axis not yet turned, and whether it tells its frame rate.
 
-    Without a rate 30 is taken.
+    Without a rate 30 is taken, and 60 of files with a scale but no rate, which are AIST++'s.
 
     Raises: OSError for no such file; ValueError naming the array that is missing or has another
     shape.
@@ -59,7 +60,7 @@ def read_smpl(path) -> tuple[Motion, bool]:
     f = min(poses.shape[1], trans.shape[1])
     joints = 24 if poses.shape[2] == 72 else BODY  # SMPL-H and SMPL-X go on with other joints
     v = torch.from_numpy(poses[:, :f, : 3 * joints]).float().unflatten(-1, (joints, 3))
-    rate = _number(data, RATES, 0.0)
+    rate = _number(data, RATES, AISTPP_FPS if _SCALE in data else 0.0)
     pose = whole_pose(axis_angle_to_matrix(v))
     return Motion(pose, torch.from_numpy(trans[:, :f]), rate or 30.0), rate > 0
 
