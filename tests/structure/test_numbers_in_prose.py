@@ -39,7 +39,7 @@ SAID = [
     ("notebooks/05_*.ipynb", r"([\d.]+)\\,L_\{dis\}", f"{WEIGHTS}.dist"),
     (
         "notebooks/06_*.ipynb",
-        r"places on the floor ([\d.]+) times",
+        r"moves the root ([\d.]+) times",
         "dancediff.extensions.autoguidance.ROOT_SHARE",
     ),
     (
