@@ -8,7 +8,7 @@ Symbols (axes: f frames at 30 fps · m = 35 features)
 """
 
 import warnings
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
@@ -39,7 +39,10 @@ _REACH = 150  # frames around a part that its lowest chroma filters and their re
 
 
 def music_features(
-    samples: np.ndarray, *, at_once: int = _AT_ONCE, beats: TrackedBeats | None = None
+    samples: np.ndarray,
+    *,
+    at_once: int = _AT_ONCE,
+    beats: Callable[[], TrackedBeats] | None = None,
 ) -> np.ndarray:
     r"""Onset envelope, 20 MFCC, 12 CENS chroma, onset peaks and beats of a whole song.
 
@@ -47,7 +50,7 @@ def music_features(
     5 s slice, which breaks beats at the cuts, and all of them take librosa's beats, which go on
     where music has none; the released TCDiff++ uses 438 dimensions at 60 fps.
 
-    ``beats`` are those of `track_beats`, if they are known already; they are tracked otherwise.
+    ``beats`` returns those of `track_beats`, if somebody tracks them already; it is called last.
     Spectra are taken of ``at_once`` frames at a time, so a song of two hours fits into memory; the
     result is the same but for rounding.
 
@@ -64,7 +67,7 @@ def music_features(
     if y.ndim != 1 or not np.isfinite(y).all():
         raise ValueError(f"samples with shape {y.shape} must be one row of finite numbers")
     frames = 1 + len(y) // HOP
-    beats = track_beats(beat_onset(y)) if beats is None else beats
+    whole = y
     if len(y) < _SHORTEST:
         y = np.pad(y, (0, _SHORTEST - len(y)))
     with warnings.catch_warnings():
@@ -81,7 +84,8 @@ def music_features(
     M[:, MFCC] = mfcc.T
     M[:, CHROMA] = chroma.T
     M[peaks, PEAKS] = 1
-    at = np.round((beats.times + LATE) * FPS).astype(int)
+    tracked = track_beats(beat_onset(whole)) if beats is None else beats()
+    at = np.round((tracked.times + LATE) * FPS).astype(int)
     M[at[at < len(M)], BEATS] = 1
     return np.nan_to_num(M[:frames], copy=False)
 

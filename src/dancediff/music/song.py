@@ -3,6 +3,7 @@ r"""`Music`: a song of any format, rate and length, and what a network hears of 
 Read first: notebook 02.
 """
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import cached_property
 from os import PathLike
@@ -183,8 +184,9 @@ class Music:
         rms = float(np.sqrt(power / len(y)))
         if rms > SILENT * 0.1:
             y *= LOUDNESS / rms
-        beats = track_beats(beat_onset(y))
-        return torch.from_numpy(music_features(y, beats=beats)), beats
+        with ThreadPoolExecutor(1) as other:  # a second core, if it is idle
+            beats = other.submit(lambda: track_beats(beat_onset(y)))
+            return torch.from_numpy(music_features(y, beats=beats.result)), beats.result()
 
     @property
     def num_frames(self) -> int:
