@@ -184,6 +184,7 @@ class Music:
         rms = float(np.sqrt(power / len(y)))
         if rms > SILENT * 0.1:
             y *= LOUDNESS / rms
+        import_librosa()  # by one thread
         with ThreadPoolExecutor(1) as other:  # a second core, if it is idle
             beats = other.submit(lambda: track_beats(beat_onset(y)))
             return torch.from_numpy(music_features(y, beats=beats.result)), beats.result()
