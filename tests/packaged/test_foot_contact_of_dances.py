@@ -22,9 +22,11 @@ def dance_with():
 
 
 def test_dances_slide_less_with_planted_feet(dance_with):
+    """As little as held-out dances, whose FSR is 0.024 to 0.029 (docs/results_tcdiffpp.md)."""
     free, planted = (dance_with(foot_contact=on) for on in (False, True))
     assert planted.meta["foot_contact"] and not free.meta["foot_contact"]
-    assert fsr(planted.joints()) < 0.6 * fsr(free.joints())
+    assert fsr(planted.joints()) < 0.8 * fsr(free.joints())
+    assert fsr(planted.joints()) < 0.03
 
 
 def test_it_is_no_work_on_the_finished_dance(dance_with):

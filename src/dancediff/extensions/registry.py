@@ -63,7 +63,7 @@ _ALL = (
     Extension("formation_prior", "network", "The linear guess knows formations and swap modes.",
               "formation_prior", GROUP, needs=LINEAR, lesson=7),
     Extension("genre_prior", "network", "The linear guess knows genres.", "genre_prior",
-              BY_SEGMENTS, packaged=(), needs=(*LINEAR, "genre_condition")),
+              BY_SEGMENTS, packaged=GROUP, needs=(*LINEAR, "genre_condition")),
     Extension("preconditioning", "network", "The network adds to the best linear guess.",
               "preconditioning", ALL, lesson=4),
     Extension("foot_cues", "network", "Heights and speeds of a guess's feet are an input.",

@@ -63,7 +63,7 @@ PACKAGED: dict[str, Values] = {
         "sigma_min": 0.07,  # docs/results_tcdiffpp.md#few-steps
         "genre": "by tempo",
         "genre_guidance": 2.0,  # of a genre that is asked for
-        "autoguidance": 1.35,  # docs/log/run_14.md
+        "autoguidance": 1.42,  # docs/log/run_15.md
         "frequency_clip": True,
         "collision_avoidance": True,
         "order_constraint": True,
