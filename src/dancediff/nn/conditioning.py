@@ -209,7 +209,7 @@ def _same_place(a: Tensor, b: Tensor) -> bool:
     return (a.data_ptr(), a.shape, a.stride()) == (b.data_ptr(), b.shape, b.stride())
 
 
-CACHED = 64  # encodings that an encoder keeps: parts of a long dance, with each guidance
+CACHED = 16  # encodings that an encoder keeps: the parts of a dance of five minutes, no more
 
 
 @contextmanager
