@@ -47,7 +47,7 @@ def resample_motion(motion: Motion, fps: float = FPS) -> Motion:
         root = torch.lerp(root, motion.root[:, after], w[None, :, None])
     contact = None if motion.contact is None else motion.contact[:, before]
     meta = dict(motion.meta)
-    if "seams" in meta:
+    if isinstance(meta.get("seams"), list):
         at = [round(seam * fps / motion.fps) for seam in meta["seams"]]
         meta["seams"] = [seam for seam in at if 0 < seam < len(before)]
     return replace(motion, pose=pose, root=root, contact=contact, fps=fps, meta=meta)

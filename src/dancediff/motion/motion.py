@@ -117,7 +117,7 @@ class Motion:
             raise ValueError(f"frames({start}, {stop}) is empty; there are {self.num_frames}")
         contact = None if self.contact is None else self.contact[:, part]
         meta, (first, last, _) = dict(self.meta), part.indices(self.num_frames)
-        if "seams" in meta:
+        if isinstance(meta.get("seams"), list):  # a file may hold anything
             meta["seams"] = [seam - first for seam in meta["seams"] if first < seam < last]
         if (first, last) != (0, self.num_frames):
             meta.pop("swap", None)
