@@ -3,6 +3,28 @@
 import atexit
 import threading
 from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import TypeVar
+
+Result = TypeVar("Result")
+
+
+def begun_beside(work: Callable[[], Result]) -> Callable[[], Result]:
+    """Begin work in a second thread; what is returned waits for its result.
+
+    While a program ends, no thread can be started any more: then the work is done at once, here.
+
+    >>> begun_beside(lambda: 2 + 3)()
+    5
+    """
+    pool = ThreadPoolExecutor(1)
+    try:
+        result = pool.submit(work)
+    except RuntimeError:  # "cannot schedule new futures after interpreter shutdown"
+        result = Future()
+        result.set_result(work())
+    pool.shutdown(wait=False)
+    return result.result
 
 
 def _nothing() -> None:

@@ -3,7 +3,6 @@ r"""`Music`: a song of any format, rate and length, and what a network hears of 
 Read first: notebook 02.
 """
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import cached_property
 from os import PathLike
@@ -20,6 +19,7 @@ from dancediff.music.librosa_import import import_librosa
 from dancediff.music.mono import mono_mix
 from dancediff.music.sound_on_disk import SoundOnDisk
 from dancediff.music.sound_rate import HOP, SAMPLE_RATE
+from dancediff.threads import begun_beside
 
 MANY_CHANNELS = 64  # more than that, and more than samples: they are turned round
 SILENT = 1e-4  # peak below which a song counts as silent
@@ -185,9 +185,8 @@ class Music:
         if rms > SILENT * 0.1:
             y *= LOUDNESS / rms
         import_librosa()  # by one thread
-        with ThreadPoolExecutor(1) as other:  # a second core, if it is idle
-            beats = other.submit(lambda: track_beats(beat_onset(y)))
-            return torch.from_numpy(music_features(y, beats=beats.result)), beats.result()
+        beats = begun_beside(lambda: track_beats(beat_onset(y)))  # a second core, if it is idle
+        return torch.from_numpy(music_features(y, beats=beats)), beats()
 
     @property
     def num_frames(self) -> int:
