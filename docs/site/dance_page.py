@@ -52,16 +52,26 @@ KIND_OF = {  # options of presets that are no extension
 }
 
 
-def options(preset: dict, kind: str) -> str:
-    """What a preset says there, but for extensions.
+def heard(option: str, family: str) -> bool:
+    """Whether the packaged model of a family can hear an option; all can but genre and energy.
 
-    >>> options(PACKAGED["tcdiffpp"], "guidance")
+    >>> heard("energy", "tcdiffpp"), heard("energy", "lodge"), heard("steps", "lodge")
+    (True, False, True)
+    """
+    condition = REGISTRY.get(f"{option}_condition")
+    return condition is None or condition.packaged_in(family)
+
+
+def options(presets: dict, family: str, kind: str) -> str:
+    """What the preset of a family says there, but for extensions.
+
+    >>> options(PACKAGED, "tcdiffpp", "guidance")
     '`guidance=1.0`'
     """
     return ", ".join(
         f"`{name}={value!r}`"
-        for name, value in preset.items()
-        if name not in REGISTRY and KIND_OF[name] == kind
+        for name, value in presets[family].items()
+        if name not in REGISTRY and KIND_OF[name] == kind and heard(name, family)
     )
 
 
@@ -79,7 +89,7 @@ def table_of(family: str) -> str:
     lines = ["| | `paper` | `packaged` | in one line |", "| --- | --- | --- | --- |"]
     for kind, files in PAPERS[family].items():
         there = [e for e in REGISTRY.values() if e.kind == kind and family in e.models]
-        cells = [options(preset[family], kind) for preset in (PAPER, PACKAGED)]
+        cells = [options(presets, family, kind) for presets in (PAPER, PACKAGED)]
         links = ", ".join(f"[{Path(file).stem}](../src/dancediff/{file})" for file in files)
         as_in = f"As the paper or its code has it: {links}." if links else "The paper has none."
         lines.append(f"| **{WHERE[kind]}** | {cells[0]} | {cells[1]} | {as_in} |")
