@@ -1,6 +1,7 @@
 """How good the averaged model is on dances that it does not learn from."""
 
 import math
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -87,3 +88,4 @@ def forget(folder: Path) -> None:
     """Remove what the training before has evaluated and shown: a new one does not replace it."""
     for old in (folder / BEST, folder / METRICS_FILE, *folder.glob("previews/step_*")):
         old.unlink(missing_ok=True)
+    shutil.rmtree(folder / Path(BEST).stem, ignore_errors=True)  # `dancediff train` made it of BEST

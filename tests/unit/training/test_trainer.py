@@ -50,8 +50,12 @@ def test_a_new_run_forgets_what_the_old_one_evaluated_and_showed(tmp_path):
     """Rows of metrics.csv and previews of the old one stood between those of the new one."""
     config = TrainConfig(steps=3, evaluate_every=1)
     train(Toy(), Data(), config, tmp_path, evaluator=Evaluator(Data(), config))
-    (tmp_path / "previews").mkdir()
-    old = [tmp_path / name for name in ("metrics.csv", "previews/step_000002.png")]
+    for folder in ("previews", "best"):
+        (tmp_path / folder).mkdir()
+    old = [
+        tmp_path / name
+        for name in ("metrics.csv", "previews/step_000002.png", "best/model.safetensors")
+    ]
     for path in old:
         path.write_text("step\n2\n")
     old.append(tmp_path / "best.safetensors")
