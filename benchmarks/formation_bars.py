@@ -10,11 +10,12 @@ more, because formations are counted in 30 s. Writes docs/results/tcdiffpp_forma
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from datetime import date
 from pathlib import Path
 
 import numpy as np
 import tyro
-from result_table import write_table
+from result_table import printed, write_table
 from torch import Tensor
 
 from dancediff.data.prepared import PreparedData
@@ -104,13 +105,14 @@ class FormationBars:
         rows = rows_of(dances, truth)
         columns = ["metric", "dances", "held-out", "bar", "holds"]
         for row in rows:
-            print("|", " | ".join(map(str, row.cells())), "|")
+            print(printed(row.cells()))
         table = {
             "about": f"{len(dances)} dances of {self.model} to recorded songs, and "
             f"{len(truth)} of the choreographer (synthetic), 5 to 95 % of whose dances are in "
             "brackets.",
             "data": "recorded songs; held-out: synthetic",
             "intervals": "95 % bootstrap intervals over dances",
+            "date": date.today().isoformat(),
             "command": "python benchmarks/formation_bars.py runs/drift HELD",
             "columns": columns,
             "rows": [row.cells() for row in rows],

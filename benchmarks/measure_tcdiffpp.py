@@ -71,7 +71,7 @@ COMMANDS = {
     "control": "python benchmarks/control_bars.py --seeds 4 --steps 8",
     "rules": "python benchmarks/rule_shares.py tcdiffpp",
     "few_steps": "python benchmarks/few_steps.py tcdiffpp {training} --batches 5 --samplers"
-    " 'dpm 4 0.16' 'dpm 6 0.16' 'dpm 8 0.16' 'dpm 12 0.16' 'ddim 50'",
+    " 'dpm 4 0.16' 'dpm 6 0.16' 'dpm 6 0.07' 'dpm 8 0.07' 'dpm 12 0.07' 'ddim 50'",
     "extensions": "python benchmarks/extensions.py tcdiffpp",
     "extensions_genres": "python benchmarks/extensions.py tcdiffpp_genres",
     "extensions_swaps": "python benchmarks/extensions.py tcdiffpp_swaps",

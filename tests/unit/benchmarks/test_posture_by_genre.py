@@ -24,7 +24,7 @@ HELD = {"house": [of(*np.arange(101.0))], "jazz": [of(*(200 + np.arange(101.0)))
 def test_dances_inside_their_genre_hold():
     row = rows_of({"house": [of(50, 60)], "jazz": [of(250, 260)]}, HELD)[0]
     assert (row.windows, row.means, row.holds) == (1.0, 1.0, True)
-    assert row.ratio == pytest.approx(320 / 300)
+    assert (row.first, row.last) == (150, 160)
 
 
 def test_each_genre_has_a_range_of_its_own():
@@ -37,9 +37,15 @@ def test_a_mean_may_be_inside_where_single_windows_are_not():
     assert (row.windows, row.means) == (0.5, 1.0)
 
 
-def test_what_grows_does_not_hold():
-    row = rows_of({"house": [of(20, 90)]}, HELD)[0]
-    assert row.means == 1 and row.ratio == 4.5 and not row.holds
+@pytest.mark.parametrize("ends", [(20, 90), (90, 20)])
+def test_what_grows_or_fades_does_not_hold(ends):
+    row = rows_of({"house": [of(*ends)]}, HELD)[0]
+    assert row.means == 1 and (row.first, row.last) == ends and not row.holds
+
+
+def test_what_never_happens_holds():
+    row = rows_of({"house": [of(0, 0)]}, {"house": [of(0, 0, 0)]})[0]
+    assert (row.first, row.last, row.holds) == (0, 0, True)
 
 
 def test_a_genre_without_held_out_dances_is_named():
