@@ -60,7 +60,7 @@ PACKAGED: dict[str, Values] = {
     "tcdiffpp": _OURS
     | {
         "steps": 8,
-        "sigma_min": 0.07,  # docs/results_tcdiffpp.md#few-steps
+        "sigma_min": 0.07,  # docs/log/run_15.md
         "genre": "by tempo",
         "genre_guidance": 2.0,  # of a genre that is asked for
         "autoguidance": 1.42,  # docs/log/run_15.md
