@@ -9,6 +9,7 @@ Salsa is compared with the captured takes that it was learned from.
 import math
 import sys
 from dataclasses import dataclass
+from datetime import date
 from pathlib import Path
 
 import joblib
@@ -102,7 +103,8 @@ def row(name: str, dances: list[Tensor], reference: dict[str, Tensor]) -> list:
 
 def cell(values: list[float]) -> list[float]:
     """Mean and interval."""
-    return [float(np.mean(values)), *bootstrap_interval(np.mean, np.array(values))]
+    found = (np.mean(values), *bootstrap_interval(np.mean, np.array(values)))
+    return [float(f"{value:.3g}") for value in found]
 
 
 def main(args: Args) -> None:
@@ -128,6 +130,7 @@ def main(args: Args) -> None:
         "data": "synthetic songs; captured salsa (CMU)",
         "seed": "one a song",
         "intervals": "95 % bootstrap intervals over dances",
+        "date": date.today().isoformat(),
         "command": f"python benchmarks/lodge_minutes.py {args.model} --cmu DATA/cmu",
         "columns": ["dances", "Div_k", "Div_g", "back at the start", "salsa faces the audience"],
         "rows": rows,
