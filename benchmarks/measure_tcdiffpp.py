@@ -41,6 +41,7 @@ CHOREOGRAPH = "dancediff prepare choreograph --workers {workers}"
 BARS = "python benchmarks/bars.py"
 WINDOWS = f"{BARS} dances tcdiffpp {{held}} {{other}} --workers {{workers}}"
 LONG = f"{WINDOWS} --frames 720 --count 60 --kinds synthetic"
+HUNDRED = "--count 100 --kinds synthetic --seeds 0"
 # the network alone: nothing acts while a dance is sampled
 BARE = "--sampling.foot-contact False --sampling.collision-avoidance False"
 BARE += " --sampling.order-constraint False --sampling.frequency-clip False"
@@ -57,7 +58,8 @@ COMMANDS = {
     "swaps_4": f"{BARS} swaps tcdiffpp {{other}} --dancers 4 --each 5 --workers {{workers}}",
     "swaps_5": f"{BARS} swaps tcdiffpp {{other}} --dancers 5 --each 1 --workers {{workers}}",
     "swaps_bare": f"{BARS} swaps tcdiffpp {{other}} --each 20 --workers {{workers}} {BARE}",
-    "bare": f"{WINDOWS} --count 100 --kinds synthetic --seeds 0 --out runs/bare {BARE}",
+    "bare": f"{WINDOWS} {HUNDRED} --out runs/bare {BARE}",
+    "with_rules": f"{WINDOWS} {HUNDRED} --out runs/with_rules",
     "any_song": "python benchmarks/any_song.py tcdiffpp --data {shared}",
     "music": f"{BARS} music tcdiffpp {{six}} --seeds 0 --workers {{workers}}",
     "tuning": f"{BARS} dances tcdiffpp {{tuning}} {{other}} --count 100 --kinds synthetic"
@@ -181,6 +183,7 @@ FILLED: tuple[tuple[str, str, Callable[[dict, str], list[list]]], ...] = (  # ta
     ("tcdiffpp_long", "long", lambda t, text: by_metric(t, text, {"LGDS": 1, "held-out": 2})),
     ("tcdiffpp_long", "naive", lambda t, text: by_metric(t, text, {"naive": 1})),
     ("tcdiffpp_bare", "bare", lambda t, text: by_metric(t, text, {"bare": 1, "held-out": 2})),
+    ("tcdiffpp_bare", "with_rules", lambda t, text: by_metric(t, text, {"preset": 1})),
     ("tcdiffpp_swaps", "swaps_3", lambda t, text: by_metric(t, text, {"kept": 1, "asked": 2})),
     ("tcdiffpp_swaps", "swaps_bare", lambda t, text: by_metric(t, text, {"bare": 1})),
     ("tcdiffpp_music", "music", by_song),
