@@ -8,6 +8,7 @@ Dances are the files of a folder; held-out ones are the choreographer's (synthet
 more, because formations are counted in 30 s. Writes docs/results/tcdiffpp_formations.json.
 """
 
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import date
@@ -15,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 import tyro
-from result_table import printed, write_table
+from result_table import write_table
 from torch import Tensor
 
 from dancediff.data.prepared import PreparedData
@@ -23,6 +24,10 @@ from dancediff.metrics.bootstrap import bootstrap_interval
 from dancediff.metrics.formation import crossings, depth, formations, hull_area
 from dancediff.metrics.posture import legs_tangled, standing
 from dancediff.motion.motion import Motion
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "docs" / "site"))
+
+from tables import markdown
 
 GROUPS = {"formations in 30 s": formations, "hull area, m²": hull_area, "depth, m": depth}
 GROUPS |= {"crossings in 30 s": crossings}
@@ -104,8 +109,6 @@ class FormationBars:
         truth = [joints for joints in truth if joints.shape[1] >= 900]  # 30 s
         rows = rows_of(dances, truth)
         columns = ["metric", "dances", "held-out", "bar", "holds"]
-        for row in rows:
-            print(printed(row.cells()))
         table = {
             "about": f"{len(dances)} dances of {self.model} to recorded songs, and "
             f"{len(truth)} of the choreographer (synthetic), 5 to 95 % of whose dances are in "
@@ -118,6 +121,7 @@ class FormationBars:
             "rows": [row.cells() for row in rows],
         }
         write_table(self.results / "tcdiffpp_formations.json", table)
+        print(markdown(table))
 
 
 if __name__ == "__main__":

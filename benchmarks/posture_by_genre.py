@@ -13,6 +13,7 @@ Symbols (axes: g genres · d dances · m metrics · w windows)
     limits   5 and 95 % of held-out windows, by genre         (g, m, 2)
 """
 
+import sys
 from collections import defaultdict
 from dataclasses import dataclass
 from datetime import date
@@ -23,13 +24,17 @@ import numpy as np
 import soundfile
 import tyro
 from drift_bars import dance_song, takes
-from result_table import printed, write_table
+from result_table import write_table
 from tqdm.auto import tqdm
 
 from dancediff.data.choreographer import GENRES
 from dancediff.metrics.drift import Drift, drift, ranges
 from dancediff.metrics.posture import POSTURE
 from dancediff.motion.motion import Motion
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "docs" / "site"))
+
+from tables import markdown
 
 MOST = 1.3  # how many times the first window the last may be, or the first the last
 
@@ -120,10 +125,9 @@ class PostureByGenre:
         made = defaultdict(list)
         for (genre, _), path in jobs.items():
             made[genre].append(drift(Motion.load(path).joints()))
-        rows = rows_of(made, held)
-        for row in rows:
-            print(printed(row.cells()))
-        write_table(self.results / "tcdiffpp_posture.json", self.table(rows))
+        table = self.table(rows_of(made, held))
+        write_table(self.results / "tcdiffpp_posture.json", table)
+        print(markdown(table))
 
     def table(self, rows: list[Row]) -> dict:
         """As the pages have it."""

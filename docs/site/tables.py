@@ -59,13 +59,15 @@ def cell(value) -> str:
 
     >>> cell(None), cell(Decimal("0.90")), cell(12383), cell({"bold": "no"})
     ('-', '0.90', '12,383', '**no**')
-    >>> cell([Decimal("1.5"), 1, 2])
-    '1.5 [1, 2]'
+    >>> cell([Decimal("1.5"), 1, 2]), cell(0.25)
+    ('1.5 [1, 2]', '0.25')
     """
     if value is None:
         return "-"
     if isinstance(value, dict):
         return f"**{cell(value['bold'])}**"
+    if isinstance(value, float):
+        value = Decimal(repr(value))
     if isinstance(value, list):
         middle, low, high = (cell(number) for number in value)
         return f"{middle} [{low}, {high}]"

@@ -2,6 +2,9 @@
 
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
+
+from dancediff.threads import begun_beside
 
 HEARS = """
 import numpy as np
@@ -53,6 +56,16 @@ def ended(program: str) -> subprocess.CompletedProcess:
 def test_a_song_that_is_heard_is_not_cut_off():
     end = ended(HEARS)
     assert (end.returncode, end.stdout) == (0, "all heard\n"), end.stderr
+
+
+def test_where_no_thread_starts_any_more_work_is_done_at_once(monkeypatch):
+    def refuse(self, work):
+        raise RuntimeError("cannot schedule new futures after interpreter shutdown")
+
+    monkeypatch.setattr(ThreadPoolExecutor, "submit", refuse)
+    done = []
+    result = begun_beside(lambda: done.append(1) or 7)
+    assert done == [1] and result() == 7
 
 
 def test_a_dance_is_told_to_stop():
