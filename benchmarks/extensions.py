@@ -233,7 +233,7 @@ SETTINGS = {
             for name in (
                 "cue_constraint",
                 "border_smoothing",
-                "return_to_origin",
+                "stage_spots",
                 "root_stitching",
                 "smooth_primitives",
                 "repeat_sections",

@@ -69,7 +69,7 @@ DANCES = {
             "autoguidance": 1.0,
             "foot_contact": False,
         },
-        {"seconds": 20, "seed": 5, "return_to_origin": False, "mirror": False, "at_once": 1},
+        {"seconds": 20, "seed": 5, "stage_spots": False, "mirror": False, "at_once": 1},
         {"seconds": 30, "seed": 6, "beat_align": False, "dancers": 2, "relation": "mirror"},
     ],
 }
@@ -77,7 +77,7 @@ THEN = {  # option of today: its name and values before
     "foot_contact": ("feet", {True: "planted", False: "free"}),
     "collision_avoidance": ("spacing", {True: "kept", False: "free"}),
     "order_constraint": ("order", {True: "kept", False: "free"}),
-    "return_to_origin": ("home", {True: True, False: False}),
+    "stage_spots": ("home", {True: True, False: False}),
 }
 MAKE = """
 import json, sys

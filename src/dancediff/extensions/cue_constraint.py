@@ -1,9 +1,9 @@
-r"""Hard cues as a constraint, and segments that return to the origin: hooks on Lodge's guesses.
+r"""Hard cues as a constraint: a hook on Lodge's guesses.
 
 Read first: notebook 12 · `dancediff.extensions.constraint`.
 
 Hard cues are pasted into the noisy motion; the free frames beside them follow the guess, and jump
-where that does not meet the cue. With these hooks the guess itself is conditioned on the cues, over
+where that does not meet the cue. With this hook the guess itself is conditioned on the cues, over
 all frames at once, and the network sees in its next input where the dance is going.
 
 Symbols (axes: l local segments · f frames · d motion features)
@@ -12,14 +12,11 @@ Symbols (axes: l local segments · f frames · d motion features)
     std      standard deviation of each frequency          (k, d)
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
-import torch
 from torch import Tensor
 
 from dancediff.extensions.constraint import Constraint
-from dancediff.motion.representation import LODGE
 
 
 @dataclass(frozen=True)
@@ -50,23 +47,3 @@ def cue_constraint(hard: Tensor, y: Tensor, std: Tensor) -> SoloConstraintHook:
     (True, True)
     """
     return SoloConstraintHook(Constraint(hard.cpu(), y.cpu()), std.cpu())
-
-
-def return_to_origin(origin: Tensor, shape: Sequence[int], std: Tensor) -> SoloConstraintHook:
-    """Guesses begin and end at one place on the floor.
-
-    Windows of the training set begin in the middle of the floor; segments that also end there do
-    not add up to a walk off the stage.
-
-    Shapes: origin (d,) normalised, of which x and z of the root count; shape (l, f, d).
-
-    >>> std = (1 / (1 + torch.arange(64.0)[:, None]) ** 2).expand(64, 139)
-    >>> walk = torch.linspace(0, 3, 64)[None, :, None].expand(1, 64, 139)
-    >>> x = return_to_origin(torch.zeros(139), (1, 64, 139), std).apply(walk, abar=0.5)
-    >>> x[0, -1, [3, 4, 5, 6]].abs().round(decimals=2).tolist()
-    [3.0, 0.0, 3.0, 0.0]
-    """
-    mask, y = torch.zeros(shape, dtype=torch.bool), torch.zeros(shape)
-    for end in (0, -1):
-        mask[:, end, LODGE.floor], y[:, end, LODGE.floor] = True, origin.cpu()[LODGE.floor]
-    return SoloConstraintHook(Constraint(mask, y), std.cpu())

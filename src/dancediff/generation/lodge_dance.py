@@ -17,7 +17,7 @@ from dancediff.diffusion.conditions import Conditions
 from dancediff.diffusion.samplers import GuessHook
 from dancediff.extensions.autoguidance import autoguided, linear_guess_of
 from dancediff.extensions.border_smoothing import BorderSmoothing
-from dancediff.extensions.cue_constraint import cue_constraint, return_to_origin
+from dancediff.extensions.cue_constraint import cue_constraint
 from dancediff.extensions.energy_condition import has_energy_condition
 from dancediff.extensions.foot_contact_projection import foot_contact_hook
 from dancediff.extensions.group_relations import PIECE, Group, canon_delays, places
@@ -25,6 +25,7 @@ from dancediff.extensions.preconditioning import preconditioning_of
 from dancediff.extensions.repeat_sections import find_sections, repeat_sections
 from dancediff.extensions.root_stitching import root_stitching
 from dancediff.extensions.smooth_primitives import smooth_primitives
+from dancediff.extensions.stage_spots import stage_spots, stage_spots_hook
 from dancediff.generation.energy_option import energy_for
 from dancediff.generation.genre_mix import mix_weights
 from dancediff.generation.lodge_request import LodgeRequest
@@ -83,17 +84,17 @@ class LodgeSampler(ParallelSampler):
         sections = find_sections(M[: segments.frames])
         return repeat_sections(made, segments, sections, mirror=self.request.mirror)
 
-    def hooks(self, pin: CueGuidance) -> Sequence[GuessHook]:
-        """Cues are met without a jump, segments end where they began, feet stand."""
+    def hooks(self, pin: CueGuidance, first: int) -> Sequence[GuessHook]:
+        """Cues are met without a jump, segments end at their spots, feet stand."""
         stage, request, hooks = self.local_stage, self.request, list[GuessHook]()
         preconditioning, normalizer = preconditioning_of(stage), stage.normalizer.on_cpu()
         if preconditioning is not None:
             std = preconditioning.std
             if request.cue_constraint:
                 hooks.append(cue_constraint(pin.hard, pin.y, std))
-            if request.return_to_origin:
-                origin = normalizer.normalize(torch.zeros(LODGE.dim))
-                hooks.append(return_to_origin(origin, pin.y.shape, std))
+            if request.stage_spots:
+                spots = stage_spots(request.seed, len(pin.y), first)
+                hooks.append(stage_spots_hook(spots, pin.y.shape[1], normalizer, std))
             if request.border_smoothing:
                 hooks.append(BorderSmoothing(pin.hard.cpu(), pin.y.cpu(), pin.hard_frames.cpu()))
         if request.foot_contact:

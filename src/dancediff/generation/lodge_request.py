@@ -34,8 +34,8 @@ class LodgeRequest(DiffusionRequest):
     root_stitching: bool = option(
         None, "Go on over seams from where the segment before ended; else back to the middle."
     )
-    return_to_origin: bool = option(
-        None, "Come back to the same place every 8.5 s; without it a dancer may walk off."
+    stage_spots: bool = option(
+        None, "Be at a spot near the middle every 8.5 s; without it a dancer may walk off."
     )
     formation: str = option("line", "Where the dancers of a group begin, such as 'line' or 'V'.")
     relation: str = option(

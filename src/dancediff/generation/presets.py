@@ -41,7 +41,7 @@ PAPER: dict[str, Values] = {
     },
     "lodge": _PAPERS
     | {
-        "return_to_origin": False,
+        "stage_spots": False,
         "cue_constraint": False,
         "border_smoothing": False,
         "root_stitching": False,
@@ -74,7 +74,7 @@ PACKAGED: dict[str, Values] = {
     | {
         "steps": 20,
         "autoguidance": 1.3,  # more makes dances too varied: docs/asked_for_indian.md
-        "return_to_origin": True,
+        "stage_spots": True,
         "cue_constraint": True,
         "border_smoothing": True,
         "root_stitching": True,

@@ -5,7 +5,7 @@ import torch
 
 from dancediff.diffusion.samplers import SamplerOptions, sample, sampling_times
 from dancediff.diffusion.schedule import cosine_abar
-from dancediff.extensions.cue_constraint import cue_constraint, return_to_origin
+from dancediff.extensions.cue_constraint import cue_constraint
 from dancediff.motion.representation import LODGE
 from dancediff.papers.lodge.cue_guidance import CueGuidance
 
@@ -51,15 +51,3 @@ def test_the_root_and_a_guess_that_is_right_stay():
     torch.testing.assert_close(conditioned[..., LODGE.root], x[..., LODGE.root])
     assert (conditioned - x)[..., 7:].abs().max() > 0.1
     torch.testing.assert_close(hook.apply(pin.y, 0.5), pin.y)
-
-
-def test_segments_end_at_the_origin_and_nothing_else_of_the_root_changes():
-    hook = return_to_origin(torch.full((LODGE.dim,), 0.25), SHAPE, STD)
-    walk = torch.linspace(0, 3, 64)[None, :, None].expand(SHAPE)
-    back = hook.apply(walk, 0.5)
-    assert torch.equal(back[..., LODGE.height], walk[..., LODGE.height])
-    for guess in (back, dance(lambda x, t: walk, [hook])):
-        assert (guess[:, [0, -1]][..., LODGE.floor] - 0.25).abs().max() < 1e-3
-        assert guess[..., LODGE.floor].diff(dim=1).abs().max() < 0.2, "the whole way, no jump"
-    first = return_to_origin(torch.full((LODGE.dim,), 0.25), (1, *SHAPE[1:]), STD)
-    assert torch.allclose(first.apply(walk[:1], 0.5), hook.apply(walk, 0.5)[:1])

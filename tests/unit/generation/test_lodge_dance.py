@@ -47,7 +47,7 @@ def test_with_everything_off_it_is_the_papers_sampler():
 
 @pytest.mark.parametrize(
     "name",
-    ["cue_constraint", "border_smoothing", "return_to_origin", "foot_contact", "root_stitching"],
+    ["cue_constraint", "border_smoothing", "stage_spots", "foot_contact", "root_stitching"],
 )
 def test_each_addition_changes_the_dance(model, name):
     assert not torch.allclose(dance(model, 3 * n), dance(model, 3 * n, **{name: True}), atol=1e-4)
@@ -122,7 +122,7 @@ def test_a_preconditioned_guess_is_not_cut(model):
     assert made.sample(stage, LOCALS, music(n)[None], 0).min() == 5.0
 
 
-def test_a_long_dance_stays_where_it_is(model):
+def test_a_long_dance_stays_on_the_stage(model):
     """Otherwise every segment goes on from where the last one got to."""
     fine = tiny_lodge().local_stage
     std = fine.std
@@ -131,15 +131,15 @@ def test_a_long_dance_stays_where_it_is(model):
     fine.denoise = lambda x_t, t, conditions: walk.expand(*x_t.shape)
     ends = {}
     for on in (True, False):
-        asked = ask(root_stitching=True, return_to_origin=on)
+        asked = ask(root_stitching=True, stage_spots=on)
         x = LodgeSampler(model.global_stage, fine, asked).dance(music(9 * n), 9 * n)
         ends[on] = x[n - 1 :: n, LODGE.floor].abs()
-    assert ends[True].max() < 0.3
+    assert 0.3 < ends[True].max() < 1.6, "spots near the middle, not all the same"
     assert ends[False].max() > 8
 
 
 def test_chunks_give_the_same_dance(model):
-    on = dict.fromkeys(("cue_constraint", "root_stitching", "return_to_origin"), True)
+    on = dict.fromkeys(("cue_constraint", "root_stitching", "stage_spots"), True)
     on |= {"foot_contact": True, "smooth_primitives": True, "autoguidance": 1.3}
     whole, parts = (dance(model, 9 * n - 5, at_once=k, **on) for k in (None, 2))
     assert (whole - parts).abs().max() < 1e-4

@@ -168,7 +168,7 @@ def test_what_needs_preconditioning_is_off_without_it():
     for asked in ({"collision_avoidance": True}, {"autoguidance": 1.5}):
         with pytest.raises(ValueError, match=f"{next(iter(asked))}=.* with preconditioning"):
             TCDiffPPRequest(**asked).resolve(plain, Tune())
-    assert LodgeRequest(return_to_origin=False).resolve(plain, Tune()).return_to_origin is False
+    assert LodgeRequest(stage_spots=False).resolve(plain, Tune()).stage_spots is False
 
 
 def test_preset_and_option_go_together():

@@ -143,9 +143,9 @@ class ParallelSampler:
             soft=self.request.soft,
             generators=row_generators(self.request.seed, SOFT_CUES, len(music), first),
         )
-        return self.sample(stage, LOCALS, music, first, pin=pin, hooks=self.hooks(pin))
+        return self.sample(stage, LOCALS, music, first, pin=pin, hooks=self.hooks(pin, first))
 
-    def hooks(self, pin: CueGuidance) -> Sequence[GuessHook]:
+    def hooks(self, pin: CueGuidance, first: int) -> Sequence[GuessHook]:
         """What else happens to the guesses of locals: nothing in the paper."""
         return ()
 
