@@ -43,9 +43,11 @@ def stage_spots(seed: int, rows: int, first: int = 0) -> Tensor:
     return spots
 
 
-def stage_spots_hook(
-    spots: Tensor, frames: int, normalizer: Normalizer, std: Tensor
-) -> SoloConstraintHook:
+class StageSpots(SoloConstraintHook):
+    """The hook that conditions every guess on where its segment begins and ends."""
+
+
+def stage_spots_hook(spots: Tensor, frames: int, normalizer: Normalizer, std: Tensor) -> StageSpots:
     """Guesses begin in the middle, as training windows do, and end as far on as the next spot.
 
     Shapes: spots (l + 1, 2) metres.
@@ -63,4 +65,4 @@ def stage_spots_hook(
     y = normalizer.normalize(y)
     mask = torch.zeros(y.shape, dtype=torch.bool)
     mask[:, [0, -1], LODGE.floor] = True
-    return SoloConstraintHook(Constraint(mask, y), std.cpu())
+    return StageSpots(Constraint(mask, y), std.cpu())

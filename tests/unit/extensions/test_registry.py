@@ -110,7 +110,7 @@ def test_hooks_act_in_the_order_of_the_registry():
     y = torch.zeros(1, 256, 139)
     pin = SimpleNamespace(hard=y.bool(), y=y, hard_frames=y.bool().any(-1))
     stages = (lodge.model.global_stage, lodge.model.local_stage)
-    hooks = LodgeSampler(*stages, lodge.resolve(song)).hooks(pin)
+    hooks = LodgeSampler(*stages, lodge.resolve(song)).hooks(pin, 0)
     assert modules_of(hooks) == hooks_in_registry("lodge")
 
 
