@@ -231,7 +231,6 @@ SETTINGS = {
         | {
             name: Without({name: False})
             for name in (
-                "cue_constraint",
                 "border_smoothing",
                 "stage_spots",
                 "root_stitching",

@@ -128,8 +128,6 @@ _ALL = (
               "order_constraint", GROUP, needs=LINEAR, lesson=9),
     Extension("collision_avoidance", "hook", "Dancers who would collide make room.",
               "collision_avoidance", GROUP, needs=LINEAR),
-    Extension("cue_constraint", "hook", "Guesses meet hard cues without a jump.",
-              "cue_constraint", SOLO, needs=LINEAR),
     Extension("stage_spots", "hook", "Segments of 8.5 s end at spots near the middle.",
               "stage_spots", SOLO, needs=(*LINEAR, "root_stitching"), lesson=12),
     Extension("border_smoothing", "hook", "Cues are met without a jerk.", "border_smoothing", SOLO,

@@ -29,7 +29,7 @@ def root_stitching(x: Tensor, *, blend: int = 8) -> Tensor:
     it is: contacts and rotations meet because both sides hold half of one hard primitive.
 
     That a dance does not walk off the stage is up to the sampler
-    (`dancediff.extensions.cue_constraint`): moving a finished path would make planted feet slide.
+    (`dancediff.extensions.stage_spots`): moving a finished path would make planted feet slide.
 
     Shapes: x (L, n, d) metres and 6-D rotations -> (L n, d).  Units of velocities: metres a frame.
     Raises: ValueError for a blend outside 0 ... n / 2.

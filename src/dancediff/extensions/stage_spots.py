@@ -1,6 +1,6 @@
 r"""Spots on the floor at which Lodge's local segments begin and end: a hook on its guesses.
 
-Read first: notebook 12 · `dancediff.extensions.cue_constraint`.
+Read first: notebook 12 · `dancediff.extensions.constraint`.
 
 Hard cues do not say where on the floor a dancer is, so each segment travels as it likes, and many
 of them add up to a walk off the stage. A spot is drawn for each border of two segments; since every
@@ -11,11 +11,12 @@ Symbols (axes: l local segments · f frames · d motion features)
     std      standard deviation of each frequency          (k, d)
 """
 
+from dataclasses import dataclass
+
 import torch
 from torch import Tensor
 
 from dancediff.extensions.constraint import Constraint
-from dancediff.extensions.cue_constraint import SoloConstraintHook
 from dancediff.motion.representation import LODGE, Normalizer
 from dancediff.papers.lodge.parallel import SOFT_CUES, row_generators
 
@@ -43,8 +44,19 @@ def stage_spots(seed: int, rows: int, first: int = 0) -> Tensor:
     return spots
 
 
-class StageSpots(SoloConstraintHook):
-    """The hook that conditions every guess on where its segment begins and ends."""
+@dataclass(frozen=True)
+class StageSpots:
+    """The hook that conditions every guess (l, f, d) on where its segment begins and ends.
+
+    Differs from `ConstraintHook`: for solos, and always as wide as the linear guess needs.
+    """
+
+    constraint: Constraint
+    std: Tensor
+
+    def apply(self, x0_hat: Tensor, abar: float) -> Tensor:
+        """A guess made where ``abar`` of the signal is left."""
+        return self.constraint.condition(x0_hat[None], abar, self.std)[0]
 
 
 def stage_spots_hook(spots: Tensor, frames: int, normalizer: Normalizer, std: Tensor) -> StageSpots:

@@ -17,7 +17,6 @@ from dancediff.diffusion.conditions import Conditions
 from dancediff.diffusion.samplers import GuessHook
 from dancediff.extensions.autoguidance import autoguided, linear_guess_of
 from dancediff.extensions.border_smoothing import BorderSmoothing
-from dancediff.extensions.cue_constraint import cue_constraint
 from dancediff.extensions.energy_condition import has_energy_condition
 from dancediff.extensions.foot_contact_projection import foot_contact_hook
 from dancediff.extensions.group_relations import PIECE, Group, canon_delays, places
@@ -85,13 +84,11 @@ class LodgeSampler(ParallelSampler):
         return repeat_sections(made, segments, sections, mirror=self.request.mirror)
 
     def hooks(self, pin: CueGuidance, first: int) -> Sequence[GuessHook]:
-        """Cues are met without a jump, segments end at their spots, feet stand."""
+        """Segments end at their spots, cues are met without a jerk, feet stand."""
         stage, request, hooks = self.local_stage, self.request, list[GuessHook]()
         preconditioning, normalizer = preconditioning_of(stage), stage.normalizer.on_cpu()
         if preconditioning is not None:
             std = preconditioning.std
-            if request.cue_constraint:
-                hooks.append(cue_constraint(pin.hard, pin.y, std))
             if request.stage_spots:
                 spots = stage_spots(request.seed, len(pin.y), first)
                 hooks.append(stage_spots_hook(spots, pin.y.shape[1], normalizer, std))

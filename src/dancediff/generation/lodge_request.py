@@ -25,9 +25,6 @@ class LodgeRequest(DiffusionRequest):
     smooth_primitives: bool = option(
         None, "Keep pose, velocity and acceleration of a primitive, not its jitter."
     )
-    cue_constraint: bool = option(
-        None, "Condition guesses on hard cues, so that these are met without a jump."
-    )
     border_smoothing: bool = option(
         None, "Change the frames beside hard cues so that these are met without a jerk."
     )

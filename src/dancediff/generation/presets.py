@@ -42,7 +42,6 @@ PAPER: dict[str, Values] = {
     "lodge": _PAPERS
     | {
         "stage_spots": False,
-        "cue_constraint": False,
         "border_smoothing": False,
         "root_stitching": False,
         "repeat_sections": False,
@@ -75,7 +74,6 @@ PACKAGED: dict[str, Values] = {
         "steps": 20,
         "autoguidance": 1.3,  # more makes dances too varied: docs/asked_for_indian.md
         "stage_spots": True,
-        "cue_constraint": True,
         "border_smoothing": True,
         "root_stitching": True,
         "repeat_sections": True,

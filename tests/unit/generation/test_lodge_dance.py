@@ -47,7 +47,7 @@ def test_with_everything_off_it_is_the_papers_sampler():
 
 @pytest.mark.parametrize(
     "name",
-    ["cue_constraint", "border_smoothing", "stage_spots", "foot_contact", "root_stitching"],
+    ["border_smoothing", "stage_spots", "foot_contact", "root_stitching"],
 )
 def test_each_addition_changes_the_dance(model, name):
     assert not torch.allclose(dance(model, 3 * n), dance(model, 3 * n, **{name: True}), atol=1e-4)
@@ -139,7 +139,7 @@ def test_a_long_dance_stays_on_the_stage(model):
 
 
 def test_chunks_give_the_same_dance(model):
-    on = dict.fromkeys(("cue_constraint", "root_stitching", "stage_spots"), True)
+    on = dict.fromkeys(("root_stitching", "stage_spots"), True)
     on |= {"foot_contact": True, "smooth_primitives": True, "autoguidance": 1.3}
     whole, parts = (dance(model, 9 * n - 5, at_once=k, **on) for k in (None, 2))
     assert (whole - parts).abs().max() < 1e-4
