@@ -75,7 +75,9 @@ def repeat_sections(
 ) -> Arrangement:
     """Give a section that comes again the soft cues of its first time, every second time mirrored.
 
-    Each cue is that of the first time whose distance from its section's start is the most alike.
+    Each cue comes as long after its section's start as it did the first time. What would lie on a
+    border of locals or on another section's cue is left out; in a local with too few of them one
+    comes twice in one place.
 
     Source: Lodge section 3.1 asks for it in its third rule, and names no method.
 
@@ -88,18 +90,29 @@ def repeat_sections(
     >>> torch.equal(made.soft[:2], made.soft[2:])
     True
     """
-    at = (torch.tensor(segments.locals)[:, None] + arrangement.positions).flatten()
-    cues = arrangement.soft.flatten(0, 1)
-    repeated = cues.clone()
+    n, span = segments.layout.local_frames, segments.layout.span
+    starts = torch.tensor(segments.locals)[:, None]
+    soft, positions = arrangement.soft.clone(), arrangement.positions.clone()
     first: dict[str, Section] = {}
     for section in sections:
         origin = first.setdefault(section.label, section)
-        known = ((at >= origin.start) & (at < origin.stop)).nonzero()[:, 0]
-        here = ((at >= section.start) & (at < section.stop)).nonzero()[:, 0]
-        if origin is section or not len(known):
+        if origin is section:
             continue
-        into = (at[here] - section.start) % (origin.stop - origin.start)
-        same = known[(at[known] - origin.start - into[:, None]).abs().argmin(dim=1)]
-        flip = mirror and section.mirrored
-        repeated[here] = mirror_features(cues[same], LODGE) if flip else cues[same]
-    return replace(arrangement, soft=repeated.view_as(arrangement.soft))
+        at = starts + positions  # of cues in the song (l, c), with those that were moved already
+        then, here = (((at >= s.start) & (at < s.stop)) for s in (origin, section))
+        # a longer section begins the first one's material again
+        rounds = torch.arange(section.start, section.stop, origin.stop - origin.start)
+        again = (rounds[:, None] + at[then] - origin.start).flatten()
+        cues = soft[then].repeat(len(rounds), 1, 1)
+        again, cues = again[again < section.stop], cues[again < section.stop]
+        if mirror and section.mirrored:
+            cues = mirror_features(cues, LODGE)
+        for j, start in enumerate(segments.locals):
+            fits = (again >= start + span) & (again <= start + n - span)
+            fits &= ((again[:, None] - at[j, ~here[j]]).abs() >= span).all(dim=1)
+            free = here[j].nonzero()[:, 0]
+            if len(free) and fits.any():
+                which = torch.arange(len(free)) % int(fits.sum())
+                positions[j, free] = again[fits][which] - start
+                soft[j, free] = cues[fits][which]
+    return replace(arrangement, soft=soft, positions=positions)

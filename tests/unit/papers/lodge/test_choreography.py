@@ -163,16 +163,37 @@ def test_what_returns_has_the_cues_of_its_first_time_wherever_that_began():
     assert torch.equal(again[[0, 1, 2, 3, 6, 7]], made.soft[[0, 1, 2, 3, 6, 7]])
 
 
+def test_cues_come_again_at_the_same_time_of_their_section():
+    """Also where locals begin at other times of it; on a border, or on a cue that stays, none."""
+    p = segments_of(1024)
+    made = arrange(random_primitives(), p, mirror=True)  # cues at 32, 64, 160, 192 of each local
+    sections = [Section(0, 300, "a", 0), Section(532, 840, "a", 2)]
+    again = repeat_sections(made, p, sections, mirror=True)
+    assert again.positions[2].tolist() == [52, 84, 180, 212]  # 532 - 512 later
+    assert torch.equal(again.soft[2], made.soft[0])
+    # from 768 to 840 there were two cues; that of 288 comes at 820, twice in one place
+    assert again.positions[3].tolist() == [52, 52, 160, 192]
+    assert torch.equal(again.soft[3, :2], made.soft[1, :1].expand(2, -1, -1))
+    assert torch.equal(again.soft[3, 2:], made.soft[3, 2:])
+    sections = [Section(0, 300, "a", 0), Section(704, 832, "a", 2)]  # 736, 768 (border), none else
+    again = repeat_sections(made, p, sections, mirror=True)
+    assert again.positions[2].tolist() == [32, 64, 160, 224]
+    assert again.positions[3].tolist() == made.positions[3].tolist()
+    sections = [Section(0, 300, "a", 0), Section(668, 830, "a", 2)]  # 828, beside the cue of 832
+    again = repeat_sections(made, p, sections, mirror=True)
+    assert again.positions[3].tolist() == made.positions[3].tolist()
+
+
 def test_a_longer_return_starts_the_material_again_and_an_empty_section_gives_none():
     soft = random_primitives()[:, 1:3].flatten(0, 1)[None].repeat(4, 1, 1, 1)
     soft = soft + torch.arange(8.0).view(4, 2, 1, 1)
     positions = torch.tensor([[64, 192]] * 4)
     sections = [Section(0, 256, "a", 0), Section(256, 300, "b", 0), Section(300, 1024, "a", 2)]
     made = Arrangement(soft[:, 0, :4], soft, soft[:, 0, 4:], positions, LAYOUT)
-    again = repeat_sections(made, segments_of(1024), sections, mirror=True).soft
-    # 148, 276, 404, ... frames after 300: 148, 20, 148, 20 after the start of a
-    assert torch.equal(again[1:].flatten(0, 1)[1:3], soft[0].flip(0))
-    assert torch.equal(again[0], soft[0])
+    again = repeat_sections(made, segments_of(1024), sections, mirror=True)
+    assert all(torch.equal(cues, soft[0]) for cues in again.soft)
+    # 64 and 192 frames after 300, 556 and 812
+    assert again.positions.tolist() == [[64, 192], [108, 236], [108, 236], [108, 236]]
     empty = [Section(0, 20, "a", 0), Section(20, 1024, "a", 1)]
     assert torch.equal(repeat_sections(made, segments_of(1024), empty, mirror=True).soft, soft)
 
