@@ -147,7 +147,7 @@ _ALL = (
               "diffusion.long_sampling", GROUP, needs=("control",)),
     Extension("smooth_primitives", "sampling", "Primitives keep pose, velocity and acceleration.",
               "smooth_primitives", SOLO),
-    Extension("repeat_sections", "sampling", "What comes again in a song comes again in the dance.",
+    Extension("repeat_sections", "sampling", "Soft cues come again when the music does.",
               "repeat_sections", SOLO),
     Extension("root_stitching", "sampling", "Dancers go on over seams from where they are.",
               "root_stitching", SOLO, lesson=12),
