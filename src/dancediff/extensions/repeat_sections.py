@@ -107,11 +107,11 @@ def repeat_sections(
         again, cues = again[again < section.stop], cues[again < section.stop]
         if mirror and section.mirrored:
             cues = mirror_features(cues, LODGE)
-        for j, start in enumerate(segments.locals):
+        for j in here.any(dim=1).nonzero()[:, 0].tolist():
+            start, free = segments.locals[j], here[j].nonzero()[:, 0]
             fits = (again >= start + span) & (again <= start + n - span)
             fits &= ((again[:, None] - at[j, ~here[j]]).abs() >= span).all(dim=1)
-            free = here[j].nonzero()[:, 0]
-            if len(free) and fits.any():
+            if fits.any():
                 which = torch.arange(len(free)) % int(fits.sum())
                 positions[j, free] = again[fits][which] - start
                 soft[j, free] = cues[fits][which]
