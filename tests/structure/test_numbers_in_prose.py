@@ -65,7 +65,7 @@ SAID = [
     ),
     ("docs/results_lodge.md", r"Defaults: (\d+) steps", f"{PACKAGED}.lodge.steps"),
     ("docs/results_lodge.md", r"guidance (\d+), autoguidance", f"{PACKAGED}.lodge.guidance"),
-    ("docs/results_lodge.md", r"autoguidance ([\d.]+)\. What", f"{PACKAGED}.lodge.autoguidance"),
+    ("docs/results_lodge.md", r"autoguidance ([\d.]+)\. Undated", f"{PACKAGED}.lodge.autoguidance"),
     ("docs/drift.md", r"The default became ([\d.]+)", f"{PACKAGED}.tcdiffpp.autoguidance"),
     ("docs/performance.md", r"\| (\d+) steps of DPM-Solver", f"{PACKAGED}.tcdiffpp.steps"),
     ("docs/performance.md", r"instead of (\d+) of DDIM", f"{PAPER}.tcdiffpp.steps"),
