@@ -93,11 +93,11 @@ def salsa(model: str, k: int) -> list[float | None]:
     torch.set_num_threads(1)
     song, truth = synth_varied_song(FIRST_SONG + 100 + k, seconds=34)
     network = hub.load(model)
-    made = [network.generate(song, genre="salsa", seed=k)]
+    made = network.generate(song, genre="salsa", seed=k)
     his, _ = choreograph(
         truth.beats, dancers=1, sections=truth.sections, seed=k, seconds=34.0, genre="salsa"
     )
-    shares: list[float | None] = [faces_front(one.joints()) for one in (*made, his)]
+    shares: list[float | None] = [faces_front(one.joints()) for one in (made, his)]
     if "captured_salsa" not in network.model.config.genres:
         return [*shares, None]
     captured = network.generate(song, genre="captured_salsa", seed=k)

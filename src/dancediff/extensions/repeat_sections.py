@@ -104,7 +104,9 @@ def repeat_sections(
         rounds = torch.arange(section.start, section.stop, origin.stop - origin.start)
         again = (rounds[:, None] + at[then] - origin.start).flatten()
         cues = soft[then].repeat(len(rounds), 1, 1)
-        again, cues = again[again < section.stop], cues[again < section.stop]
+        apart = again.diff(prepend=again[:1] - span) >= span  # else two would lie on each other
+        kept = apart & (again < section.stop)
+        again, cues = again[kept], cues[kept]
         if mirror and section.mirrored:
             cues = mirror_features(cues, LODGE)
         for j in here.any(dim=1).nonzero()[:, 0].tolist():

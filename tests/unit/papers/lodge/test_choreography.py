@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import pytest
 import torch
 
@@ -182,6 +184,15 @@ def test_cues_come_again_at_the_same_time_of_their_section():
     sections = [Section(0, 300, "a", 0), Section(668, 830, "a", 2)]  # 828, beside the cue of 832
     again = repeat_sections(made, p, sections, mirror=True)
     assert again.positions[3].tolist() == made.positions[3].tolist()
+
+
+def test_where_material_starts_again_no_cue_lies_on_another():
+    made = arrange(random_primitives(), segments_of(1024), mirror=True)
+    made = replace(made, positions=torch.tensor([[8, 64, 160, 192]] * 4))
+    sections = [Section(4, 162, "a", 0), Section(200, 450, "a", 2)]
+    again = repeat_sections(made, segments_of(1024), sections, mirror=True)
+    # 156 after 200, not 162, which would be 6 frames later, and 218
+    assert again.positions[1].tolist() == [100, 162, 100, 162]
 
 
 def test_a_longer_return_starts_the_material_again_and_an_empty_section_gives_none():
