@@ -9,7 +9,13 @@ import torch
 import dancediff as dd
 from dancediff.data.choreographed import choreograph_jobs
 from dancediff.motion.contact import feet_low, foot_speed
+from dancediff.motion.mirror import mirror_features
+from dancediff.motion.motion import Motion
+from dancediff.motion.representation import LODGE, with_hands
+from dancediff.music.features import dance_frames
 from dancediff.music.synth import synth_song
+from dancediff.papers.lodge.choreography import arrange
+from dancediff.papers.lodge.segments import segments_of
 
 pytestmark = pytest.mark.slow
 
@@ -59,6 +65,24 @@ def test_it_moves_as_much_as_the_dances_it_learned_from(dance):
     jobs = choreograph_jobs(10, seconds=20.0, sizes=(1,))  # one of each genre
     learned = [speed(job.make().motion) for job in jobs]
     assert speed(dance) == pytest.approx(sum(learned) / 10, rel=0.4)
+
+
+def test_a_soft_cue_and_its_mirror_image_are_danced(model, song):
+    """Mirrored back, the second is like the first where cues lie, and nowhere else."""
+
+    def apart(soft, shift=0):
+        made = model.generate(song, seconds=8, seed=1, genre="hiphop", soft=soft)
+        segments, primitives = segments_of(256), torch.zeros(1, 13, 8, LODGE.dim)
+        beats = dance_frames(song.features())
+        spots = arrange(primitives, segments, beats=beats, mirror=True).positions[0]
+        cues = made.features("lodge")[0][shift + spots[:, None] + torch.arange(-4, 4)]
+        cues[1::2] = mirror_features(cues[1::2], LODGE)
+        joints = Motion.from_features(with_hands(cues)).joints()
+        joints = joints - joints[:, :, :1]
+        return (joints[::2] - joints[1::2]).norm(dim=-1).mean().item()
+
+    assert apart(1.0) < 0.4 * apart(0.0)
+    assert apart(1.0) < 0.4 * apart(1.0, shift=-15)
 
 
 def test_another_seed_and_another_genre_are_other_dances(model, song):

@@ -89,14 +89,16 @@ def arrange(
 ) -> Arrangement:
     """Split hard primitives at borders, mirror soft ones, and put them on beats.
 
-    ``beats``: frames of the song; in a local without any, fixed frames. ``mirror=False``: two soft
-    cues in each local instead of four, and none mirrored.
+    ``beats``: frames of the dance on which a beat sounds, as `music.features.dance_frames` gives
+    them; in a local without any, cues lie at fixed frames. ``mirror=False``: two soft cues in each
+    local instead of four, and none mirrored.
 
     Source: Lodge section 3.2 and appendix B.  Differs: the released code mirrors normalised vectors
     and always uses fixed frames.
 
     Shapes: primitives (G, p, 8, d) metres and 6-D rotations -> Arrangement of L locals, in metres.
-    Raises: ValueError when the primitives are not those of the segments.
+    Raises: ValueError when the primitives are not those of the segments; for a beat between two
+    frames.
 
     >>> from dancediff.papers.lodge.segments import segments_of
     >>> primitives, beats = torch.randn(1, 13, 8, 139), range(0, 1024, 15)
@@ -108,7 +110,7 @@ def arrange(
     tail, soft, head = split_at_borders(chain(primitives, segments), layout)
     if mirror:
         soft = torch.stack([soft, mirror_features(soft, LODGE)], dim=2).flatten(1, 2)
-    beats = sorted(map(int, beats))
+    beats = whole_frames(beats)
     positions = torch.tensor(
         [
             cue_positions([b - start for b in beats], layout, count=soft.shape[1])
@@ -116,6 +118,25 @@ def arrange(
         ]
     )
     return Arrangement(tail, soft, head, positions, layout)
+
+
+def whole_frames(beats: Iterable[float]) -> list[int]:
+    """Beats in order, as frames.
+
+    Raises: ValueError for a beat between two frames: seconds times 30 lie up to a frame beside
+    `music.features.dance_frames`, and another first beat moves all cues.
+
+    >>> whole_frames([30.0, 15])
+    [15, 30]
+    """
+    beats = sorted(beats)
+    between = [beat for beat in beats if beat != int(beat)]
+    if between:
+        raise ValueError(
+            f"beats must be whole frames, not {between[0]:g}; `music.features.dance_frames(M)` "
+            "gives those of a song"
+        )
+    return [int(beat) for beat in beats]
 
 
 def chain(primitives: Tensor, segments: Segments) -> Tensor:

@@ -109,6 +109,15 @@ def test_cues_are_put_on_beats():
     assert mixed.positions[:2].tolist() == [[32, 64, 160, 192], [44, 94, 144, 194]]
 
 
+def test_beats_between_frames_are_refused():
+    """Seconds times 30, cut off, put every cue of a local a beat too late."""
+    primitives, segments = random_primitives(), segments_of(1024)
+    whole = arrange(primitives, segments, beats=[8.0, 30.0, 60.0, 90.0], mirror=True)
+    assert whole.positions[0].tolist() == [8, 30, 60, 90]
+    with pytest.raises(ValueError, match=r"not 7\.76; .*dance_frames"):
+        arrange(primitives, segments, beats=[7.76, 30.0, 60.0, 90.0], mirror=True)
+
+
 @pytest.mark.parametrize("layout", [LAYOUT, DISCRETE, Layout(512, 128), Layout(1024, 512)])
 @pytest.mark.parametrize("count", [2, 4])
 def test_cues_never_touch_each_other_or_the_ends(layout, count):
