@@ -11,13 +11,15 @@ from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 
+import numpy as np
 import torch
 from torch import Tensor
 
+from dancediff.axes import FPS
 from dancediff.data.choreographer.structure import Section
 from dancediff.motion.mirror import mirror_features
 from dancediff.motion.representation import LODGE
-from dancediff.music.features import beat_frames
+from dancediff.music.features import LATE, beat_frames
 from dancediff.music.sections import PHRASE, phrase_similarity
 from dancediff.papers.lodge.choreography import Arrangement
 from dancediff.papers.lodge.segments import Segments
@@ -26,7 +28,9 @@ ALIKE = 0.7  # two phrases are the same material from here on
 
 
 def find_sections(M: Tensor) -> list[Section]:
-    """Sections of a song, from what its features repeat; starts and stops are frames.
+    """Sections of a song, from what its features repeat.
+
+    Starts and stops are frames of the dance, as soft cues are: a section's first beat is its own.
 
     Phrases of 8 beats are compared as a whole. Alike phrases in a row are one section, so a loop
     that never changes is no repetition; one that returns after something else is.
@@ -47,7 +51,8 @@ def find_sections(M: Tensor) -> list[Section]:
     for q in range(1, len(S)):
         nearest = int(S[q, :q].argmax())
         labels.append(labels[nearest] if S[q, nearest] >= ALIKE else q)
-    return sections_of(labels, beats[: len(S) * PHRASE + 1 : PHRASE].tolist())
+    borders = np.maximum(beats[: len(S) * PHRASE + 1 : PHRASE] - round(LATE * FPS), 0)
+    return sections_of(labels, borders.tolist())
 
 
 def sections_of(labels: Sequence, borders: Sequence[int]) -> list[Section]:

@@ -1,7 +1,7 @@
 """What can be asked of Lodge."""
 
 from dataclasses import dataclass
-from typing import ClassVar, Self
+from typing import Any, ClassVar, Self
 
 from dancediff.generation.diffusion_request import DiffusionRequest
 from dancediff.generation.option import option
@@ -52,6 +52,20 @@ class LodgeRequest(DiffusionRequest):
         filled = super().resolve(model, song)
         places(filled.dancers, filled.formation)
         return filled
+
+    def usual(self, model) -> dict[str, Any]:
+        """As `DiffusionRequest.usual`: also what another option or the first stage rules out."""
+        asked, usual = self.asked(), super().usual(model)
+        needs = []
+        if not asked.get("root_stitching", usual["root_stitching"]):
+            needs.append(("stage_spots", "root_stitching=True"))
+        if model.global_stage.config.variant == "discrete":
+            needs.append(("smooth_primitives", "a first stage with variant='continuous'"))
+        for name, need in needs:
+            if asked.get(name):
+                raise ValueError(f"{name}=True needs {need}; use False")
+            usual[name] = False
+        return usual
 
     def facts(self) -> dict:
         """As `DiffusionRequest.facts`; a solo has no formation."""

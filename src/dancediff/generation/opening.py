@@ -28,8 +28,12 @@ class Opening:
 
     def __init__(self, song, seconds: float):
         """Nothing is computed yet."""
-        if not seconds >= SHORTEST:
-            raise ValueError(f"opening={seconds} must be at least {SHORTEST:g} s, or None")
+        try:
+            enough = seconds >= SHORTEST
+        except TypeError:  # a text, say
+            enough = False
+        if not enough:
+            raise ValueError(f"opening={seconds!r} must be at least {SHORTEST:g} s, or None")
         self.song = song
         self._part = song if seconds >= song.duration else song.slice(0, seconds)
         self._thread: Worker | None = None

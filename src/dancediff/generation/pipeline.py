@@ -42,7 +42,8 @@ from dancediff.generation.tcdiffpp_dance import tcdiffpp_pieces
 from dancediff.generation.tcdiffpp_request import TCDiffPPRequest
 from dancediff.motion.motion import Motion
 from dancediff.motion.representation import TCDIFFPP
-from dancediff.music.song import as_song
+from dancediff.music.live_song import LiveSong
+from dancediff.music.song import as_song, needed_song
 from dancediff.nn.conditioning import cached_music
 from dancediff.nn.precision import chosen_dtype
 from dancediff.papers.bailando.model import Bailando
@@ -90,10 +91,7 @@ class Pipeline(ABC):
         Raises: ValueError as `generate`.
         """
         request = request_of(self.request.family, self.name, options)
-        song = as_song(song)
-        if song is None:
-            raise ValueError("song is None; give a Music or a path")
-        return request.resolve(self.model, song)
+        return request.resolve(self.model, needed_song(song))
 
     def generate(self, song, *, progress=False, watch: Callable | None = None, **options) -> Motion:
         """Dance to a song.
@@ -106,9 +104,11 @@ class Pipeline(ABC):
           exception it raises stops the dance.
 
         Raises: ValueError naming the option, its value and what is allowed; also for a silent
-        song or one under a second.
+        song or one under a second, and for a `LiveSong`, which only `stream` waits for.
         """
         song = as_song(song)
+        if isinstance(song, LiveSong):
+            raise ValueError("song is a LiveSong, not heard yet; use stream(song), which waits")
         request = self.resolve(song, **options)
         if watch is not None and getattr(request, "long_sampling", None) != "lgds":
             raise ValueError("watch= is for TCDiff++ with long_sampling='lgds' only; leave it out")
@@ -129,9 +129,10 @@ class Pipeline(ABC):
         ``opening``: so many seconds of the song are enough to begin with. The first dance is then
         danced to music features of that part, which `generate` takes of the whole song.
 
-        Raises: ValueError as `generate`.
+        Raises: ValueError as `generate`; for ``opening=`` and for a `LiveSong` where the stream
+        cannot be steered, because such dances take the whole song.
         """
-        return Stream(self, as_song(song), options, progress=progress, opening=opening)
+        return Stream(self, song, options, progress=progress, opening=opening)
 
     def steered(self, song, request: Any) -> SteeredDance | None:
         """The dance of a stream that can be steered; None where it cannot."""

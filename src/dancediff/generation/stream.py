@@ -23,8 +23,23 @@ from dancediff.generation.steered_dance import SteeredDance
 from dancediff.generation.timing import Timing
 from dancediff.motion.motion import Motion
 from dancediff.music.live_song import LiveSong
+from dancediff.music.song import needed_song
 
 KNOBS = ("genre", "energy", "swap", "formation", "steps", "dancers")
+
+
+def plain(value: Any) -> Any:
+    """A value as JSON can hold it: arrays, tensors and tuples as lists.
+
+    >>> import numpy as np
+    >>> plain({"steps": np.int64(6), "start": np.zeros((1, 2)), "swap": (1, 0)})
+    {'steps': 6, 'start': [[0.0, 0.0]], 'swap': [1, 0]}
+    """
+    if isinstance(value, dict):
+        return {name: plain(one) for name, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(one) for one in value]
+    return value.tolist() if hasattr(value, "tolist") else value
 
 
 class _StoppedError(Exception):
@@ -48,13 +63,14 @@ class Stream(Iterator[Motion]):
         self, pipeline, song, options: dict, *, progress=False, opening: float | None = None
     ):
         """Check the options; nothing is danced yet."""
-        self._called = time.perf_counter()
+        self._called, song = time.perf_counter(), needed_song(song)
         self._opening = None if opening is None else Opening(song, opening)
         heard = song if self._opening is None else self._opening
         self.pipeline, self.song, self._progress = pipeline, heard, progress
         self.request = pipeline.resolve(heard, **options)
         self._given, self._seconds = options, opening
         self._dance: SteeredDance | None = pipeline.steered(heard, self.request)
+        self._check_heard()
         self._made: Iterator[Motion] | None = None
         self._changes: deque[dict] = deque()  # asked for, but not taken up yet
         self._taken: list[dict] = []
@@ -62,6 +78,19 @@ class Stream(Iterator[Motion]):
         self._stopped = False
         self._shown = 0.0  # when the first piece was handed out
         self.timing, self.begins, self.danced = Timing(), 0.0, 0.0
+
+    def _check_heard(self) -> None:
+        """A dance that is not made segment by segment hears all of the song first."""
+        if self._opening is not None and isinstance(self._opening.song, LiveSong):
+            raise ValueError(
+                f"opening={self._seconds} is for a song that is there; leave it out for a LiveSong"
+            )
+        if self._dance is None and (self._opening is not None or isinstance(self.song, LiveSong)):
+            what = "song is a LiveSong" if self._opening is None else f"opening={self._seconds}"
+            raise ValueError(
+                f"{what}, but this dance of {self.pipeline.name!r} needs the whole song before its "
+                "first step; use a model of tcdiffpp with long_sampling='lgds'"
+            )
 
     def __next__(self) -> Motion:
         """The next piece."""
@@ -132,8 +161,12 @@ class Stream(Iterator[Motion]):
         """
         self._steered()
         self._refuse_constraints("seek")
-        if not 0 <= seconds < self.request.seconds:
-            raise ValueError(f"seek({seconds}) must lie in 0 ... {self.request.seconds:g} s")
+        try:
+            inside = 0 <= seconds < self.request.seconds
+        except TypeError:  # a text, say
+            inside = False
+        if not inside:
+            raise ValueError(f"seek({seconds!r}) must lie in 0 ... {self.request.seconds:g} s")
         self._changes.append({"seek": float(seconds)})
 
     def stop(self) -> None:
@@ -201,7 +234,7 @@ class Stream(Iterator[Motion]):
 
     @property
     def log(self) -> dict:
-        """The options and `calls`; to be stored as JSON.
+        """The options and `calls`, as plain values that JSON can hold.
 
         Raises: ValueError for ``constraints=`` and ``seed_motion=``, which are no plain values.
         """
@@ -212,7 +245,7 @@ class Stream(Iterator[Motion]):
         options = {
             name: value for name, value in (self._given | names).items() if value is not None
         }
-        return {"options": options, "opening": self._seconds, "calls": self.calls}
+        return plain({"options": options, "opening": self._seconds, "calls": self.calls})
 
     @classmethod
     def replay(cls, pipeline, song, log: dict, *, progress=False) -> "Stream":
@@ -243,8 +276,10 @@ class Stream(Iterator[Motion]):
                         yield self.pipeline._motion(x[:, :left].clone(), self.song, self.request)
                     left -= x.shape[1]
                 return
-            # who dances to sound that arrives has no time to keep frames back
+            # who dances to sound that arrives has no time to keep frames back; those that the
+            # next segment dances anew must be
             eager = isinstance(self.song, LiveSong) and self.request.seam == "copy"
+            eager = eager and not self.request.resampled
             for start, x in self._dance.pieces(self._take_up, eager=eager, **how):
                 self.begins = start / FPS
                 yield self.pipeline._motion(x.clone(), self.song, self.request)

@@ -120,6 +120,8 @@ class LiveSession:
                 f"seek({seconds}): a microphone hears what is played now; leave it out"
             )
         self.stream.seek(seconds)
+        with self._news:  # from there on it is danced anew, so that nobody jumps
+            self.have[round(seconds * FPS) :] = False
         self.played(seconds, self.stalls)
 
     def stop(self) -> None:

@@ -69,10 +69,11 @@ def check_order(order, n: int, *, name: str = "swap") -> Tensor:
     ValueError: swap=[0, 0] must hold each of 0..1 exactly once: swap[k] is the dancer who stands \
 k-th from the left in the end
     """
-    values = order.tolist() if isinstance(order, Tensor) else list(order)
+    values = order
     try:
+        values = order.tolist() if isinstance(order, Tensor) else list(order)
         whole = sorted(map(operator.index, values))
-    except TypeError:  # 1.0 is no dancer
+    except TypeError:  # 1.0 is no dancer, 5 no order
         whole = None
     if whole != list(range(n)):
         raise ValueError(

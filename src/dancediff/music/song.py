@@ -230,3 +230,13 @@ def as_song(song):
     if song is not None and not hasattr(song, "duration"):  # `Music`, `LiveSong`, `Opening`
         raise ValueError(f"song is a {type(song).__name__}; give a Music or a path")
     return song
+
+
+def needed_song(song):
+    """As `as_song`, for those who cannot do without.
+
+    Raises: ValueError as `as_song`, and for None.
+    """
+    if song is None:
+        raise ValueError("song is None; give a Music or a path")
+    return as_song(song)

@@ -103,6 +103,9 @@ def check_lodge_tables(config: dict, source: str) -> dict:
         if isinstance(config.get(table), dict):
             check_sizes(config[table], f"{source}: {table!r}")
     tables = check_all(config, known, source)
+    for key in ("num_frames", "genres"):
+        if key in tables.get("discriminator", {}):
+            raise ValueError(f"{source}: 'discriminator': {key} is that of 'local_stage'")
     check_stages(tables, STAGES, source)
     names = tables["model"].get("extensions", ())
     check_training(tables["extensions"], "lodge", names, f"{source}: 'extensions'")

@@ -47,6 +47,8 @@ def check_stages(tables: dict, stages: Iterable[str], source: str) -> None:
     Raises: ValueError naming the source, the table of the stage and the key that does not fit.
     """
     for stage in stages:
+        if "seed" in tables[f"train_{stage}"]:
+            raise ValueError(f"{source}: 'train_{stage}': seed is that of 'train', for all stages")
         try:
             stage_settings(tables, stage)
         except ValueError as err:

@@ -1,7 +1,10 @@
+from itertools import pairwise
+
 import numpy as np
 import torch
 
 from dancediff.extensions.repeat_sections import find_sections, sections_of
+from dancediff.music.features import dance_frames
 from dancediff.music.sections import phrase_similarity
 from dancediff.music.synth import synth_song
 
@@ -19,14 +22,20 @@ def song_of(labels, beat=15, noise=0.3):
 
 def test_what_returns_is_found():
     found = find_sections(song_of("aabbcab"))
-    assert [(s.start // 120, s.stop // 120, s.times) for s in found] == [
-        *[(0, 2, 0), (2, 4, 0), (4, 5, 0), (5, 6, 1), (6, 7, 1)]
-    ]
+    starts = [0, 239, 479, 599, 719, 839]  # beats of a dance are a frame before those of features
+    assert [(s.start, s.stop) for s in found] == list(pairwise(starts))
+    assert [s.times for s in found] == [0, 0, 0, 1, 1]
     assert found[0].label == found[3].label and found[3].mirrored and not found[0].mirrored
 
 
 def test_a_loop_is_one_section_and_nothing_returns():
-    assert [(s.start, s.stop, s.times) for s in find_sections(song_of("aaaa"))] == [(0, 480, 0)]
+    assert [(s.start, s.stop, s.times) for s in find_sections(song_of("aaaa"))] == [(0, 479, 0)]
+
+
+def test_the_cue_on_a_section_s_first_beat_is_that_section_s():
+    song = song_of("aabbaa")
+    borders = {frame for s in find_sections(song) for frame in (s.start, s.stop)}
+    assert borders - {0} <= set(dance_frames(song).tolist())
 
 
 def test_new_material_is_never_a_return():

@@ -32,6 +32,7 @@ from dancediff.generation.request import (
     request_of,
 )
 from places import SOURCE
+from tiny_lodge import tiny_lodge
 
 
 @dataclass
@@ -168,7 +169,19 @@ def test_what_needs_preconditioning_is_off_without_it():
     for asked in ({"collision_avoidance": True}, {"autoguidance": 1.5}):
         with pytest.raises(ValueError, match=f"{next(iter(asked))}=.* with preconditioning"):
             TCDiffPPRequest(**asked).resolve(plain, Tune())
-    assert LodgeRequest(stage_spots=False).resolve(plain, Tune()).stage_spots is False
+    bare = tiny_lodge(())
+    assert LodgeRequest(stage_spots=False).resolve(bare, Tune()).stage_spots is False
+
+
+def test_what_another_part_of_lodge_rules_out_is_off_without_it():
+    """Options that would do nothing, or put dancers beside their spots."""
+    thinned = tiny_lodge(first={"variant": "discrete"})
+    assert not LodgeRequest().resolve(thinned, Tune()).smooth_primitives
+    with pytest.raises(ValueError, match="smooth_primitives=True needs a first stage"):
+        LodgeRequest(smooth_primitives=True).resolve(thinned, Tune())
+    assert not LodgeRequest(root_stitching=False).resolve(tiny_lodge(), Tune()).stage_spots
+    with pytest.raises(ValueError, match="stage_spots=True needs root_stitching=True"):
+        LodgeRequest(root_stitching=False, stage_spots=True).resolve(tiny_lodge(), Tune())
 
 
 def test_preset_and_option_go_together():
@@ -214,7 +227,7 @@ def test_only_a_bool_is_true_or_false(value):
 
 
 def test_lodge_dances_the_genre_of_the_tempo():
-    lodge = model(genres=("hiphop", "house", "salsa"))
+    lodge = tiny_lodge(second={"genres": ("hiphop", "house", "salsa")})
     for preset in PRESETS:
         assert LodgeRequest(preset=preset).resolve(lodge, Tune()).genre == "house"
     assert LodgeRequest(genre="salsa").resolve(lodge, Tune()).genre == "salsa"

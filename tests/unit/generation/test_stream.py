@@ -4,6 +4,7 @@ import json
 import threading
 from dataclasses import dataclass
 
+import numpy as np
 import pytest
 import torch
 
@@ -89,7 +90,7 @@ def test_who_leaves_is_the_last_and_nobody_else_jumps(model):
     assert [piece.num_dancers for piece in pieces] == [3, 3, 2, 2, 2]
     assert stream.log["calls"] == [
         {"piece": 2, "set": {"dancers": 2}},
-        {"piece": 3, "set": {"swap": (1, 0)}},
+        {"piece": 3, "set": {"swap": [1, 0]}},
     ]
     untouched = list(model.stream(Tune(), swap=(2, 0, 1), swap_at=10, **ASK))
     assert torch.equal(whole(pieces[:2]), whole(untouched[:2]))
@@ -274,6 +275,44 @@ def test_an_opening_is_enough_to_begin_with(model):
     assert sum(piece.num_frames for piece in pieces) == 1200
     again = Stream.replay(model, song, json.loads(json.dumps(stream.log)))
     assert torch.equal(whole(pieces), whole(list(again)))
+
+
+def test_an_opening_is_refused_where_it_would_not_help(model):
+    song, _ = synth_song(2, seconds=40.0)
+    lodge = pipeline_of(tiny_lodge())
+    with pytest.raises(
+        ValueError, match=r"opening=16.0, but this dance of 'lodge' needs the whole"
+    ):
+        lodge.stream(song, opening=16.0)
+    with pytest.raises(ValueError, match="opening='20' must be at least 15 s"):
+        model.stream(song, opening="20")
+    with pytest.raises(ValueError, match="song is None"):
+        model.stream(None, opening=20)
+
+
+def test_a_stream_of_a_file_is_danced_again_from_that_file(model, tmp_path):
+    path = tmp_path / "song.wav"
+    synth_song(2, seconds=20.0)[0].save(path)
+    stream = model.stream(path, dancers=1, seconds=5, steps=1)
+    again = Stream.replay(model, path, stream.log)
+    assert torch.equal(whole(stream), whole(again))
+
+
+def test_a_log_is_plain_whatever_was_given(model):
+    row = np.array([[-1.0, 0], [0, 0], [1, 0]])
+    stream = model.stream(Tune(), **ASK | {"steps": np.int64(2), "start": row})
+    first = [next(stream), next(stream)]
+    log = json.loads(json.dumps(stream.log))
+    again = Stream.replay(model, Tune(), log)
+    assert torch.equal(whole(first), whole([next(again), next(again)]))
+
+
+def test_wrong_kinds_are_named(model):
+    stream = model.stream(Tune(), **ASK)
+    with pytest.raises(ValueError, match=r"swap=1 must hold each of 0\.\.2"):
+        stream.set(swap=1)
+    with pytest.raises(ValueError, match=r"seek\('3'\) must lie in 0 ... 12 s"):
+        stream.seek("3")
 
 
 def test_an_opening_has_features_of_its_own():

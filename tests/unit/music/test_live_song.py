@@ -4,12 +4,14 @@ import numpy as np
 import pytest
 import torch
 
+from dancediff.generation.pipeline import pipeline_of
 from dancediff.generation.stream import Stream
 from dancediff.music.causal import AHEAD
 from dancediff.music.features import MFCC
 from dancediff.music.live_song import LiveSong
 from dancediff.music.sound_sources import played
 from dancediff.music.synth import synth_song
+from tiny_lodge import tiny_lodge
 from tiny_tcdiffpp import tiny_tcdiffpp
 
 ASK = {"dancers": 2, "seconds": 12, "steps": 2, "seed": 4}
@@ -46,6 +48,27 @@ def test_the_same_sound_gives_the_same_dance(song, model):
     again = Stream.replay(model, live(song), first.log)
     assert torch.equal(dance, torch.cat([piece.root for piece in again], 1))
     assert dance.shape[1] == 360
+
+
+@pytest.mark.parametrize("asked", [{"start": [(-1, 0), (1, 0)]}, {"end": [(-1, 0), (1, 0)]}])
+def test_frames_that_are_danced_anew_are_handed_out_once(song, model, asked):
+    """The next segment dances some of the shared frames again, where places are asked for."""
+    pieces = list(model.stream(live(song), **ASK, **asked))
+    assert sum(piece.num_frames for piece in pieces) == 360
+
+
+def test_sound_that_arrives_is_refused_by_dances_that_take_the_whole_song(song, model):
+    """They danced to silence."""
+    for call in (model.generate, pipeline_of(tiny_lodge()).generate):
+        with pytest.raises(ValueError, match=r"LiveSong, not heard yet; use stream"):
+            call(live(song), seconds=5)
+    for pipeline, options in ((model, {"long_sampling": "naive"}), (pipeline_of(tiny_lodge()), {})):
+        with pytest.raises(
+            ValueError, match=r"song is a LiveSong, but this dance of .* whole song"
+        ):
+            pipeline.stream(live(song), **options)
+    with pytest.raises(ValueError, match=r"opening=16.* leave it out for a LiveSong"):
+        model.stream(live(song, keep=True), opening=16)
 
 
 def test_frames_are_known_foretold_or_silent(song):

@@ -419,7 +419,12 @@ def test_level_weights_muon_and_bf16(solos, tmp_path):
         ({"train_local": {"weights": 1}}, "'weights'"),
         ({"train_local": {"metrics_every": 5}}, "metrics_every=5 is for models of one stage"),
         ({"weights_local": {"dist": 1}}, "'dist'"),
+        ({"train_local": {"seed": 7}}, "'train_local': seed is that of 'train'"),
+        ({"weights_local": {"form": "hing"}}, "form='hing' is not one of 'hinge', 'log'"),
         ({"discriminator": {"heads": 1}}, "'heads'"),
+        ({"discriminator": {"num_heads": 3}}, "d_model=512 must be a multiple of num_heads=3"),
+        ({"discriminator": {"num_frames": 99}}, "num_frames is that of 'local_stage'"),
+        ({"discriminator": {"genres": ["jazz"]}}, "genres is that of 'local_stage'"),
     ],
 )
 def test_config_mistakes_are_named(change, message):

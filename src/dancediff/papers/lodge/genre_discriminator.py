@@ -42,7 +42,14 @@ class DiscriminatorConfig:
     dropout: float = 0.0  # share of values that are set to zero in training
 
     def __post_init__(self):
-        """JSON knows no tuples."""
+        """JSON knows no tuples.
+
+        Raises: ValueError for a width that the heads cannot share.
+        """
+        if self.d_model % self.num_heads:
+            raise ValueError(
+                f"d_model={self.d_model} must be a multiple of num_heads={self.num_heads}"
+            )
         object.__setattr__(self, "genres", tuple(self.genres))
 
 

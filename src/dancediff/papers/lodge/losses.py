@@ -53,6 +53,10 @@ class LodgeWeights:
     diversity: float = 0.01  # the code's: other noise is another style
     focus: float = 0.01  # the code's: like no other genre
 
+    def __post_init__(self):
+        """Refuse an unknown form before anything is trained."""
+        _known(self.form)
+
     @classmethod
     def coarse(cls, **changes) -> "LodgeWeights":
         """The first stage; the code has 0.636 for the joints where EDGE has 0.646."""

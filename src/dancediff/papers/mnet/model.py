@@ -225,4 +225,4 @@ class MNET(AutoregressiveNetwork):
             return self(history, music, style)
 
         how = {"frames": request.frames, "keep": c.targets, "window": c.music_frames}
-        return roll_out(step, history, M, **how)
+        yield from roll_out(step, history, M, **how)  # what is above waits for the first frame
