@@ -5,6 +5,8 @@ The file is not called ``genres``, because `dancediff.genres` is the function `g
 
 import json
 import math
+import re
+from collections.abc import Iterable
 from pathlib import Path
 
 TEMPOS = {  # beats a minute, slowest and fastest; the choreographer's genres
@@ -53,6 +55,19 @@ def genre_for(tempo: float, genres: tuple[str, ...]) -> str:
     if math.isnan(tempo):
         return min(known, key=lambda name: TEMPOS[name])
     return min(known, key=lambda name: abs(math.log(tempo / (sum(TEMPOS[name]) / 2))))
+
+
+def spelled(name: str, genres: Iterable[str]) -> str:
+    """A genre's name as models know it: no matter its capitals, spaces and hyphens.
+
+    >>> spelled("Hip-Hop", GENRES), spelled("captured salsa", GENRES), spelled("waltz", GENRES)
+    ('hiphop', 'captured_salsa', 'waltz')
+    """
+
+    def plain(text: str) -> str:
+        return re.sub(r"[\s_-]", "", text.casefold())
+
+    return next((one for one in genres if plain(one) == plain(name)), name)
 
 
 def genre_number(name: str, genres: tuple[str, ...]) -> int:

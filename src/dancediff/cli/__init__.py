@@ -9,6 +9,7 @@ import errno
 import io
 import os
 import sys
+import warnings
 from typing import Annotated, Any
 
 import tyro
@@ -25,6 +26,8 @@ def main(args: list[str] | None = None) -> int:
     os.environ.setdefault("GOMP_SPINCOUNT", "5000")
     if isinstance(sys.stdout, io.TextIOWrapper):  # a Windows code page has no ✓
         sys.stdout.reconfigure(errors="replace")
+    # a warning is a sentence for the user; the line of code it comes from is none
+    warnings.formatwarning = lambda message, *_, **__: f"dancediff: {message}\n"
     args = sys.argv[1:] if args is None else args
     if args == ["--version"]:
         print(f"dancediff {__version__}")

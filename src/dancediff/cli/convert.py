@@ -42,6 +42,9 @@ class Convert:
                 f"{str(target)!r}, the file to write, is there already and may be a dance to read, "
                 f"as {str(sources[-1])!r} is; name a new file last"
             )
+        for source in sources:
+            if not source.exists():
+                raise ValueError(f"{str(source)!r} does not exist; name a dance")
         check_folder(target.parent, "the folder of")
         song = None if self.song is None else song_named(self.song)
         dance = Motion.load(*sources)

@@ -10,7 +10,7 @@ import re
 import shutil
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from tqdm.auto import tqdm
@@ -116,6 +116,18 @@ def _remove_other_dancers(files: list[Path]) -> None:
         found = ONE_DANCER.fullmatch(other.name)
         if found and found[1] in new and other not in files:
             other.unlink()
+
+
+def left_over(out: Path, files: Iterable) -> list[str]:
+    """A line that names files of an earlier dance in the same folder, if there are any."""
+    new = {Path(file).name for file in files}
+    suffixes = tuple(file_of(name).removeprefix("dance") for name in FORMATS)
+    old = [
+        path.name
+        for path in sorted(out.glob("dance.*"))
+        if path.name.endswith(suffixes) and path.name not in new
+    ]
+    return [f"  (of an earlier dance: {', '.join(old)})"] if old else []
 
 
 def _remove_left_over(out: Path) -> None:

@@ -4,6 +4,7 @@ Read first: `dancediff.cli.options` · `dancediff.cli.one_song` · `dancediff.cl
 """
 
 from dataclasses import dataclass, make_dataclass
+from math import isnan
 from pathlib import Path
 from typing import Literal
 
@@ -14,6 +15,7 @@ from dancediff.cli.files import (
     check_folder,
     check_formats,
     check_targets,
+    left_over,
     song_named,
     tell,
 )
@@ -70,8 +72,11 @@ class _Generate:
             song, model, options | {"progress": not self.json}, formats, self.out
         )
         length = f"{facts['frames'] / dance.fps:.1f} s"
-        lines = [f"{dance.people}, {length}, to {song.name!r}:"]
-        tell(self.json, facts, lines + [f"  {file}" for file in facts["files"]])
+        heard = "no beat" if isnan(song.tempo) else f"{song.tempo:.0f} beats a minute"
+        genre = f", danced as {facts['genre']}" if facts.get("genre") else ""
+        lines = [f"{dance.people}, {length}, to {song.name!r} ({heard}{genre}):"]
+        older = left_over(self.out, facts["files"])
+        tell(self.json, facts, lines + [f"  {file}" for file in facts["files"]] + older)
 
     def _run_many(self, options: dict, formats: list[str], how: dict) -> None:
         from dancediff.cli.many_songs import dance_to_many

@@ -107,7 +107,10 @@ def make_take(
 
 
 def _manifest(src: Path) -> dict:
-    manifest = read_json(src / "manifest.json")
+    path = src / "manifest.json"
+    if not path.exists():
+        raise ValueError(f"{path} does not exist; data_prep/README.md says what it must hold")
+    manifest = read_json(path)
     missing = {"source", "licence", "salsa", "indian"} - set(manifest)
     if missing:
         raise ValueError(f"{src / 'manifest.json'} lacks {', '.join(sorted(missing))}")

@@ -76,7 +76,8 @@ def q_sample(x_0: Tensor, t: int | Tensor, abar: Tensor, eps: Tensor) -> Tensor:
     Source: DDPM eq. 4; Lodge eq. 1; TCDiff++ eq. 1 from level to level.
 
     Shapes: x_0, eps (b, n, f, d); t an int (-1: clean) or long (b,); abar (T,) -> like x_0.
-    Raises: ValueError when eps does not have the shape of x_0.
+    Raises: ValueError when eps does not have the shape of x_0; on the CPU also for a t outside of
+    the schedule, where -1 in a tensor would count from its end.
 
     >>> x_0, eps = torch.ones(1, 1, 1, 1), torch.full((1, 1, 1, 1), 2.0)
     >>> round(q_sample(x_0, 0, torch.tensor([0.36]), eps).item(), 4)  # 0.6 * 1 + 0.8 * 2
@@ -87,6 +88,8 @@ def q_sample(x_0: Tensor, t: int | Tensor, abar: Tensor, eps: Tensor) -> Tensor:
     if not isinstance(t, Tensor):
         a = abar_at(abar, t)
         return math.sqrt(a) * x_0 + math.sqrt(1 - a) * eps
+    if t.device.type == "cpu" and t.numel() and not 0 <= int(t.min()) <= int(t.max()) < len(abar):
+        raise ValueError(f"t={t.tolist()} must lie in 0 ... {len(abar) - 1}; clean is t=-1, an int")
     # The roots are taken in the schedule's precision: 1 - abar loses digits in float32.
     signal, noise = (
         c.to(dtype=x_0.dtype).to(x_0.device)[t].reshape(-1, *(1,) * (x_0.ndim - 1))

@@ -56,6 +56,7 @@ def save_glb(motion: Motion, path, *, body: str = "mannequin") -> Path:
     _animate(file, motion, roots)
     skins = _dress(file, roots) if body == "mesh" else []
     extras = {"format": FORMAT, "dancers": motion.num_dancers, "fps": motion.fps}
+    extras["synthetic"] = motion.is_synthetic  # `prepare folder` must not take it for real
     content = file.finish(roots + skins, extras)
     with atomic_write(path) as part:
         part.write_bytes(content)

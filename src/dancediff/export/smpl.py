@@ -35,8 +35,9 @@ def save_smpl(motion: Motion, path) -> Path:
     $$\theta_0 = \log(U R_0), \qquad \text{trans} = U\,p - J_0, \qquad
       U = \text{90 degrees about x}$$
 
-    How the two hands are turned is not kept; no joint's position depends on it. Of a body with
-    other bones only the rotations and the path are kept. The file appears whole or not at all.
+    ``synthetic``, which AMASS has not, tells whether a model or the choreographer made it. How the
+    two hands are turned is not kept; no joint's position depends on it. Of a body with other bones
+    only the rotations and the path are kept. The file appears whole or not at all.
 
     Raises: ValueError for more than one dancer, or another skeleton than SMPL-24.
     """
@@ -57,6 +58,7 @@ def save_smpl(motion: Motion, path) -> Path:
         "betas": np.zeros(16),
         "gender": np.array("neutral"),
         "mocap_framerate": np.array(float(motion.fps)),
+        "synthetic": np.array(motion.is_synthetic),  # so that nobody takes it for real
     }
     path = Path(path)
     with atomic_write(path) as part, part.open("wb") as file:

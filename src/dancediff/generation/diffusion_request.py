@@ -12,6 +12,7 @@ from dancediff.generation.energy_option import energy_of, is_curve, resolved_ene
 from dancediff.generation.genre_mix import BY_TEMPO, mix_of, resolved_genre
 from dancediff.generation.option import option
 from dancediff.generation.presets import PAPER
+from dancediff.genre import CAPTURED, TEMPOS
 
 
 def genre_option() -> Any:
@@ -19,7 +20,8 @@ def genre_option() -> Any:
     return option(
         None,
         "What to dance: a genre or a mix such as hiphop=0.7,house=0.3; default: by the song's "
-        "tempo; 'any': none in particular. Only models that know genres.",
+        f"tempo; 'any': none in particular. Only models that know genres: {', '.join(TEMPOS)}, and "
+        f"some of them {' and '.join(CAPTURED)}.",
         parse=mix_of,
     )
 

@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from dancediff.genre import genre_for, genre_number
+from dancediff.genre import genre_for, genre_number, spelled
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -23,15 +23,16 @@ def mix_of(asked: str | Mapping[str, float]) -> Mix:
 
     >>> mix_of("salsa"), mix_of({"hiphop": 2, "house": 2}), mix_of("hiphop=0.75,house=0.25")
     ('salsa', {'hiphop': 0.5, 'house': 0.5}, {'hiphop': 0.75, 'house': 0.25})
-    >>> mix_of({"jazz": 1, "house": 0})
-    'jazz'
+    >>> mix_of({"jazz": 1, "house": 0}), mix_of("jazz,house")
+    ('jazz', {'jazz': 0.5, 'house': 0.5})
     """
     text = f"genre={asked!r} must be a name, or names with shares such as {{'hiphop': 0.7, ...}}"
     if isinstance(asked, str):
-        if "=" not in asked:
+        if "=" not in asked and "," not in asked:
             return asked
         pairs = [part.partition("=") for part in asked.split(",")]
-        asked = {name.strip(): share for name, _, share in pairs}  # type: ignore[misc] # a number
+        alone = "" if "=" in asked else 1
+        asked = {name.strip(): share or alone for name, _, share in pairs}  # type: ignore[misc]
     if not isinstance(asked, Mapping):
         raise ValueError(text)
     try:
@@ -70,6 +71,10 @@ def resolved_genre(asked: Mix | None, usual: Mix, model, song) -> Mix | None:
             f"genre={asked!r} is for models that dance without a genre, too; this one needs one of "
             f"{', '.join(genres)}"
         )
+    if isinstance(asked, str):
+        asked = spelled(asked, genres)
+    else:
+        asked = {spelled(name, genres): share for name, share in asked.items()}
     for name in (asked,) if isinstance(asked, str) else asked:
         genre_number(name, genres)
     return asked

@@ -68,6 +68,11 @@ class Motion:
             raise ValueError(f"fps={self.fps:g} must lie in 1 ... {MOST_FPS:g}")
 
     @property
+    def is_synthetic(self) -> bool:
+        """Whether its facts say that a model or the choreographer made it, and nobody danced it."""
+        return "model" in self.meta or bool(self.meta.get("synthetic"))
+
+    @property
     def num_dancers(self) -> int:
         """How many people dance."""
         return self.root.shape[0]

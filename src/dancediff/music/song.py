@@ -90,9 +90,10 @@ class Music:
 
         path = Path(path)
         if not path.exists():
-            raise ValueError(
-                f"song {str(path)!r} does not exist; give a wav, flac, ogg or mp3 file"
-            )
+            fix = "give a wav, flac, ogg or mp3 file"
+            if path.name == "packaged":  # so it is called on the command line
+                fix = "the packaged song is dancediff.packaged_song()"
+            raise ValueError(f"song {str(path)!r} does not exist; {fix}")
         if path.is_dir():
             raise ValueError(f"song {str(path)!r} is a folder; give a wav, flac, ogg or mp3 file")
         if path.stat().st_size == 0:

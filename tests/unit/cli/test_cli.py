@@ -333,3 +333,12 @@ def test_files_of_an_older_group_do_not_join_the_new_one(tmp_path):
     assert {file.name for file in tmp_path.iterdir()} == kept | {"dance.1.bvh", "dance.2.bvh"}
     write_all(tmp_path, dancers("dance.bvh", "dance.npz"))
     assert {file.name for file in tmp_path.iterdir()} == kept | {"dance.bvh", "dance.npz"}
+
+
+def test_what_is_danced_and_what_is_left_of_an_earlier_dance_is_said(songs, capsys):
+    run = ["generate", str(songs / "noise.wav"), "--out", str(songs / "out"), "--seconds", "1"]
+    run += ["--steps", "1", "--model", "lodge", "--genre", "Jazz"]
+    assert main([*run, "--formats", "npz,png"]) == 0
+    assert "danced as jazz):" in (said := capsys.readouterr().out) and "earlier" not in said
+    assert main([*run, "--formats", "bvh"]) == 0
+    assert "(of an earlier dance: dance.npz, dance.png)" in capsys.readouterr().out

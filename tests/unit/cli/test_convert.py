@@ -44,7 +44,7 @@ def test_a_picture_and_a_page(duet, tmp_path):
     [
         (["DUET"], "1 files are given; name a dance, then the file to write"),
         (["DUET", "dance.fbx"], "'dance.fbx', the file to write, should end in one of .npz"),
-        (["missing.npz", "dance.glb"], "missing.npz"),
+        (["missing.npz", "dance.glb"], "'missing.npz' does not exist; name a dance"),
         (["DUET", "dance.bvh", "--body", "mesh"], "body='mesh' goes with .glb only"),
         (["DUET", "dance.html", "--song", "missing.ogg"], "missing.ogg"),
     ],

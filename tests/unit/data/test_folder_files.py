@@ -110,6 +110,36 @@ def test_what_no_person_danced_is_not_real(duo, tmp_path):
     }
 
 
+def test_formats_of_one_dance_are_one_take(duo, tmp_path):
+    """They were takes of their own, some in train and some in val."""
+    for end in ("npz", "glb", "bvh", "smpl.npz"):
+        duo.save(tmp_path / f"dance.{end}")
+    with pytest.warns(UserWarning, match=r"in other formats: dance.1.bvh, .*dance.2.smpl.npz, dan"):
+        (plan,) = takes_in(tmp_path)
+    assert plan.labels == ("dance.npz",)
+    for path in tmp_path.glob("dance.[ng]*"):
+        path.unlink()
+    with pytest.warns(UserWarning, match=r"dance.1.bvh, dance.2.bvh"):
+        (plan,) = takes_in(tmp_path, group="{take}.{dancer}")
+    assert plan.labels == ("dance.1.smpl.npz", "dance.2.smpl.npz") and plan.name == "dance"
+
+
+def test_exports_of_a_dance_that_nobody_danced_are_not_real(duo, tmp_path):
+    src, out = tmp_path / "src", tmp_path / "out"
+    src.mkdir()
+    solo = duo.dancer(0)
+    assert solo.is_synthetic and not replace(solo, meta={}).is_synthetic
+    solo.save(src / "arrays.smpl.npz")
+    solo.save(src / "scene.glb")
+    replace(solo, meta={}).save(src / "danced.glb")
+    solo.save(src / "tree.bvh")
+    (src / "takes.toml").write_text('[[take]]\nfiles = ["tree.bvh"]\nkind = "synthetic"\n')
+    assert main(["prepare", "folder", str(src), str(out)]) == 0
+    kinds = {entry.name: entry.kind for entry in PreparedData(out)}
+    made = dict.fromkeys(("arrays", "scene", "tree"), "synthetic")
+    assert kinds == made | {"danced": "real"}
+
+
 def test_names_or_a_table_tell_who_danced_together(duo, tmp_path):
     src = tmp_path
     (src / "sub").mkdir()
@@ -140,6 +170,7 @@ def test_names_or_a_table_tell_who_danced_together(duo, tmp_path):
         ('[[take]]\nfiles = ["a.npz"]\nrest = "T"', "rest='T'"),
         ('[[take]]\nfiles = ["a.npz"]\nsplit = "half"', "split='half'"),
         ('[[take]]\nfiles = ["a.npz"]\ngenre = 3', "genre=3"),
+        ('[[take]]\nfiles = ["a.npz"]\nkind = "fake"', "kind='fake' is not one of real"),
     ],
 )
 def test_wrong_tables_name_what_is_wrong(duo, tmp_path, capsys, text, words):

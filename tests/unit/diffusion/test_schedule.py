@@ -73,3 +73,8 @@ def test_errors():
         cosine_abar(0)
     with pytest.raises(ValueError, match="eps"):
         q_sample(torch.zeros(1, 1, 2, 3), 5, cosine_abar(), torch.zeros(1, 1, 2, 1))
+    for t in (-1, 1000):  # -1 would be the last level, counted from the end
+        with pytest.raises(ValueError, match=rf"t=\[{t}\] must lie in 0 ... 999; clean is t=-1"):
+            q_sample(
+                torch.zeros(1, 1, 2, 3), torch.tensor([t]), cosine_abar(), torch.zeros(1, 1, 2, 3)
+            )

@@ -120,6 +120,8 @@ def test_a_request_is_filled_in_once(group, edge, lodge, song):
     assert edge.resolve(song, genre="captured_salsa").genre == "captured_salsa"
     with pytest.raises(ValueError, match="genre='waltz' is unknown; choose one of hiphop, house"):
         edge.resolve(song, genre="waltz=1,house=1")
+    assert edge.resolve(song, genre="Hip-Hop").genre == "hiphop"
+    assert edge.resolve(song, genre="House, hip hop").genre == {"house": 0.5, "hiphop": 0.5}
 
 
 @pytest.mark.parametrize(

@@ -12,13 +12,14 @@ from dataclasses import dataclass, field, replace
 from hashlib import sha256
 from pathlib import Path
 
+import numpy as np
 import torch
 from torch import Tensor
 
 from dancediff.arrays import COMPRESSED, read_arrays
 from dancediff.axes import FPS
 from dancediff.data.bvh import BVH, read_bvh
-from dancediff.data.folder.gltf import read_gltf
+from dancediff.data.folder.gltf import chunks, read_gltf
 from dancediff.data.folder.posture import Found, Given, settle
 from dancediff.data.folder.takes import TakePlan
 from dancediff.data.folder.tree import tree_of_motion
@@ -68,10 +69,12 @@ def make_folder_take(
     lead = max((one.lead / one.bvh.fps for _, one in read if isinstance(one, Found)), default=0.0)
     scales = [leg_scale(one.bvh, one.joints) for _, one in read if isinstance(one, Found)]
     scale = sum(scales) / max(len(scales), 1)
+    kinds = [told_kind(path) for path in plan.files]
     dancers = []
     for label, one in read:
         with _named(label):
             dancers.append(_dancer(one, label, scale, lead))
+    kinds += [dancer.kind for dancer in dancers]
     motion = _on_one_stage([dancer.motion for dancer in dancers])
     doubts = [doubt for dancer in dancers for doubt in dancer.doubts]
     if plan.song is not None:
@@ -95,7 +98,7 @@ def make_folder_take(
         split=plan.split or drawn_split(f"folder {group}"),
         group=group,
         genre=plan.genre,
-        kind=max((dancer.kind for dancer in dancers), key=KINDS.index),
+        kind=plan.kind or max(kinds, key=KINDS.index),
     )
     if draw is not None and pictures is not None:
         draw(plan.name, [dancer.source for dancer in dancers], take.motion, pictures)
@@ -179,8 +182,19 @@ def _kind_of(path: Path, motion: Motion) -> str:
     """What a prepared take says of itself; else whether a network or the choreographer made it."""
     if "take" in read_arrays(path, ("take",), expand=COMPRESSED):
         return read_row(path)["kind"]
-    made = "model" in motion.meta or motion.meta.get("synthetic")
-    return "synthetic" if made else "real"
+    return "synthetic" if motion.is_synthetic else "real"
+
+
+def told_kind(path: Path) -> str:
+    """What a file of other programs' formats says of its motion; only our own exports say it."""
+    synthetic = False
+    if path.suffix.lower() == ".glb":
+        extras = chunks(path.read_bytes())[0].get("asset", {}).get("extras", {})
+        synthetic = isinstance(extras, dict) and extras.get("synthetic") is True
+    elif path.suffix.lower() == ".npz":
+        marks = read_arrays(path, ("synthetic",), expand=COMPRESSED)
+        synthetic = bool(np.any(marks.get("synthetic", False)))
+    return "synthetic" if synthetic else "real"
 
 
 def _as_they_are(motion: Motion, **facts) -> list[Dancer]:

@@ -6,7 +6,7 @@ Read first: docs/your_own.md.
     files = ["duo/anna.bvh", "duo/ben.bvh"]  # of one take, relative to the folder
     name = "duo"
     song = "songs/duo.ogg"
-    genre, split, source, licence            # words
+    genre, split, kind, source, licence      # words; kind: real, composed or synthetic
     fps, up, unit, rest, joints              # see `dancediff.data.folder.posture.Given`
 
 A song is else the sound file of the take's name, beside it or in a folder ``songs`` or ``music``.
@@ -14,6 +14,7 @@ A song is else the sound file of the take's name, beside it or in a folder ``son
 
 import re
 import tomllib
+import warnings
 from collections import Counter
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
@@ -22,12 +23,13 @@ from dancediff.data.folder.posture import Given
 from dancediff.data.formats import find_song
 from dancediff.data.names import plain_name, short_hash
 from dancediff.data.prepared import is_prepared
-from dancediff.data.take import SPLITS
+from dancediff.data.take import KINDS, SPLITS
 
 MANIFEST = "takes.toml"
 SUFFIXES = (".bvh", ".npz", ".npy", ".pkl", ".glb", ".gltf")
+BEST = (".npz", ".glb", ".gltf", ".smpl.npz", ".bvh", ".pkl", ".npy")  # what keeps most comes first
 _GIVEN = tuple(f.name for f in fields(Given))
-_WORDS = ("name", "song", "genre", "split", "source", "licence")
+_WORDS = ("name", "song", "genre", "split", "kind", "source", "licence")
 
 
 @dataclass(frozen=True)
@@ -40,6 +42,7 @@ class TakePlan:
     song: Path | None = None
     genre: str | None = None
     split: str | None = None
+    kind: str | None = None  # of the motion; None: as the files say, else real
     source: str = ""
     licence: str = ""
     labels: tuple[str, ...] = field(default=())  # the files as seen from the folder
@@ -51,9 +54,11 @@ def takes_in(
     """The takes of a folder, sorted by name.
 
     ``group`` tells how files of one take are named, such as "{take}_{dancer}"; without it every
-    file that ``takes.toml`` does not name is a take. ``given`` holds for all of them. What lies in
-    a prepared folder, or in the folder ``leave_out`` within ``src``, is no motion to prepare.
-    Where two takes would have one name, or it is not ASCII, six letters are added to it.
+    file that ``takes.toml`` does not name is a take. Of a dance that lies there in several formats
+    the one that keeps most is taken, and a warning names the others. ``given`` holds for all of
+    them. What lies in a prepared folder, or in the folder ``leave_out`` within ``src``, is no
+    motion to prepare. Where two takes would have one name, or it is not ASCII, six letters are
+    added to it.
 
     Raises: ValueError naming the folder, the file or the entry that is wrong.
     """
@@ -76,21 +81,42 @@ def takes_in(
 
 def _found(paths: list[Path], src: Path, group: str | None, given: Given) -> list[TakePlan]:
     """Takes of the files that no table names."""
-    stems = [path.relative_to(src).with_suffix("") for path in paths]
-    times = Counter(stems)
     pattern = None if group is None else _pattern(group)
-    rows: dict[tuple[str, ...], list[Path]] = {}  # folders, name and, of two formats, the suffix
-    for path, stem in zip(paths, stems, strict=True):
-        match = None if pattern is None else pattern.fullmatch(stem.name)
-        short = match["take"] if match else stem.name
-        end = f"_{path.suffix[1:].lower()}" if times[stem] > 1 else ""
-        rows.setdefault((*stem.parts[:-1], short, end), []).append(path)
+    rows: dict[tuple[str, ...], list[Path]] = {}  # folders and name
+    for path in _one_format(paths):
+        stem = path.name.removesuffix(_kind(path))
+        match = None if pattern is None else pattern.fullmatch(stem)
+        short = match["take"] if match else stem
+        rows.setdefault((*path.relative_to(src).parts[:-1], short), []).append(path)
     plans = []
-    for (*folders, short, end), files in rows.items():
-        name = "_".join([*folders, short]) + end
+    for (*folders, short), files in rows.items():
+        name = "_".join([*folders, short])
         song = _song(src, files[0], [short, name])
         plans.append(TakePlan(plain_name(name), tuple(files), given, song))
     return plans
+
+
+def _kind(path: Path) -> str:
+    """The end of its name that says the format, as it is written there."""
+    ends = sorted(BEST, key=len, reverse=True)
+    end = next(one for one in ends if path.name.lower().endswith(one))
+    return path.name[-len(end) :]
+
+
+def _one_format(paths: list[Path]) -> list[Path]:
+    """Of every dance the files of one format: ``dance.npz`` and ``dance.1.bvh`` are one dance."""
+    dances: dict[Path, dict[int, list[Path]]] = {}
+    for path in paths:
+        kind = _kind(path)
+        name = path.name.removesuffix(kind)
+        if kind.lower() in (".bvh", ".smpl.npz"):  # of a group one file each
+            name = re.sub(r"\.\d+$", "", name)
+        formats = dances.setdefault(path.with_name(name), {})
+        formats.setdefault(BEST.index(kind.lower()), []).append(path)
+    kept = [path for formats in dances.values() for path in formats[min(formats)]]
+    if others := sorted({path.name for path in paths} - {path.name for path in kept}):
+        warnings.warn(f"the same dances in other formats: {', '.join(others)}", stacklevel=3)
+    return sorted(kept)
 
 
 def _apart(plans: list[TakePlan], chosen: list[bool]) -> list[TakePlan]:
@@ -172,11 +198,13 @@ def _planned(row: dict, number: int, src: Path, given: Given) -> TakePlan:
             raise ValueError(f"{where}: {str(file)!r} is not there")
     if row.get("split", "train") not in SPLITS:
         raise ValueError(f"{where}: split={row['split']!r} is not one of {', '.join(SPLITS)}")
+    if row.get("kind", "real") not in KINDS:
+        raise ValueError(f"{where}: kind={row['kind']!r} is not one of {', '.join(KINDS)}")
     name = row.get("name", "_".join(Path(names[0]).with_suffix("").parts))
     try:
         given = replace(given, **{key: row[key] for key in _GIVEN if key in row})
     except (TypeError, ValueError) as err:
         raise ValueError(f"{where}: {err}") from err
-    words = {key: row[key] for key in ("genre", "split", "source", "licence") if key in row}
+    words = {key: row[key] for key in ("genre", "split", "kind", "source", "licence") if key in row}
     song = src / song if song else _song(src, files[0], [name])
     return TakePlan(plain_name(name), tuple(files), given, song, **words)

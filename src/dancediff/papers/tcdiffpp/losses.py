@@ -84,11 +84,18 @@ def tcdiffpp_losses(
     Source: TCDiff++ eq. 18, with the weights of section 5.1 by default.
 
     Shapes: x_raw, x_hat, x_0 (b, n, f, d) normalised -> dict of scalars.
+    Raises: ValueError for other shapes, which would count frames as dancers.
 
     >>> norm = Normalizer(-torch.ones(151), torch.ones(151))
     >>> x = torch.rand(1, 2, 8, 151)
     >>> sorted(tcdiffpp_losses(x, x, x, norm))
     ['contact', 'dist', 'fk', 'simple', 'total', 'vel']
     """
+    if x_0.ndim != 4 or not x_raw.shape == x_hat.shape == x_0.shape:
+        shapes = ", ".join(
+            f"{name} {tuple(x.shape)}"
+            for name, x in {"x_raw": x_raw, "x_hat": x_hat, "x_0": x_0}.items()
+        )
+        raise ValueError(f"{shapes} must all have one shape (b, n, f, d)")
     terms = five_losses(compare(x_raw, x_hat, x_0, normalizer))
     return with_total(terms, (weights or LossWeights()).terms())

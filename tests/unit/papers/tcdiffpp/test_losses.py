@@ -114,3 +114,12 @@ def test_both_outputs_learn():
     raw, hat = motion(seed=1).requires_grad_(), motion(seed=2).requires_grad_()
     tcdiffpp_losses(raw, hat, x, NORM)["total"].backward()
     assert raw.grad.abs().sum() > 0 and hat.grad.abs().sum() > 0
+
+
+def test_what_is_no_batch_of_groups_is_refused():
+    """Frames would be taken for dancers, and one dancer for all."""
+    norm = Normalizer(-torch.ones(151), torch.ones(151))
+    x = torch.rand(1, 3, 8, 151)
+    for truth, guess in ((x[0], x[0]), (x[:, :1], x)):
+        with pytest.raises(ValueError, match=r"must all have one shape \(b, n, f, d\)"):
+            tcdiffpp_losses(guess, guess, truth, norm)
