@@ -341,6 +341,7 @@ class Fidelity(Common):
     frames: int = 1024
     count: int = 60
     kinds: tuple[str, ...] = ("synthetic",)  # "real": people's, not those of training
+    seed: int = 0  # of the first dance; the others count on
     edge_sampling: Sampling = field(  # as in its paper, but for the number of steps
         default_factory=lambda: Sampling(steps=20, guidance=2.0, autoguidance=1.0)
     )
@@ -351,10 +352,11 @@ class Fidelity(Common):
         reference = [w.motion for w in held_out(self.other, self.frames, 10 * self.count)]
         how = self.how
         sets = {"held-out": [w.motion for w in some]}
-        jobs = [joblib.delayed(danced)(self.model, w, k, how) for k, w in enumerate(some)]
+        numbered = list(enumerate(some, self.seed))
+        jobs = [joblib.delayed(danced)(self.model, w, k, how) for k, w in numbered]
         sets[self.model] = in_processes(jobs, self.workers)
         how = arguments(self.edge_sampling)
-        jobs = [joblib.delayed(_alone)(self.edge, w, k, how) for k, w in enumerate(some)]
+        jobs = [joblib.delayed(_alone)(self.edge, w, k, how) for k, w in numbered]
         sets[self.edge] = in_processes(jobs, self.workers)
         for name, dances in sets.items():
             report = evaluate_dances(dances, reference=reference, song=[w.beats for w in some])
