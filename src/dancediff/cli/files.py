@@ -118,7 +118,7 @@ def _remove_other_dancers(files: list[Path]) -> None:
             other.unlink()
 
 
-def left_over(out: Path, files: Iterable) -> list[str]:
+def of_an_earlier_dance(out: Path, files: Iterable) -> list[str]:
     """A line that names files of an earlier dance in the same folder, if there are any."""
     new = {Path(file).name for file in files}
     suffixes = tuple(file_of(name).removeprefix("dance") for name in FORMATS)

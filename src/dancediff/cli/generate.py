@@ -15,7 +15,7 @@ from dancediff.cli.files import (
     check_folder,
     check_formats,
     check_targets,
-    left_over,
+    of_an_earlier_dance,
     song_named,
     tell,
 )
@@ -75,7 +75,7 @@ class _Generate:
         heard = "no beat" if isnan(song.tempo) else f"{song.tempo:.0f} beats a minute"
         genre = f", danced as {facts['genre']}" if facts.get("genre") else ""
         lines = [f"{dance.people}, {length}, to {song.name!r} ({heard}{genre}):"]
-        older = left_over(self.out, facts["files"])
+        older = of_an_earlier_dance(self.out, facts["files"])
         tell(self.json, facts, lines + [f"  {file}" for file in facts["files"]] + older)
 
     def _run_many(self, options: dict, formats: list[str], how: dict) -> None:

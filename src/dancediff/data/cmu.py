@@ -113,7 +113,7 @@ def _manifest(src: Path) -> dict:
     manifest = read_json(path)
     missing = {"source", "licence", "salsa", "indian"} - set(manifest)
     if missing:
-        raise ValueError(f"{src / 'manifest.json'} lacks {', '.join(sorted(missing))}")
+        raise ValueError(f"{path} lacks {', '.join(sorted(missing))}")
     return manifest
 
 

@@ -224,8 +224,11 @@ class LiveSession:
             np.savez(self._file(len(self._pieces)), **arrays)  # a dance file would round them
             self._last = piece
             self._pieces.append((start, piece.num_frames))
-            self.have[start : start + piece.num_frames] = True
             calls = self.stream.calls
+            for call in calls[noted:]:  # a piece that was being made meanwhile is old, too
+                if "seek" in call:
+                    self.have[round(call["seek"] * FPS) :] = False
+            self.have[start : start + piece.num_frames] = True
             self._tell("piece", {"start": self.stream.begins, "motion": piece})
             for call in calls[noted:]:
                 self._tell("knob", call | {"from": self.stream.begins})

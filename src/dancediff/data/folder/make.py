@@ -189,7 +189,9 @@ def told_kind(path: Path) -> str:
     """What a file of other programs' formats says of its motion; only our own exports say it."""
     synthetic = False
     if path.suffix.lower() == ".glb":
-        extras = chunks(path.read_bytes())[0].get("asset", {}).get("extras", {})
+        content = path.read_bytes()
+        book = chunks(content)[0] if content[:4] == b"glTF" else {}
+        extras = book.get("asset", {}).get("extras", {})
         synthetic = isinstance(extras, dict) and extras.get("synthetic") is True
     elif path.suffix.lower() == ".npz":
         marks = read_arrays(path, ("synthetic",), expand=COMPRESSED)

@@ -201,3 +201,12 @@ def test_the_small_config_can_be_read():
     path = CONFIGS / "mnet_tiny.toml"
     tables = check_autoregressive_tables(read_training(path), str(path))
     assert len(tables["model"]["genres"]) == 10
+
+
+def test_a_style_is_made_without_gradients_as_frames_are(model):
+    """Else a stream differs from `generate` in the last bits."""
+    seen = []
+    model.mapping.register_forward_hook(lambda *_: seen.append(torch.is_grad_enabled()))
+    song = dd.packaged_song()
+    assert next(pipeline_of(model).stream(song, seconds=1)).num_frames == 30
+    assert seen == [False]
