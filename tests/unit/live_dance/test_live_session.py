@@ -103,6 +103,8 @@ def test_what_lies_behind_a_jump_is_danced_anew(open_session):
     """What was danced there before goes on from other places: somebody would jump."""
     session, told = open_session()
     until(lambda: session.ahead > 5)
+    session.played(8.0)
+    until(lambda: session.ahead > 5)
     session.seek(3.0)
     until(lambda: session.ahead > 5)
     starts = [facts["start"] for kind, facts in told if kind == "piece"]
