@@ -103,12 +103,14 @@ class Common:
 
     model: tyro.conf.Positional[str]
     sampling: Sampling = field(default_factory=lambda: Sampling(steps=20, guidance=1.0))
+    soft: float | None = None  # share of the steps with soft cues; None: the model's default
     workers: int = 2
 
     @property
     def how(self) -> dict:
         """Arguments of `generate`."""
-        return arguments(self.sampling)
+        soft = {} if self.soft is None else {"soft": self.soft}
+        return arguments(self.sampling) | soft
 
 
 @dataclass
@@ -335,7 +337,7 @@ class Length(Common):
 class Fidelity(Common):
     """Lodge and EDGE's naive long sampling against held-out takes."""
 
-    edge: tyro.conf.Positional[str] = "edge"
+    edge: tyro.conf.Positional[str] = "edge"  # "none": Lodge alone
     held: tyro.conf.Positional[str] = "held"
     other: tyro.conf.Positional[str] = "other"
     frames: int = 1024
@@ -355,9 +357,10 @@ class Fidelity(Common):
         numbered = list(enumerate(some, self.seed))
         jobs = [joblib.delayed(danced)(self.model, w, k, how) for k, w in numbered]
         sets[self.model] = in_processes(jobs, self.workers)
-        how = arguments(self.edge_sampling)
-        jobs = [joblib.delayed(_alone)(self.edge, w, k, how) for k, w in numbered]
-        sets[self.edge] = in_processes(jobs, self.workers)
+        if self.edge != "none":
+            how = arguments(self.edge_sampling)
+            jobs = [joblib.delayed(_alone)(self.edge, w, k, how) for k, w in numbered]
+            sets[self.edge] = in_processes(jobs, self.workers)
         for name, dances in sets.items():
             report = evaluate_dances(dances, reference=reference, song=[w.beats for w in some])
             print(f"| {name} | " + " | ".join(_cell(row) for row in report.rows) + " |")

@@ -3,9 +3,10 @@
     python data_prep/debian_songs.py OUT [--debs FOLDER] [--exclude FOLDER ...]
 
 Packages are fetched with apt-get download and unpacked with dpkg-deb; nothing is installed. MIDI
-tunes are rendered with each sound font, which needs `pip install mido tinysoundfont`; without them
-they are left out. OUT/songs.toml tells title, author, licence and package of every song. Songs that
-are also in an --exclude folder (by name, title or bytes) stay out: those that models are tested on.
+tunes are rendered with each sound font, which needs `apt-get install portaudio19-dev`, then
+`pip install mido tinysoundfont`; without them they are left out. OUT/songs.toml tells title,
+author, licence and package of every song. Songs that are also in an --exclude folder (by name,
+title or bytes) stay out: those that models are tested on.
 """
 
 import argparse
@@ -158,7 +159,13 @@ def rendered(path: Path, font: Path) -> Music:
 
 
 def known(folders: list[Path]) -> set[str]:
-    """Titles and hashes of the songs in some folders."""
+    """Titles and hashes of the songs in some folders.
+
+    Raises: ValueError naming a folder that is not there: its songs would not stay out.
+    """
+    for folder in folders:
+        if not folder.is_dir():
+            raise ValueError(f"--exclude {str(folder)!r} is no folder; name one that is there")
     paths = [p for folder in folders for p in folder.rglob("*") if p.suffix.lower() in SUFFIXES]
     keys = {SongFile(path, path.stem).key for path in paths}
     return keys | {sha256(path.read_bytes()).hexdigest() for path in paths}
@@ -216,7 +223,7 @@ def main() -> None:
             for name, (file, _) in FONTS.items():
                 fonts[name] = unpacked(name, debs, Path(scratch)) / "sounds" / "sf2" / file
         except ImportError as err:
-            print(f"MIDI tunes are left out: {err}; pip install mido tinysoundfont")
+            print(f"MIDI tunes are left out: {err}; see the top of this file")
         for package in PACKAGES:
             share = unpacked(package.name, debs, Path(scratch))
             for facts, seconds in collect(package, args.out, share, fonts, never):

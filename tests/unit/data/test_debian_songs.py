@@ -87,3 +87,8 @@ def test_guitar_and_band_are_played_together(script, tmp_path):
     band = Music.load(tmp_path / "song.ogg")
     assert music.audio.shape == band.audio.shape and music.name == Path(tmp_path).name
     assert abs(music.audio - 0.5 * band.audio).max() > 0.05
+
+
+def test_a_folder_to_leave_out_that_is_not_there_is_named(script, tmp_path):
+    with pytest.raises(ValueError, match=r"--exclude '.*nowhere' is no folder"):
+        script["known"]([tmp_path / "nowhere"])
