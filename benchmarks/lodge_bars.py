@@ -90,10 +90,9 @@ def arguments(sampling: Sampling) -> dict:
     return {name: value for name, value in how.items() if value is not None}
 
 
-def solo_sampler(model: Lodge, sampling: Sampling, at_once: int | None) -> LodgeSampler:
+def solo_sampler(model: Lodge, how: dict, at_once: int | None) -> LodgeSampler:
     """Below `generate`: music features in, features of a hip-hop solo out."""
-    how = arguments(sampling) | {"genre": "hiphop", "at_once": at_once}
-    asked = LodgeRequest(**how).resolve(model, hub.packaged_song())
+    asked = LodgeRequest(**how | {"genre": "hiphop", "at_once": at_once}).resolve(model, hub.packaged_song())
     return LodgeSampler(model.global_stage, model.local_stage, asked)
 
 
@@ -103,7 +102,7 @@ class Common:
 
     model: tyro.conf.Positional[str]
     sampling: Sampling = field(default_factory=lambda: Sampling(steps=20, guidance=1.0))
-    soft: float | None = None  # share of the steps with soft cues; None: the model's default
+    soft: float | None = None  # share of the way with soft cues; None: the model's default
     workers: int = 2
 
     @property
@@ -127,7 +126,7 @@ class Equal(Common):
             M[:, 33:] = 0
             M[::15, 34] = 1
             made = [
-                solo_sampler(model, self.sampling, at_once).dance(M, L * LOCAL)
+                solo_sampler(model, self.how, at_once).dance(M, L * LOCAL)
                 for at_once in (None, 1)
             ]
             print(f"| {L} | {(made[0] - made[1]).abs().max():.2e} |")
@@ -321,7 +320,7 @@ class Length(Common):
     def run(self) -> None:
         """Print seconds for each length, one after the other in one process."""
         model, times = hub.load(self.model).model, []
-        go = solo_sampler(model, self.sampling, self.at_once).dance
+        go = solo_sampler(model, self.how, self.at_once).dance
         go(torch.zeros(LOCAL, 35), LOCAL)  # warm
         for frames in self.frames:
             M = torch.zeros(frames, 35)

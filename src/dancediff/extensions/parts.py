@@ -3,7 +3,8 @@
 Read first: `dancediff.papers.tcdiffpp.model`.
 
 An extended model runs its plain decoder step by step and gives every part a turn after each step:
-`Parts.prepare` before all, `embed` after the embedding, `tokens` after the Fusion Projection,
+`Parts.prepare` before all, `embed` after the embedding, `tokens` after the Fusion Projection (with
+`frame_tokens` before frames are put together, so before it),
 `film` before the layers, `read` after the decoder has read out its tokens, `velocity` before and
 `adapt` after the Footwork Adaptor.
 
@@ -52,7 +53,7 @@ class Part(nn.Module):
         return h
 
     def tokens(self, h: Tensor, run: Pass) -> Tensor:
-        """Add to the tokens that the layers get."""
+        """Add to the tokens of single frames."""
         return h
 
     def film(self, cond: Tensor, run: Pass) -> Tensor:

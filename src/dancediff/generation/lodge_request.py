@@ -15,7 +15,10 @@ class LodgeRequest(DiffusionRequest):
 
     dancers: int = option(1, "How many people dance, all the same solo.", low=1, high=5)
     soft: float = option(
-        1.0, "For which share of the steps the dance is held at its soft cues.", low=0, high=1
+        1.0,
+        "For which share of the way from noise to dance it is held at its soft cues.",
+        low=0,
+        high=1,
     )
     mirror: bool = option(True, "Dance each soft cue a second time, mirrored.")
     beat_align: bool = option(True, "Put soft cues on beats.")

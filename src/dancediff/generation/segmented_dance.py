@@ -95,7 +95,7 @@ def foot_contact_hooks(model, request: SegmentedRequest) -> list[Projection]:
 def largest_guess(
     model, request: SegmentedRequest, constraint: Constraint | None = None
 ) -> Callable[[Tensor], Tensor]:
-    """Where guesses are cut: at the training range, as published, or frequency by frequency.
+    """Where guesses are cut: at the training range, but for places, or frequency by frequency.
 
     ``constraint``: what the caller fixed; if some of it are places, places are cut wider.
     """

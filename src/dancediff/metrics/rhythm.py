@@ -45,10 +45,10 @@ def beat_alignment(
 
     Source: Bailando and Lodge (BAS), AIST++ and GCD (MMC).  Differs: motion beats are those of
     `motion_beats`, smoothed over 0.05 s; only beats that fall within the clip count; one sigma for
-    both directions. ``compat="lodge"`` (music): smoothed over 5 frames, which merges fast beats,
-    sigma of 3 frames, and beats after the motion's end count too. ``compat="aist"`` or ``"gcd"``
-    (motion): minima over 5 frames to each side of the joints' summed speed, not smoothed, sigma
-    of 2.12 frames; at 60 fps 10 frames and 3. The published codes find the beats themselves; here
+    both directions. With any ``compat`` beats after the motion's end count too. "lodge" (music):
+    smoothed over 5 frames, which merges fast beats, sigma of 3 frames. "aist" or "gcd" (motion):
+    minima over 5 frames to each side of the joints' summed speed, not smoothed, sigma of 2.12
+    frames; at 60 fps 10 frames and 3. The published codes find the beats themselves; here
     the caller brings them.
 
     Shapes/units: joints (n, f, 24, 3) metres, beats (k,) seconds -> float.

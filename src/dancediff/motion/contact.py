@@ -52,8 +52,8 @@ def foot_contact(joints: Tensor, fps: float = FPS) -> Tensor:
       h = 0.12\text{ m (ankle)},\ 0.05\text{ m (toe)}$$
 
     Source: thresholds of Lodge's preprocessing (height) and EDGE's (speed).  Differs: EDGE uses the
-    speed alone and calls the last frame planted always; Lodge uses the height alone, so that a foot
-    that skates is called planted.
+    speed alone, also upwards, and calls the last frame planted always; Lodge uses the height alone,
+    so that a foot that skates is called planted.
 
     Shapes: joints (..., f, j, 3) metres -> (..., f, 4) of 0. and 1.
 

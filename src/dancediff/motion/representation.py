@@ -226,8 +226,8 @@ class Normalizer(nn.Module):
 def cut_to_range(x: Tensor) -> Tensor:
     """Cut normalised features at +-1, the training range, but for places on the floor.
 
-    Source: EDGE, Lodge.  Differs: they cut places, too; here a metre is the unit of the floor
-    (`metre_unit`), and who stands further out shall not be pulled in.
+    Source: EDGE, Lodge.  Differs: they cut places, too; here who stands further out than anybody in
+    training, or than a metre with `metre_unit`, shall not be pulled in.
 
     Shapes: x (..., d) -> the same.
 

@@ -5,9 +5,10 @@ Read first: notebook 12 · Lodge section 3.2, appendix B · RePaint eq. 8.
 Symbols (axes: l local segments · f frames · d motion features)
     y             the cues, normalised; anything where there is none       (l, f, d)
     hard_frames   first and last 4 of each segment: held at every step     (l, f) bool
-    soft_frames   around beats: held in the first share ``soft`` of steps  (l, f) bool
+    soft_frames   around beats: held in the first share ``soft`` of the    (l, f) bool
+                  way from noise to dance
     soft          $s$: 0 = hard cues only, 1 = at every step but the last
-    times         the sampler's steps, from T - 1 down to -1 ("clean")
+    times         noise levels of the sampler's steps, down to -1 ("clean")
 """
 
 from collections.abc import Sequence
@@ -38,8 +39,8 @@ def guided_steps(times: Sequence[int], soft: float) -> int:
 
     $$\#\{k : t_k + 1 > T (1 - s),\; t_{k+1} \ge 0\}$$
 
-    It is the same part of the way from noise to dance for every sampler, and for evenly spaced
-    steps the same share of them.
+    T is one more than the first level. It is the same part of the way from noise to dance for every
+    sampler, and for evenly spaced steps the same share of them; DPM-Solver++'s are not.
 
     Source: Lodge section 3.2 ("in the initial 1000 s steps"), its pseudocode and Table 4; the
     sentence in appendix B has 1 - s.  Differs: with DDIM the released code compares t, 999 ... 19,
@@ -52,6 +53,8 @@ def guided_steps(times: Sequence[int], soft: float) -> int:
     [0, 13, 25, 49]
     >>> [guided_steps(sampling_times("ddpm", 50), s) for s in (0, 0.25, 0.5, 1)]
     [0, 250, 500, 999]
+    >>> [guided_steps(sampling_times("dpm", 20), s) for s in (0.5, 0.75, 1)]
+    [9, 11, 19]
     """
     if not 0 <= soft <= 1:
         raise ValueError(f"soft={soft} must lie in 0 (hard cues only) ... 1 (all steps but one)")
@@ -93,11 +96,12 @@ class CueGuidance:
     $$x_{t'} \leftarrow \begin{cases}
       y & \text{at hard cues, whatever } t' \\
       \sqrt{\bar\alpha_{t'}}\, y + \sqrt{1 - \bar\alpha_{t'}}\,\epsilon
-        & \text{at soft cues, in the first share } s \text{ of steps}
+        & \text{at soft cues, in the first share } s \text{ of the way}
     \end{cases}$$
 
-    Hard cues are clean because the network was fine-tuned to find its borders so (eq. 10); they are
-    there from the first input on. Soft cues have the noise of the rest of the dance.
+    Hard cues are clean because the network was fine-tuned to find its borders so (eq. 10; discrete
+    primitives lie four frames apart there, not side by side); they are there from the first input
+    on. Soft cues have the noise of the rest of the dance.
 
     Source: Lodge section 3.2 and its pseudocode, in which hard cues are clean; the text calls that
     inpainting, which noises them.  Differs: pseudocode and code begin after the first step; the

@@ -85,7 +85,8 @@ class GlobalConfig:
 def global_token_frames(config: GlobalConfig) -> Tensor:
     """The frame of the segment that each token stands for, an input of the network.
 
-    Hard primitives sit on the borders, where they will be used. A soft one is danced on some beat
+    Hard primitives sit on the borders, where they will be used; a segment's first and last stand
+    4 frames inwards, as they were learned. A soft one is danced on some beat
     of its half of a local segment: its frame is the middle of that half.
 
     Shapes: -> (f,) float.

@@ -20,7 +20,7 @@ from dancediff.motion.skeleton import LOWER_BODY
 from dancediff.nn.conditioning import ConcatSquashLinear
 
 ON_FLOOR = TCDIFFPP.floor
-FASTEST = 3.0  # normalised units a second: the width of the stage in less than a second
+FASTEST = 3.0  # normalised units a second: 3 m/s, or the width of the stage in under a second
 
 
 def ground_velocity(x_raw: Tensor) -> Tensor:

@@ -70,6 +70,13 @@ def test_share_of_steps_is_s(sampler, steps):
         assert abs(count - s * steps) < 1
 
 
+def test_steps_of_dpm_are_guided_over_the_same_part_of_the_way():
+    """Its levels lie closer to the noise than to the dance, so these are fewer steps."""
+    times = sampling_times("dpm", 20)
+    held = [t for t in times if t + 1 > 993 * 0.25]
+    assert guided_steps(times, 0.75) == len(held) == 11
+
+
 def test_unevenly_spaced_steps_are_guided_over_the_same_part_of_the_way():
     few = [999, 900, 700, 300, 50, -1]
     assert [guided_steps(few, s) for s in (0, 0.05, 0.25, 0.5, 1)] == [0, 1, 2, 3, 4]
