@@ -92,7 +92,8 @@ def arguments(sampling: Sampling) -> dict:
 
 def solo_sampler(model: Lodge, how: dict, at_once: int | None) -> LodgeSampler:
     """Below `generate`: music features in, features of a hip-hop solo out."""
-    asked = LodgeRequest(**how | {"genre": "hiphop", "at_once": at_once}).resolve(model, hub.packaged_song())
+    asked = LodgeRequest(**how | {"genre": "hiphop", "at_once": at_once})
+    asked = asked.resolve(model, hub.packaged_song())
     return LodgeSampler(model.global_stage, model.local_stage, asked)
 
 
@@ -126,8 +127,7 @@ class Equal(Common):
             M[:, 33:] = 0
             M[::15, 34] = 1
             made = [
-                solo_sampler(model, self.how, at_once).dance(M, L * LOCAL)
-                for at_once in (None, 1)
+                solo_sampler(model, self.how, at_once).dance(M, L * LOCAL) for at_once in (None, 1)
             ]
             print(f"| {L} | {(made[0] - made[1]).abs().max():.2e} |")
 

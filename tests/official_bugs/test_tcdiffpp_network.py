@@ -4,8 +4,8 @@ import random
 
 import pytest
 import torch
+from einops import rearrange
 
-from dancediff.axes import from_tokens
 from dancediff.diffusion.conditions import Conditions
 from dancediff.extensions.build import build
 from dancediff.motion.order import swap_mode
@@ -51,7 +51,7 @@ def test_order_uses_first_frame():
 def test_codes_follow_axes_not_layout():
     """Released: codes are laid out dancer by dancer on tokens that run frame by frame."""
     n, f = 3, 150
-    frames = from_tokens(token_frames(torch.zeros(1, n, f, 1))[None, :, None], n)[0, :, :, 0]
+    frames = rearrange(token_frames(torch.zeros(1, n, f, 1)), "(f n) -> n f", n=n)
     assert torch.equal(frames, torch.arange(f).expand(n, f))  # all 450 right; released: 4
     codes = DancerPositioning(5, 8)(torch.zeros(1, n, f, 8))
     assert (codes == codes[:, :, :1]).all()  # a dancer is the same dancer throughout

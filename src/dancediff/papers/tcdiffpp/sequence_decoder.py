@@ -12,7 +12,6 @@ import torch
 from einops import rearrange
 from torch import Tensor, nn
 
-from dancediff.axes import from_tokens, to_tokens
 from dancediff.nn.decoder import DecoderLayer, frames_of_memory, token_frames
 from dancediff.nn.ssm import MambaBlock
 
@@ -48,7 +47,7 @@ class GroupDanceLayer(DecoderLayer):
         self, h: Tensor, memory: Tensor, cond: Tensor, memory_frames: Tensor
     ) -> Tensor:
         """Run the four blocks in turn."""
-        tokens, frames, n = to_tokens(h), token_frames(h), h.shape[1]
+        tokens, frames, n = rearrange(h, "b n f d -> b (f n) d"), token_frames(h), h.shape[1]
         attend, cross_attend, feed_forward = self.blocks(memory, frames, memory_frames)
 
         def along_time(x: Tensor) -> Tensor:
@@ -56,7 +55,7 @@ class GroupDanceLayer(DecoderLayer):
             return rearrange(streams, "(b n) f d -> b (f n) d", n=n)
 
         tokens = self.run(tokens, cond, [attend, along_time, cross_attend, feed_forward])
-        return from_tokens(tokens, n)
+        return rearrange(tokens, "b (f n) d -> b n f d", n=n)
 
 
 class GroupDanceLayerWithoutSSM(DecoderLayer):
@@ -66,9 +65,9 @@ class GroupDanceLayerWithoutSSM(DecoderLayer):
         self, h: Tensor, memory: Tensor, cond: Tensor, memory_frames: Tensor
     ) -> Tensor:
         """Run the three blocks in turn."""
-        tokens = to_tokens(h)
+        tokens = rearrange(h, "b n f d -> b (f n) d")
         tokens = super().forward(tokens, memory, cond, token_frames(h), memory_frames)
-        return from_tokens(tokens, h.shape[1])
+        return rearrange(tokens, "b (f n) d -> b n f d", n=h.shape[1])
 
 
 class SequenceDecoder(nn.Module):

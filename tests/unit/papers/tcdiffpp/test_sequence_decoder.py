@@ -1,7 +1,7 @@
 import pytest
 import torch
+from einops import rearrange
 
-from dancediff.axes import from_tokens
 from dancediff.papers.tcdiffpp.sequence_decoder import (
     GroupDanceLayer,
     GroupDanceLayerWithoutSSM,
@@ -34,6 +34,11 @@ def test_four_blocks_with_their_own_norm_and_film():
     assert len(layer.norms) == len(layer.films) == 3
 
 
+def by_dancer(tokens):
+    """All dancers of frame 0, then all of frame 1, ... -> one row a dancer, of three."""
+    return rearrange(tokens, "b (f n) d -> b n f d", n=3)
+
+
 def test_order_is_attention_ssm_cross_attention_feed_forward():
     layer = GroupDanceLayer(16, num_heads=2, ff_dim=32)
     h, memory, cond, frames = layer_inputs()
@@ -41,13 +46,13 @@ def test_order_is_attention_ssm_cross_attention_feed_forward():
     own = torch.arange(6).repeat_interleave(3)
     x = layer.norms[0](tokens)
     tokens = tokens + layer.films[0](layer.self_attention(x, x, own, own), cond)
-    streams = from_tokens(layer.norms[1](tokens), 3)
+    streams = by_dancer(layer.norms[1](tokens))
     mixed = torch.stack([layer.ssm(streams[:, i]) for i in range(3)], dim=2).flatten(1, 2)
     tokens = tokens + layer.films[1](mixed, cond)
     attended = layer.cross_attention(layer.norms[2](tokens), memory, own, frames)
     tokens = tokens + layer.films[2](attended, cond)
     tokens = tokens + layer.films[3](layer.feed_forward(layer.norms[3](tokens)), cond)
-    torch.testing.assert_close(layer(h, memory, cond, frames), from_tokens(tokens, 3))
+    torch.testing.assert_close(layer(h, memory, cond, frames), by_dancer(tokens))
 
 
 def test_frames_of_tokens_are_shared_by_all_dancers():
