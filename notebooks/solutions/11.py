@@ -44,8 +44,8 @@ def forget(root):
 
 # %% 11.5
 # The clock decides where hard primitives lie, the dancer where soft ones do. Their number is fixed,
-# because the network has room for thirteen: too many rests are thinned out, gaps are halved. What
-# happens in any of them is always the dancer's.
+# because the network has room for thirteen: each half of a local gives the rest with most movement
+# around it, or its middle. What happens in any of them is always the dancer's.
 changes = {
     "how many soft ones": False,
     "frames of the soft ones": True,

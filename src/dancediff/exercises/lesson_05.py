@@ -20,8 +20,15 @@ def _distance_cases() -> list[tuple]:
     return [*cases, (p + 1.0, p)]  # all stand aside: the offsets are right
 
 
+def _rooms() -> list[tuple]:
+    """Walks, and two who stand in a row, the first 2, 4 or 5 m to the right of the second."""
+    row = torch.ones(3, 2, 30, 3)
+    row[:, 0, :, 0] += torch.tensor([2.0, 4.0, 5.0])[:, None]
+    return [*walks(), *((p,) for p in row)]
+
+
 def _strangers(p):
-    return p + torch.tensor([10.0, 0, 0]) * torch.arange(len(p))[:, None, None]
+    return p + torch.tensor([11.0, 0, 0]) * torch.arange(len(p))[:, None, None]  # over 2 * 5 m
 
 
 def _fools_released_loss(got, p) -> str:
@@ -66,6 +73,6 @@ def _layer_cases() -> list[tuple]:
 
 SPECS = {
     "05.2": {"spec": _distance_loss, "cases": _distance_cases},
-    "05.3": {"spec": _strangers, "cases": walks, "accepts": _fools_released_loss},
+    "05.3": {"spec": _strangers, "cases": _rooms, "accepts": _fools_released_loss},
     "05.4": {"spec": _layer, "cases": _layer_cases},
 }

@@ -24,7 +24,8 @@ def _poses() -> list[tuple]:
 
 
 def _ways() -> list[tuple]:
-    ways = [[999, 749, 499, 249, -1], list(range(999, -2, -1))]  # t > for t + 1 > is one step off
+    ways = [[999, 749, 499, 249, -1], [499, 374, 249, 124, -1]]  # T is 1000, and 500
+    ways += [list(range(999, -2, -1))]  # t > for t + 1 > is one step off
     ways += [list(sampling_times(s, n, cosine_abar())) for s, n in (("ddim", 50), ("dpm", 20))]
     return [(way, s) for way in ways for s in (0.0, 0.3, 0.5, 1.0)]
 

@@ -94,6 +94,8 @@ NEAR_MISSES = {
         lambda p: p[0],
         lambda p: p + 0.6 * torch.arange(len(p))[:, None, None] * torch.eye(3)[0],  # only in a row
         lambda p: p + 0.6 * torch.arange(len(p))[:, None, None] * torch.eye(3)[2],
+        lambda p: p + 4 * torch.arange(len(p))[:, None, None] * torch.eye(3)[0],  # past each other
+        lambda p: p + 10 * torch.arange(len(p))[:, None, None] * torch.eye(3)[0],  # the same at 5 m
         lambda p: p.flip(0),  # exchanged: steps change
         lambda p: p + 10 * torch.linspace(0, 1, p.shape[1])[:, None],  # all drift
     ],

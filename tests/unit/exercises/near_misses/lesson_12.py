@@ -99,6 +99,7 @@ NEAR_MISSES = {
         lambda times, s: sum(t + 1 >= (times[0] + 1) * (1 - s) for t in times[:-2]),  # as many
         lambda times, s: sum(t + 1 > times[0] * (1 - s) for t in times[:-2]),  # T - 1 for T
         lambda times, s: int(s * 1000),
+        lambda times, s: sum(t + 1 > 1000 * (1 - s) for t in times[:-2]),  # T is always 1000
     ],
     "12.3": [
         {
