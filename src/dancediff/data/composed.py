@@ -38,6 +38,7 @@ MIN_DISTANCE = 0.45  # metres between two roots that were put together
 CLEARANCE = 0.7  # metres aimed at, because arms reach farther than roots
 WAYS = ("unison", "mirror", "canon")
 SHORTEST = 150  # frames; less is no window
+SILENT = ("none", "beat-aligned synthetic")  # music of dances that were recorded without any
 WIDEST = 2.6  # times a formation may be stretched so that travelling dancers do not meet
 
 
@@ -123,7 +124,9 @@ def _motion(parts: list[Tensor]) -> Motion:
 
 
 def composed_jobs(folder, *, songs: int = 2) -> list[Job]:
-    """Jobs for all composed takes of a prepared folder's real solos and duets.
+    """Jobs for all composed takes of a prepared folder's real solos and duets that were silent.
+
+    What people danced to a recording stays with that alone.
 
     Two duets: each duet with the next one of the same split. Copies: each solo 3, 4 and 5 times,
     in the three ways by turns. A duet that is alone in its split is not composed.
@@ -134,11 +137,12 @@ def composed_jobs(folder, *, songs: int = 2) -> list[Job]:
     jobs = []
     for split in ("train", "val", "test"):
         real = [entry for entry in data.split(split) if entry.kind == "real"]
-        duets = [entry for entry in real if entry.dancers == 2]
+        silent = [entry for entry in real if entry.music in SILENT]
+        duets = [entry for entry in silent if entry.dancers == 2]
         ring = [*duets, duets[0]] if len(duets) > 2 else duets
         for a, b in pairwise(ring):
             jobs.append(_job(f"pair_{a.name}_{b.name}", data.folder, [a, b], two_duets, songs))
-        solos = [entry for entry in real if entry.dancers == 1]
+        solos = [entry for entry in silent if entry.dancers == 1]
         for k, entry in enumerate(solos):
             for n in (3, 4, 5):
                 way = WAYS[(k + n) % 3]
@@ -171,16 +175,17 @@ def make_composed(
     if near < MIN_DISTANCE:
         raise ValueError(f"dancers come within {near:.2f} m, less than {MIN_DISTANCE}")
     made_from = [part.name for part in parts]
+    sources = dict.fromkeys(part.source for part in parts)
     take = DanceTake(
         name=name,
         dance=motion,
         kind="composed",
         music="none",
-        source=f"composed of {AND.join(made_from)}; {first.source}",
-        licence=first.licence,
+        source=f"composed of {AND.join(made_from)}; {AND.join(sources)}",
+        licence=" AND ".join(dict.fromkeys(part.licence for part in parts)),  # all of them hold
         split=first.split,
         group=AND.join(part.group for part in parts),
-        genre=first.genre,
+        genre=first.genre if all(part.genre == first.genre for part in parts) else None,
         notes={"made_from": made_from, "min_distance": round(near, 3), **how},
     )
     return with_soundtrack(take, songs=songs)

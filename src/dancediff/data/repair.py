@@ -118,10 +118,12 @@ def _outliers(bvh: BVH, R: Tensor, joints: dict[str, str], suspect: list) -> Ten
     speed = _angle(R[:-1].mT @ R[1:]) * bvh.fps
     limit = (TIMES_P95 * speed.quantile(0.95, dim=0)).clamp(*TOO_FAST).repeat(len(speed), 1)
     for first, last in suspect:
-        limit[max(first - 1, 0) : last + 1] /= 2 if last - first > SHORT * bvh.fps else torch.inf
+        part = slice(max(first - 1, 0), max(last + 1, 0))  # it may lie before the first frame
+        limit[part] /= 2 if last - first > SHORT * bvh.fps else torch.inf
     fast = speed > limit
-    root = bvh.root.diff(dim=0).norm(dim=-1) * bvh.fps
-    fast[:, 0] |= root > ROOT_TOO_FAST
+    root = bvh.index(joints["root"]) if "root" in joints else 0  # others may stand above it
+    path = bvh.world()[0][:, root]
+    fast[:, root] |= path.diff(dim=0).norm(dim=-1) * bvh.fps > ROOT_TOO_FAST
     bad = torch.zeros(R.shape[:2], dtype=torch.bool)
     bad[:-1] |= fast
     bad[1:] |= fast

@@ -132,16 +132,27 @@ def half_overlapping(take: DanceTake, cut: Cut) -> tuple[Tensor, Tensor]:
     """All windows of a take, half a window apart, and their labels, for statistics.
 
     Shapes: -> x (w, ...), labels (w, ...).
+    Raises: ValueError when the take is shorter than a window.
 
     >>> x, S = half_overlapping(DanceTake("duo", torch.zeros(2, 8, 151)), GroupCut(4))
     >>> x.shape, S.shape
     (torch.Size([3, 2, 4, 151]), torch.Size([3, 2]))
     """
+    _check_long_enough([take], cut)
     f = cut.num_frames
     starts = range(0, take.num_frames - f + 1, max(1, f // 2))
     windows = [cut.finish(cut(take, start), take) for start in starts]
     motions, labels = (torch.stack(part) for part in zip(*windows, strict=True))
     return motions, labels
+
+
+def _check_long_enough(takes: Sequence[DanceTake], cut: Cut) -> None:
+    if short := [take.name for take in takes if take.num_frames < cut.num_frames]:
+        longest = max(take.num_frames for take in takes)
+        raise ValueError(
+            f"takes shorter than num_frames={cut.num_frames}: {short[:5]}, the longest of all "
+            f"{longest}; leave them out, or prepare takes of {cut.num_frames / FPS:.0f} s"
+        )
 
 
 def order_changes(takes: Sequence[DanceTake], num_frames: int, every: int = 5) -> list[np.ndarray]:
@@ -203,12 +214,7 @@ class WindowSampler:
             raise ValueError("there are no takes at all to cut windows from; choreograph some")
         if mute := [take.name for take in takes if take.M is None]:
             raise ValueError(f"takes without music: {mute}; leave them out")
-        if short := [take.name for take in takes if take.num_frames < cut.num_frames]:
-            longest = max(take.num_frames for take in takes)
-            raise ValueError(
-                f"takes shorter than num_frames={cut.num_frames}: {short[:5]}, the longest of all "
-                f"{longest}; leave them out, or prepare takes of {cut.num_frames / FPS:.0f} s"
-            )
+        _check_long_enough(takes, cut)
         if dancers_per_batch < 1:
             raise ValueError(f"dancers_per_batch={dancers_per_batch} must be at least 1")
         check_share("real", real or 0.0)

@@ -11,6 +11,7 @@ Tables of the file
                     folder if it is there
 """
 
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -34,7 +35,14 @@ from dancediff.training.distributed import World
 from dancediff.training.evaluator import Evaluator, forget
 from dancediff.training.group_takes import held_out_takes, solos_of, takes_for, windows_of
 from dancediff.training.objective import BatchLosses
-from dancediff.training.stages import StageConfig, check_stages, kept_of, stage_settings
+from dancediff.training.stages import (
+    StageConfig,
+    check_stages,
+    kept_of,
+    later_folders,
+    make_way,
+    stage_settings,
+)
 from dancediff.training.statistics import fit_statistics
 from dancediff.training.tables import check_all
 from dancediff.training.trainer import Trainer, name_of
@@ -131,9 +139,12 @@ def train_autoregressive(
     held_out = held_out_takes(corpus, data, sizes) if evaluates else []
     if model_class.solo:
         takes, held_out = solos_of(takes), solos_of(held_out)
-    takes, held_out = _of_genres(takes, sizes), _of_genres(held_out, sizes)
+    takes, known = _of_genres(takes, sizes), _of_genres(held_out, sizes)
     if not takes and hasattr(sizes, "genres"):
         raise ValueError(f"no take has one of the genres {', '.join(sizes.genres)}; name others")
+    if held_out and not known:
+        text = f"no take to evaluate on has one of the genres {', '.join(sizes.genres)}"
+        warnings.warn(f"there is no validation: {text}; name others", stacklevel=2)
     torch.manual_seed(tables["train"].get("seed", 0))  # from it layers draw their weights
     model: AutoregressiveNetwork = build(model_class, sizes, extensions)
     if world is not None and world.size > 1 and has_codebook(model):
@@ -149,9 +160,10 @@ def train_autoregressive(
     for stage, one in settings.items():
         seed = tables["train"].get("seed", 0)
         windows = windows_of(takes, corpus, model, seed=seed)
-        validation = windows_of(held_out, corpus, model, seed=seed) if held_out else None
+        validation = windows_of(known, corpus, model, seed=seed) if known else None
         show = preview if stage == model_class.stages[-1] else None
         options = {"data_name": name_of(takes, tables["data"]), "trainer": trainer, **run}
+        options["later"] = later_folders(Path(out), stage, settings)
         model = _trained(model, stage, one, Path(out) / stage, windows, validation, show, options)
     return model.requires_grad_(True).eval()
 
@@ -183,7 +195,8 @@ def _trained(
     model.requires_grad_(False)
     for part in model.learning(stage):
         part.requires_grad_(True)
-    return options.pop("trainer")(
+    later = options.pop("later")
+    trainer = options.pop("trainer")(
         model,
         windows,
         settings,
@@ -191,4 +204,6 @@ def _trained(
         objective=StageObjective(model, settings, stage),
         evaluator=Evaluator(validation, settings, preview),
         **options,
-    ).run()
+    )
+    make_way(trainer, later, overwrite=options.get("overwrite", False))
+    return trainer.run()

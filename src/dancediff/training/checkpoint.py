@@ -7,6 +7,7 @@ import json
 import signal
 import threading
 import warnings
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -24,14 +25,15 @@ NAME = "checkpoint.safetensors"
 _ERRORS = (SafetensorError, OSError, AttributeError, RuntimeError, KeyError, ValueError, TypeError)
 _MAY_CHANGE = {"steps", "save_every", "patience"}
 _MAY_CHANGE |= {"evaluate_every", "preview_every", "metrics_every"}
+_FITTED = ("masked_music", "metre_unit")  # extensions: in scales, which only a new run fits
 
 
 @dataclass
 class Checkpointer:
     """Writes and reads the checkpoint of one training: weights, averages, optimiser moments.
 
-    No random state is kept: a step's randomness follows from its number. ``facts`` describe the
-    run, see `facts_of`; a run that goes on compares them with its own.
+    No random state is kept; only dropout in CUDA graphs would need it. ``facts`` describe the run,
+    see `facts_of`; a run that goes on compares them with its own.
     """
 
     path: Path
@@ -53,7 +55,7 @@ class Checkpointer:
         """Put everything back where it came from; returns the number of steps that are done.
 
         Warns: of other data and of other settings than those the checkpoint was written with.
-        Raises: ValueError when it is none, or one of another model or optimiser.
+        Raises: ValueError when it is none, or one of another model, optimiser or scale.
         """
         facts = read_facts(self.path)
         self._compare(_table(facts, "config"))
@@ -74,16 +76,19 @@ class Checkpointer:
 
     def _compare(self, old: dict) -> None:
         """Say what is other than it was."""
-        model, train = (
-            _changes(_table(old, name), self.facts.get(name, {})) for name in ("model", "train")
-        )
-        changed = ", ".join(f"{k}={was}, here {now}" for k, (was, now) in (model or train).items())
-        for name, differs in (("model", model), ("optimizer", "optimizer" in train)):
-            if differs:
-                text = f"{self.path} holds another {name} ({changed}); use its config, or overwrite"
-                raise ValueError(text)
+        was, now = _table(old, "train"), _table(self.facts, "train")
+        train = _changes(was, now)
+        extensions = _changes(_table(was, "extensions"), _table(now, "extensions"))
+        for name, changes in (
+            ("model", _changes(_table(old, "model"), _table(self.facts, "model"))),
+            ("optimizer", _only(train, ("optimizer",))),
+            ("scale of motion or music", _only(extensions, _FITTED)),
+        ):
+            if changes:
+                text = f"{self.path} holds another {name} ({_said(changes)}); use its config, "
+                raise ValueError(f"{text}or overwrite")
         if train:
-            text = f"{self.path} was written with other settings: {changed}"
+            text = f"{self.path} was written with other settings: {_said(train)}"
             warnings.warn(text, stacklevel=4)
         if old.get("data", self.facts.get("data")) != self.facts.get("data"):
             text = f"{self.path} was written in a training on other data; it goes on with yours"
@@ -104,6 +109,14 @@ def _table(facts: dict, name: str) -> dict:
 def _changes(old: dict, new: dict) -> dict[str, tuple]:
     both = [key for key in new if key in old and key not in _MAY_CHANGE]
     return {key: (old[key], new[key]) for key in both if _known(old[key], new[key]) != new[key]}
+
+
+def _only(changes: dict[str, tuple], keys: Iterable[str]) -> dict[str, tuple]:
+    return {key: changes[key] for key in keys if key in changes}
+
+
+def _said(changes: dict[str, tuple]) -> str:
+    return ", ".join(f"{key}={was}, here {now}" for key, (was, now) in changes.items())
 
 
 def _known(old, new):

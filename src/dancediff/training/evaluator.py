@@ -50,11 +50,12 @@ class Evaluator:
         losses = [objective.losses(model, self.data.batch(k), k)["total"] for k in range(BATCHES)]
         return torch.stack(losses).mean().item()
 
-    def go_on(self, folder: Path) -> None:
-        """Remember the best model so far that a folder holds.
+    def go_on(self, folder: Path, step: int) -> None:
+        """Remember the best model so far that a folder holds; without one count from ``step``.
 
         Raises: ValueError naming the file when it is none.
         """
+        self.best_step = step
         if (path := folder / BEST).exists():
             facts = read_facts(path)
             try:

@@ -55,7 +55,14 @@ from dancediff.training.lodge_data import (
     prepared_solos,
 )
 from dancediff.training.lodge_losses import DiscriminatorTraining, LodgeObjective
-from dancediff.training.stages import StageConfig, check_stages, kept_of, stage_settings
+from dancediff.training.stages import (
+    StageConfig,
+    check_stages,
+    kept_of,
+    later_folders,
+    make_way,
+    stage_settings,
+)
 from dancediff.training.statistics import PLAIN, window_weights
 from dancediff.training.tables import check_all
 from dancediff.training.trainer import Trainer, name_of
@@ -221,11 +228,14 @@ class LodgeTraining:
         if overwrite and (world is None or world.first):
             forget(self.out)  # previews of all stages lie there
         torch.manual_seed(tables["train"].get("seed", 0))  # from it layers draw their weights
-        model = build(Lodge, sizes_of(tables), tables["model"].get("extensions", ()))
-        self.model = model.to(device if world is None else world.device)
+        self.model = build(Lodge, sizes_of(tables), tables["model"].get("extensions", ()))
+        self.device = device if world is None else world.device
 
     def learn_from(self, solos: list[DanceTake] | None, data) -> None:
-        """Load the solos, unless they are given, and fit the statistics of both stages to them."""
+        """Load the solos, unless they are given, and fit the statistics of both stages to them.
+
+        Only then the model goes to its device: what is fitted to solos is on the CPU, as they are.
+        """
         sizes, corpus = self.model.config, self.corpus
         solos = solos_for(corpus, data, sizes.genres) if solos is None else solos
         evaluates = any(one is not None and one.evaluate_every for one in self.settings.values())
@@ -233,9 +243,10 @@ class LodgeTraining:
         self.windows, self.validation = {}, {}
         for stage, layout in (("global", sizes.global_stage.layout), ("local", None)):
             self.windows[stage] = self.sampler(solos, layout)
-            self.validation[stage] = self.sampler(held_out, layout) if held_out else None
+            self.validation[stage] = self._validation(held_out, stage, layout) if held_out else None
         fit_stage(self.model.global_stage, self.windows["global"], self.extensions)
         fit_stage(self.model.local_stage, self.windows["local"], self.extensions)
+        self.model.to(self.device)
 
     def sampler(self, solos: list[DanceTake], layout: Layout | None) -> WindowSampler:
         """Windows for the local stage, or primitives for the global one, whose layout they have."""
@@ -254,6 +265,16 @@ class LodgeTraining:
             real=corpus.real,
             seed=self.tables["train"].get("seed", 0),
         )
+
+    def _validation(
+        self, held_out: list[DanceTake], stage: str, layout: Layout | None
+    ) -> WindowSampler | None:
+        """Windows to evaluate on; none, with a warning, where all solos are too short for them."""
+        try:
+            return self.sampler(held_out, layout)
+        except ValueError as err:
+            warnings.warn(f"the {stage} stage has no validation: {err}", stacklevel=4)
+            return None
 
     def train_global(self) -> None:
         """The first stage learns primitives."""
@@ -305,7 +326,14 @@ class LodgeTraining:
             data_name=name_of(self.windows[kind].takes, self.tables["data"]),
             **self.options,
         )
+        make_way(trainer, self._later(stage), overwrite=self.options["overwrite"])
         return trainer.run().requires_grad_(True)
+
+    def _later(self, stage: str) -> list[Path]:
+        """Folders of the trained stages that begin with what ``stage`` learns, or anew with it."""
+        if stage == "global" and not self.options["overwrite"]:
+            return []  # the second network does not begin with the first one
+        return later_folders(self.out, stage, self.settings)
 
 
 def sizes_of(tables: dict) -> LodgeConfig:
@@ -324,12 +352,12 @@ def solos_for(
 
 
 def _held_out(corpus: SoloData, folder, genres: tuple[str, ...]) -> list[DanceTake]:
-    """Solos to evaluate on; none, with a warning, where a prepared folder has none."""
-    if folder := folder or corpus.folder:
-        try:
-            return prepared_solos(folder, genres, "val")
-        except ValueError as err:
-            warnings.warn(f"there is no validation: {err}", stacklevel=3)
-            return []
+    """Solos to evaluate on; none, with a warning, where none has one of the genres."""
     seeds = range(corpus.songs, corpus.songs + corpus.held_out)
-    return choreographed_solos(seeds, corpus.seconds, genres, varied=corpus.varied)
+    try:
+        if folder := folder or corpus.folder:
+            return prepared_solos(folder, genres, "val")
+        return choreographed_solos(seeds, corpus.seconds, genres, varied=corpus.varied)
+    except ValueError as err:
+        warnings.warn(f"there is no validation: {err}", stacklevel=3)
+        return []

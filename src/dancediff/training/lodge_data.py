@@ -14,6 +14,7 @@ from torch import Tensor
 
 from dancediff.axes import FPS
 from dancediff.data.choreographed import choreographed_corpus
+from dancediff.data.choreographer import GENRES
 from dancediff.data.packed import PackedTakes
 from dancediff.data.take import DanceTake
 from dancediff.data.windows import SoloCut, WindowSampler, half_overlapping
@@ -47,10 +48,24 @@ def prepared_solos(folder, genres: tuple[str, ...], split: str = "train") -> lis
 
 
 def choreographed_solos(song_seeds, seconds: float, genres: tuple[str, ...], **options):
-    """Solos of `choreographed_corpus`, of these genres."""
-    return solos_of(
-        choreographed_corpus(song_seeds, seconds=seconds, sizes=(1,), **options), genres
-    )
+    """Solos of `choreographed_corpus`, of these genres.
+
+    Raises: ValueError when the choreographer knows none of them, or no song was danced in one.
+    """
+    named = ", ".join(genres)
+    if not set(genres) & set(GENRES):
+        raise ValueError(
+            f"the choreographer dances none of the genres {named}; name some of "
+            f"{', '.join(GENRES)} in the config, or give a prepared folder (--data)"
+        )
+    takes = choreographed_corpus(song_seeds, seconds=seconds, sizes=(1,), **options)
+    solos = solos_of(takes, genres)
+    if not solos:
+        raise ValueError(
+            f"none of the choreographer's {len(takes)} solos has one of the genres {named}; "
+            "make more songs, or name more genres in the config"
+        )
+    return solos
 
 
 @dataclass(frozen=True)

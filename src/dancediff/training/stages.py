@@ -1,5 +1,6 @@
 """Models that are trained in stages: the settings of each, and what a stage left out keeps."""
 
+import warnings
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,6 +10,8 @@ from torch import nn
 
 from dancediff.training.checkpoint import NAME, load_average
 from dancediff.training.config import TrainConfig
+from dancediff.training.evaluator import forget
+from dancediff.training.trainer import Trainer
 
 Network = TypeVar("Network", bound=nn.Module)
 
@@ -59,3 +62,33 @@ def kept_of(network: Network, folder: Path) -> Network:
     """The averaged network of a stage that was trained before, as it is where there is none."""
     kept = folder / NAME
     return load_average(kept, network) if kept.exists() else network
+
+
+def later_folders(out: Path, stage: str, settings: dict[str, TrainConfig | None]) -> list[Path]:
+    """Folders of the stages after ``stage`` that are trained, too.
+
+    >>> settings = {"local": TrainConfig(), "fine_tune": TrainConfig()}
+    >>> [folder.name for folder in later_folders(Path("run"), "local", settings)]
+    ['fine_tune']
+    """
+    names = list(settings)
+    return [out / name for name in names[names.index(stage) + 1 :] if settings[name] is not None]
+
+
+def make_way(trainer: Trainer, later: Iterable[Path], *, overwrite: bool = False) -> None:
+    """Before a stage learns more, remove what ``later`` stages made of what it had learned before.
+
+    Else they would be taken as done, and what it learns now would be thrown away.
+
+    Warns: of the folders, unless the whole training is to be overwritten.
+    """
+    if not trainer.left or not trainer.world.first:
+        return
+    old = [folder for folder in later if (folder / NAME).exists()]
+    for folder in old:
+        (folder / NAME).unlink()
+        forget(folder)
+    if old and not overwrite:
+        names = ", ".join(map(str, old))
+        text = f"a stage before learns more, so what is in {names} is trained anew"
+        warnings.warn(text, stacklevel=4)

@@ -3,8 +3,8 @@ r"""One trainer for every network.
 Read first: notebook 05.
 
 A step: take a batch, add noise of a random strength t, let the model guess the clean motion, and
-correct it. The randomness of a batch follows from (seed, its number) alone, so a run that was
-stopped goes on exactly where it was, bit by bit.
+correct it. Randomness follows from (seed, the batch's number) alone, so a stopped run goes on bit
+by bit: in one process on a CPU, in a fixed precision.
 """
 
 import json
@@ -12,6 +12,7 @@ import math
 import signal
 import sys
 from collections.abc import Sequence
+from functools import cached_property
 from hashlib import sha256
 from pathlib import Path
 from typing import Generic, TypeVar, cast
@@ -33,6 +34,7 @@ from dancediff.training.optimizer import make_optimizer, set_learning_rate
 from dancediff.training.schedule import learning_rate
 
 Network = TypeVar("Network", bound=NormalizedNetwork)
+NO_WINDOW = ("folder", "workers", "held_out")  # keys of [data] that change no window of training
 
 
 class Trainer(Generic[Network]):
@@ -94,7 +96,7 @@ class Trainer(Generic[Network]):
         self.checkpointer = Checkpointer(path, model, self.ema, self.optimizer, facts)
         if resume and path.exists():
             self.first = self.checkpointer.load()
-            self.evaluator.go_on(self.out)
+            self.evaluator.go_on(self.out, self.first)
         elif self.world.first:
             forget(self.out)
 
@@ -148,6 +150,11 @@ class Trainer(Generic[Network]):
         losses = {name: value.item() for name, value in total.items()}
         return losses | {"lr": lr, "gradient": norm.item()}
 
+    @cached_property
+    def left(self) -> range:
+        """The numbers of the steps that are left; none where all are done, or no more help."""
+        return range(self.first, self.first if self._is_enough(self.first) else self.config.steps)
+
     def is_due(self, step: int) -> bool:
         """Is it time for a checkpoint after ``step`` steps?"""
         return step % self.config.save_every == 0 or step == self.config.steps
@@ -161,7 +168,7 @@ class Trainer(Generic[Network]):
 
     def _steps(self) -> tqdm:
         """The numbers of the steps that are left, with a bar; closed before an error is shown."""
-        left = range(self.first, self.first if self._is_enough(self.first) else self.config.steps)
+        left = self.left  # first: what the bar counts to may follow from it
         options = {"initial": self.first, "total": self._total(), "mininterval": 0.5}
         return tqdm(left, desc="training", disable=not self.world.first, **options)
 
@@ -220,10 +227,11 @@ class Trainer(Generic[Network]):
 def name_of(takes: Sequence, corpus: dict) -> str:
     """A short name for what is learned from: takes, some frames of each, how windows are drawn.
 
-    >>> name_of([], {}) == name_of([], {"mirror": 0.5})
-    False
+    >>> name_of([], {}) == name_of([], {"workers": 8}), name_of([], {}) == name_of([], {"real": 1})
+    (True, False)
     """
-    facts = [[take.name, *take.x.shape, _glance(take.x)] for take in takes], corpus
+    drawn = {key: value for key, value in corpus.items() if key not in NO_WINDOW}
+    facts = [[take.name, *take.x.shape, _glance(take.x)] for take in takes], drawn
     return sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()[:12]
 
 

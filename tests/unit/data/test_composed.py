@@ -1,6 +1,7 @@
 """Composed groups: real movement, nobody collides, nothing leaks."""
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from dancediff.data.composed import (
 )
 from dancediff.data.prepare import prepare
 from dancediff.data.prepared import PreparedData
+from dancediff.data.soundtrack import with_soundtrack
 from dancediff.data.take import DanceTake, Job
 from dancediff.data.take_file import write_take
 from dancediff.motion.mirror import mirror_features
@@ -140,6 +142,31 @@ def test_jobs_stay_within_splits_and_say_where_they_come_from(tmp_path):
                 assert data.by_name[name].split == entry.split
     copy = next(e for e in data if e.name.endswith("_sv"))
     assert copy.group == "a song" and copy.split == "val" and copy.dancers in (3, 4, 5)
+
+
+def test_parts_from_two_places_bring_their_licences_and_sources(tmp_path):
+    """Only those of the first were kept, and its genre."""
+    ours = replace(take("a", 1, 2, "train"), genre="salsa")
+    theirs = replace(take("b", 2, 2, "train"), source="theirs", licence="CC-BY-4.0")
+    again = replace(take("c", 3, 2, "train"), genre="salsa")
+    prepare([Job(t.name, Again(t)) for t in (ours, theirs, again)], tmp_path, progress=False)
+    made = {job.name: job.make() for job in composed_jobs(tmp_path, songs=1)}
+    ab, ca = made["pair_a_b"], made["pair_c_a"]
+    assert (ab.licence, ab.genre) == ("free AND CC-BY-4.0", None)
+    assert ab.source == "composed of a + b; mocap + theirs"
+    assert (ca.licence, ca.genre, ca.source) == ("free", "salsa", "composed of c + a; mocap")
+
+
+def test_what_people_danced_to_a_recording_is_not_composed(tmp_path):
+    """Else its song would be replaced; with silent ones in one folder all were."""
+    silent = [take("a", 1, 2, "train"), with_soundtrack(take("b", 2, 2, "train"), songs=1)]
+    heard = [
+        replace(take(f"{music}_{n}", n, n, "train"), music=music, M=torch.rand(260, 35))
+        for music in ("original", "recorded")
+        for n in (1, 2)
+    ]
+    prepare([Job(t.name, Again(t)) for t in silent + heard], tmp_path, progress=False)
+    assert [job.name for job in composed_jobs(tmp_path)] == ["pair_a_b"]
 
 
 def test_real_dancers_do_not_collide(real_data):

@@ -145,7 +145,8 @@ def test_names_or_a_table_tell_who_danced_together(duo, tmp_path):
     (src / "sub").mkdir()
     for name in ("a_1", "a_2", "sub/b_1", "sub/b_2", "solo"):
         duo.dancer(0).save(src / f"{name}.npz")
-    grouped = takes_in(src, group="{take}_{dancer}")
+    with pytest.warns(UserWarning, match=r"group='{take}_{dancer}' does not fit solo.npz; each"):
+        grouped = takes_in(src, group="{take}_{dancer}")
     assert {plan.name: len(plan.files) for plan in grouped} == {"a": 2, "sub_b": 2, "solo": 1}
     assert len(takes_in(src)) == 5
     (src / "takes.toml").write_text(
@@ -154,6 +155,30 @@ def test_names_or_a_table_tell_who_danced_together(duo, tmp_path):
     plans = {plan.name: plan for plan in takes_in(src, given=Given(up="z"))}
     assert plans["both"].given == Given(up="z", fps=60) and plans["both"].split == "val"
     assert set(plans) == {"both", "a_2", "sub_b_2", "solo"}
+
+
+@pytest.mark.parametrize(
+    ("group", "names", "take"),
+    [
+        ("{take}_{dancer}", ["duo_José", "duo_anna"], "duo"),
+        ("{take}_{dancer}", ["duo_Jose\u0301", "duo_さくら"], "duo"),  # e, and its accent
+        ("{take}_{dancer}", ["duo_Anne-Marie", "duo_b-2"], "duo"),
+        ("{dancer}_{take}", ["Anne-Marie_duo", "ben_duo"], "duo"),
+        ("{dancer}-{take}", ["anna-b-duo", "ben-b-duo"], "b-duo"),  # the first hyphen parts them
+        ("{take}-{dancer}", ["a-b-anna", "a-b-ben"], "a-b"),  # the last one does
+    ],
+)
+def test_dancers_have_names_of_any_alphabet(tmp_path, group, names, take):
+    """José left the group, and no word of it."""
+    touched(tmp_path, *(f"{name}.bvh" for name in names))
+    (plan,) = takes_in(tmp_path, group=group)
+    assert len(plan.files) == 2 and plan.name.startswith(take)
+
+
+def test_files_that_are_in_no_group_are_named(tmp_path):
+    touched(tmp_path, "duo_1.bvh", "duo_2.bvh", *(f"sub/solo{k}.bvh" for k in range(7)))
+    with pytest.warns(UserWarning, match=r"does not fit sub/solo0\.bvh, .*solo4\.bvh and 2 more;"):
+        assert len(takes_in(tmp_path, group="{take}_{dancer}")) == 8
 
 
 @pytest.mark.parametrize(

@@ -93,6 +93,31 @@ def test_a_jump_of_the_path_alone_is_found():
     assert (repaired.root - dance().root).abs().max() < 0.005
 
 
+def under_a_reference(bvh):
+    """The same recording with one more joint on top, which turns the axes and goes nowhere."""
+    turn = about(0, torch.full((bvh.num_frames,), 90.0))[:, None]
+    zero = torch.zeros(bvh.num_frames, 1, 3).double()
+    return BVH(
+        ("reference", *bvh.names),
+        (-1, *(parent + 1 for parent in bvh.parents)),
+        torch.cat([zero[0], bvh.offsets]),
+        torch.cat([turn, bvh.rotations], 1),
+        torch.cat([zero, bvh.translations], 1),
+        bvh.fps,
+    )
+
+
+@pytest.mark.parametrize("joint", [0, 1])
+def test_a_jump_of_the_path_is_found_below_a_joint_that_is_no_pelvis(joint):
+    """The path was that of the file's first joint, and what was found there was not bridged."""
+    broken = under_a_reference(dance())
+    broken.translations[150, joint, 1] += 0.3
+    repaired, done = repair(broken, JOINTS)
+    assert [d["joint"] for d in done] == ["body"]
+    path = under_a_reference(dance()).world()[0][:, 1]
+    assert (repaired.world()[0][:, 1] - path).abs().max() < 0.005
+
+
 @pytest.mark.parametrize("axis", [0, 1, 2])
 def test_a_head_on_backwards_is_turned_back(axis):
     broken = dance()
@@ -121,6 +146,13 @@ def test_suspects_are_held_to_a_stricter_speed():
     long = repair(broken, JOINTS, suspect=[(40, 120)])[1]
     assert [d["joint"] for d in short] == [d["joint"] for d in long] == ["body"]
     assert long[0]["last"] - long[0]["first"] < 12
+
+
+@pytest.mark.parametrize("suspect", [(-3, -2), (-1, -1), (-60, -2)])
+def test_what_is_known_of_frames_that_were_cut_off_changes_nothing(suspect):
+    """Counted from the end, such a range was nearly the whole take."""
+    repaired, done = repair(dance(), JOINTS, suspect=[suspect])
+    assert done == [] and torch.equal(repaired.rotations, dance().rotations)
 
 
 def test_everything_bad_is_left_as_it_is():

@@ -7,7 +7,13 @@ import torch
 from dancediff.data.augment import Augmentation
 from dancediff.data.choreographed import choreograph_jobs, choreographed_takes
 from dancediff.data.take import DanceTake
-from dancediff.data.windows import GroupCut, WindowSampler, order_changes, rank_left_to_right
+from dancediff.data.windows import (
+    GroupCut,
+    WindowSampler,
+    half_overlapping,
+    order_changes,
+    rank_left_to_right,
+)
 from dancediff.motion.mirror import mirror_features
 from dancediff.motion.representation import TCDIFFPP
 from dancediff.music.energy import energy_curve
@@ -75,6 +81,9 @@ def test_short_takes_are_named():
         sampler([DanceTake("tiny", torch.zeros(1, 100, 151), M=torch.zeros(100, 35))])
     with pytest.raises(ValueError, match="no takes"):
         sampler([])
+    tiny = DanceTake("tiny", torch.zeros(1, 100, 151))
+    with pytest.raises(ValueError, match=r"shorter than num_frames=150: \['tiny'\].* 100; leave"):
+        half_overlapping(tiny, GroupCut(150))  # for statistics, which are fitted first
 
 
 def test_every_group_size_gets_about_the_same_work(takes):

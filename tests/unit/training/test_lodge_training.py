@@ -15,6 +15,7 @@ from dancediff.diffusion.schedule import cosine_abar
 from dancediff.extensions.level_weights import level_weights
 from dancediff.extensions.metre_unit import FLOOR_UNIT
 from dancediff.extensions.preconditioning import preconditioning_of
+from dancediff.genre import FINEDANCE
 from dancediff.motion.mirror import mirror_features
 from dancediff.motion.representation import LODGE, with_hands
 from dancediff.music.features import CHROMA
@@ -25,7 +26,7 @@ from dancediff.papers.lodge.model import Lodge
 from dancediff.papers.lodge.primitives import LAYOUT, Layout, primitives_of
 from dancediff.training import lodge as lodge_training
 from dancediff.training.checkpoint import load_extra
-from dancediff.training.config import TrainConfig, TrainingExtensions
+from dancediff.training.config import SoloData, TrainConfig, TrainingExtensions
 from dancediff.training.lodge import (
     check_lodge_tables,
     fit_stage,
@@ -375,6 +376,81 @@ def test_a_finished_run_is_not_done_again(solos, tmp_path):
     other = TABLES | {"data": TABLES["data"] | {"mirror": 0.25}}
     with pytest.warns(UserWarning, match="in a training on other data"):
         train_lodge(other, tmp_path, solos=solos, resume=True)
+
+
+def test_what_is_fitted_goes_to_the_device_too(solos, tmp_path):
+    """Scales stayed on the CPU, and batches follow the scales; "meta" stands for a GPU."""
+    tables = check_lodge_tables(TABLES, "here")
+    training = lodge_training.LodgeTraining(tables, tmp_path, device="meta")
+    training.learn_from(solos, None)
+    for stage in (training.model.global_stage, training.model.local_stage):
+        kinds = {x.device.type for x in (*stage.parameters(), *stage.buffers())}
+        assert kinds == {"meta"}
+        objective = LodgeObjective(stage, TrainConfig(weights=LodgeWeights.local()))
+        assert objective.device.type == "meta"
+
+
+def same(a, b):
+    a, b = a.state_dict(), b.state_dict()
+    return a.keys() == b.keys() and all(torch.equal(a[name], b[name]) for name in a)
+
+
+def test_more_steps_before_fine_tuning_are_fine_tuned_anew(solos, tmp_path):
+    """The old fine-tuned network was taken instead, and the new steps were thrown away."""
+    tables = TABLES | {"train": TABLES["train"] | {"decay": 0.0}}
+    train_lodge(tables, tmp_path / "parts", solos=solos)
+    more = tables | {"train_local": {"steps": 3}}
+    whole = train_lodge(more, tmp_path / "whole", solos=solos)
+    with pytest.warns(UserWarning, match=r"what is in \S+fine_tune is trained anew"):
+        parts = train_lodge(more, tmp_path / "parts", solos=solos, resume=True)
+    assert same(parts, whole)
+    more |= {"train_global": {"steps": 3}}  # another network, so no warning: the rest stays
+    train_lodge(more, tmp_path / "parts", solos=solos, resume=True)
+    assert len(logged(tmp_path / "parts" / "global")) == 3
+
+
+def test_an_overwritten_training_that_was_stopped_goes_on_as_the_new_one(solos, tmp_path):
+    """Stopped in its first stage, it went on with the old other ones."""
+    new = TABLES | {"train": TABLES["train"] | {"seed": 1}}
+    whole = train_lodge(new, tmp_path / "whole", solos=solos)
+    train_lodge(TABLES, tmp_path / "parts", solos=solos)
+
+    class Stopped(lodge_training.LodgeObjective):
+        def losses(self, model, batch, number):
+            if number == 1:
+                raise KeyboardInterrupt
+            return super().losses(model, batch, number)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(lodge_training, "LodgeObjective", Stopped)
+        often = new | {"train_global": {"save_every": 1}}
+        with pytest.raises(KeyboardInterrupt):
+            train_lodge(often, tmp_path / "parts", solos=solos, overwrite=True)
+    assert same(train_lodge(new, tmp_path / "parts", solos=solos, resume=True), whole)
+
+
+def test_solos_that_are_too_short_to_evaluate_on_do_not_stop_a_training(
+    solos, tmp_path, monkeypatch
+):
+    short = replace(solos[0], dance=solos[0].x[:, :50], M=solos[0].M[:50], M_other=None)
+    monkeypatch.setattr(lodge_training, "choreographed_solos", lambda *_, **__: [short])
+    tables = TABLES | {"train": TABLES["train"] | {"evaluate_every": 1}}
+    with pytest.warns(UserWarning) as told:
+        train_lodge(tables, tmp_path, solos=solos)
+    said = [str(one.message) for one in told]
+    assert [text.split(":")[0] for text in said] == [
+        f"the {stage} stage has no validation" for stage in ("global", "local")
+    ]
+    assert all("64 frames, the longest 50" in text for text in said)
+    assert "validation" not in logged(tmp_path / "local")[0]
+
+
+def test_genres_that_the_choreographer_does_not_dance_are_named():
+    """Before, the message was that no solo is long enough."""
+    with pytest.raises(ValueError, match=r"dances none of the genres Breaking, .*\(--data\)"):
+        lodge_training.solos_for(SoloData(), None, FINEDANCE)
+    with pytest.raises(ValueError, match=r"none of the choreographer's 1 solos .* genres kpop;"):
+        lodge_training.solos_for(SoloData(songs=1, seconds=5.0, varied=False), None, ("kpop",))
 
 
 def test_a_stopped_run_goes_on_bit_by_bit_with_its_discriminator(solos, tmp_path):

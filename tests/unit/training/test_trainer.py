@@ -318,6 +318,15 @@ def test_another_model_or_optimizer_is_refused_in_one_line(tmp_path):
         train(Toy(), Data(), TrainConfig(steps=2, optimizer="muon"), tmp_path, resume=True)
 
 
+@pytest.mark.parametrize(("key", "value"), [("masked_music", ("chroma",)), ("metre_unit", True)])
+def test_scales_that_would_be_fitted_otherwise_are_refused(tmp_path, key, value):
+    """They are in the checkpoint; the old ones stayed, and the log said the new ones."""
+    train(Toy(), Data(), TrainConfig(steps=2), tmp_path)
+    config = TrainConfig(steps=3, extensions=TrainingExtensions(**{key: value}))
+    with pytest.raises(ValueError, match=rf"another scale of motion or music \({key}=.*, here "):
+        train(Toy(), Data(), config, tmp_path, resume=True)
+
+
 @pytest.mark.skipif(not hasattr(signal, "SIGUSR1"), reason="signals of Unix")
 def test_signals_are_answered_between_steps(tmp_path):
     """SIGUSR1 writes a checkpoint and goes on; SIGTERM writes one and ends the process."""
@@ -419,6 +428,13 @@ def test_a_training_that_goes_on_knows_how_long_nothing_got_better(tmp_path):
     assert early(tmp_path, 5, resume=True, told=7)[0] == [14, 15, 16, 17]
 
 
+def test_patience_counts_from_where_a_run_goes_on_that_evaluated_nothing(tmp_path):
+    """It ended before its first evaluation, as if nothing had got better since step 0."""
+    train(Toy(), Data(), TrainConfig(steps=10, warmup=0), tmp_path)
+    asked, trainer = early(tmp_path, 3, resume=True)
+    assert asked == list(range(10, 18)) and trainer.evaluator.best_step == 18
+
+
 def test_a_loss_that_is_no_number_is_never_the_best(tmp_path):
     evaluator = Evaluator(Data(), TrainConfig(evaluate_every=1, patience=2))
     evaluator.keep_best(Toy(), float("nan"), 1, tmp_path)
@@ -453,3 +469,8 @@ def test_a_data_name_changes_with_the_frames():
     assert name_of([take(x)], {}) == name_of([take(x.clone())], {})
     assert name_of([take(x)], {}) != name_of([take(x + 1)], {})
     assert name_of([take(x)], {}) != name_of([take(x)], {"mirror": 0.5})
+
+
+@pytest.mark.parametrize("key", ["workers", "held_out", "folder"])
+def test_a_data_name_stays_where_no_window_changes(key):
+    assert name_of([], {"mirror": 0.5, key: 1}) == name_of([], {"mirror": 0.5, key: 2})

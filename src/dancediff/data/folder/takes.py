@@ -83,11 +83,18 @@ def _found(paths: list[Path], src: Path, group: str | None, given: Given) -> lis
     """Takes of the files that no table names."""
     pattern = None if group is None else _pattern(group)
     rows: dict[tuple[str, ...], list[Path]] = {}  # folders and name
+    alone = []  # names that the pattern does not fit
     for path in _one_format(paths):
         stem = path.name.removesuffix(_kind(path))
         match = None if pattern is None else pattern.fullmatch(stem)
+        if pattern is not None and match is None:
+            alone.append(path.relative_to(src).as_posix())
         short = match["take"] if match else stem
         rows.setdefault((*path.relative_to(src).parts[:-1], short), []).append(path)
+    if alone:
+        names = ", ".join(alone[:5]) + (f" and {len(alone) - 5} more" if len(alone) > 5 else "")
+        text = f"group={group!r} does not fit {names}; each file is a take of its own"
+        warnings.warn(text, stacklevel=3)
     plans = []
     for (*folders, short), files in rows.items():
         name = "_".join([*folders, short])
@@ -149,14 +156,17 @@ def _motion_files(src: Path, leave_out) -> list[Path]:
 def _pattern(group: str) -> re.Pattern:
     r"""What matches names of files of a group.
 
-    >>> _pattern("{take}_p{dancer}").fullmatch("my_waltz_p2")["take"]
+    >>> _pattern("{take}_{dancer}").fullmatch("my_waltz_Anne-José")["take"]
     'my_waltz'
     """
     if group.count("{take}") != 1 or group.count("{dancer}") != 1:
         raise ValueError(f'group={group!r} must name both, such as "{{take}}_{{dancer}}"')
     text = re.escape(group)
     text = text.replace(r"\{take\}", "(?P<take>.+)")
-    return re.compile(text.replace(r"\{dancer\}", "(?P<dancer>[A-Za-z0-9]+)"))
+    # letters of any alphabet; a hyphen within a name, unless the pattern has hyphens of its own
+    word = r"[A-Za-z0-9\u0080-\U0010ffff]+"
+    dancer = word if "-" in group else f"{word}(?:-{word})*"
+    return re.compile(text.replace(r"\{dancer\}", f"(?P<dancer>{dancer})"))
 
 
 def _song(src: Path, file: Path, names: list[str]) -> Path | None:
