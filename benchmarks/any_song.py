@@ -34,6 +34,7 @@ import tyro
 from dance_bars import NEAR, hits, nearest_pair
 from genre_judge import choreographed_solos, trained_judge, verdict
 from hard_songs import SECONDS, HardSong, hard_songs, liveliest
+from kept_dances import digest_of
 from result_table import write_table
 from tqdm.auto import tqdm
 
@@ -181,15 +182,6 @@ def danced(model: str, job: Job, path: Path) -> None:
     dance.save(path)
 
 
-def digest_of(name: str) -> str:
-    """Changes with the weights of a model."""
-    if name == CHOREOGRAPHER:
-        return ""
-    weights = loaded(name).model.state_dict()
-    parts = (value.cpu().contiguous().numpy().tobytes() for value in weights.values())
-    return sha256(b"".join(parts)).hexdigest()[:8]
-
-
 @dataclass
 class Bar:
     """A line of the table: what was measured, with an interval where there is one."""
@@ -257,7 +249,7 @@ class AnySong:
         """Everything; both tables are written when all dances are there."""
         name = Path(self.model).name
         energy = "" if self.energy is None else f"energy{self.energy}"
-        parts = (name, digest_of(self.model), energy)
+        parts = (name, "" if name == CHOREOGRAPHER else digest_of(self.model), energy)
         self.folder = self.out / "-".join(filter(None, parts))
         self.folder.mkdir(parents=True, exist_ok=True)
         job = partial(Job, energy=self.energy)

@@ -25,6 +25,7 @@ import numpy as np
 import torch
 import tyro
 from dance_bars import NEAR, nearest_pair
+from kept_dances import digest_of, only_one_way
 from tqdm.auto import tqdm
 
 from dancediff.bench.held_out import SEGMENT, Window, chosen, windows
@@ -82,17 +83,6 @@ def _dance_to(path: Path, model: str, window: Window, **how) -> None:
     motion.save(path)
 
 
-def only_one_way(folder: Path, how: dict) -> None:
-    """Refuse to mix dances made in different ways: what lies in a folder is not danced again."""
-    path, text = folder / "how.json", json.dumps(how, indent=1, default=str)
-    if path.exists() and path.read_text() != text:
-        raise SystemExit(
-            f"{str(folder)!r} holds dances made with other options ({path.name} says which); "
-            "give another --out"
-        )
-    path.write_text(text)
-
-
 def _in_processes(jobs: list, workers: int, label: str) -> list:
     run = joblib.Parallel(workers, return_as="generator")
     return list(tqdm(run(jobs), total=len(jobs), desc=label))
@@ -121,8 +111,8 @@ class Dances:
         name += "-free" * (self.sampling.foot_contact is False)
         name += "" if "synthetic" in self.kinds else "-" + "-".join(self.kinds)
         folder = self.out / name
-        folder.mkdir(parents=True, exist_ok=True)
-        only_one_way(folder, asdict(self.sampling) | {"seeds": list(self.seeds)})
+        made_of = {"model": digest_of(self.model), "held": str(Path(self.held).resolve())}
+        only_one_way(folder, asdict(self.sampling) | {"seeds": list(self.seeds)} | made_of)
         files = [folder / f"{window.name}.npz" for window in todo]
         how = {"sampling": self.sampling, "naive": self.naive}
         seeds = [self.seeds[k % len(self.seeds)] for k in range(len(todo))]

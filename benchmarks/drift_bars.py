@@ -21,6 +21,7 @@ import joblib
 import numpy as np
 import torch
 import tyro
+from kept_dances import digest_of, only_one_way
 from tqdm.auto import tqdm
 
 from dancediff.bench.scores import loaded
@@ -88,9 +89,10 @@ class Dances:
 
     def run(self) -> None:
         """Print posture by window, then each bar with what was measured."""
-        self.out.mkdir(parents=True, exist_ok=True)
         names = ("autoguidance", "foot_contact", "overlap", "pinning")
         options = {name: getattr(self, name) for name in names if getattr(self, name) is not None}
+        how = {"model": digest_of(self.model), "seconds": self.seconds, "songs": self.songs}
+        only_one_way(self.out, options | how)
         jobs = {
             (n, seed, song): self.out / f"{Path(song).stem}-{n}-{seed}.npz"
             for song in self.songs

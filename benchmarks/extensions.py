@@ -30,12 +30,14 @@ import numpy as np
 import torch
 import tyro
 from genre_judge import choreographed_solos, trained_judge, verdict
+from kept_dances import digest_of, only_one_way
 from result_table import write_table
 from sklearn.pipeline import Pipeline
 from torch import Tensor
 from tqdm.auto import tqdm
 
 from dancediff import hub
+from dancediff.atomic import write_text
 from dancediff.data.choreographer import GENRES
 from dancediff.extensions import foot_contact_projection as feet
 from dancediff.extensions import foot_cues
@@ -334,6 +336,8 @@ class Extensions:
         if unknown:
             raise SystemExit(f"not in the registry: {', '.join(unknown)}")
         variants = {"everything": Without()} | off
+        how = {"model": digest_of(here.model), "seconds": here.seconds}
+        only_one_way(self.out / self.setting, how)
         pipeline, bar = hub.load(here.model), tqdm(total=songs * len(variants), unit="dance")
         found: dict[str, list[dict]] = {name: [] for name in variants}
         for k in range(songs):
@@ -346,8 +350,7 @@ class Extensions:
                     with without.change(pipeline.model):
                         how = asked | without.options
                         dance = pipeline.generate(song, seconds=here.seconds, **how)
-                    file.parent.mkdir(parents=True, exist_ok=True)
-                    file.write_text(json.dumps(measured(dance, beats, sections, asked)))
+                    write_text(file, json.dumps(measured(dance, beats, sections, asked)))
                 found[name].append(json.loads(file.read_text()))
                 bar.update()
         bar.close()

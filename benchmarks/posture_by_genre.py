@@ -24,6 +24,7 @@ import numpy as np
 import soundfile
 import tyro
 from drift_bars import dance_song, takes
+from kept_dances import digest_of, only_one_way
 from result_table import write_table
 from tqdm.auto import tqdm
 
@@ -103,7 +104,8 @@ class PostureByGenre:
 
     def run(self) -> None:
         """The table."""
-        self.out.mkdir(parents=True, exist_ok=True)
+        how = {"model": digest_of(self.model), "seconds": self.seconds, "dancers": self.dancers}
+        only_one_way(self.out, how | {"songs": self.songs, "each": self.each})
         held = defaultdict(list)
         for genre, kind, found in takes(self.held):
             if kind == "synthetic":

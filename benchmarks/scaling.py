@@ -30,7 +30,9 @@ from pathlib import Path
 import numpy as np
 import tyro
 from bars import Sampling, dance
+from kept_dances import only_one_way
 
+from dancediff.atomic import write_text
 from dancediff.bench.budget import Run, last_line
 from dancediff.bench.held_out import Window, chosen, windows
 from dancediff.bench.pictures import draw_quality
@@ -99,7 +101,10 @@ class Scaling:
 
     def point(self, name: str, seed: int, budget: float, branch: Path) -> dict:
         """Score a model, or read what was found before."""
-        path = branch / "point.json"
+        path = branch / "scored" / "point.json"
+        folders = {k: str(getattr(self, k).resolve()) for k in ("held", "tuning", "other")}
+        options = ("frames", "count", "tuned", "autoguidance", "sampling")
+        only_one_way(path.parent, folders | {k: getattr(self, k) for k in options})
         if path.exists():
             return json.loads(path.read_text(encoding="utf-8"))
         strength, searched = self.search(branch)
@@ -112,7 +117,7 @@ class Scaling:
             found["scores"][str(frames)] = {m: rows[m] for m in METRICS}
             cells = " | ".join(f"{rows[metric][0]:.3g}" for metric in METRICS)
             print(f"| {name} | {seed} | {budget:g} | {frames} | {strength:g} | {cells} |")
-        path.write_text(json.dumps(found) + "\n", encoding="utf-8")
+        write_text(path, json.dumps(found) + "\n")
         return found
 
     def search(self, branch: Path) -> tuple[float, dict]:
@@ -136,7 +141,7 @@ class Scaling:
         how = {"workers": self.workers}
         sampling = Sampling(**asdict(self.sampling) | {"autoguidance": strength})
         by = partial(dance_window, sampling=sampling)
-        files = danced(branch / f"dances-{name}", branch / "model", some, by, **how)
+        files = danced(branch / "scored" / name, branch / "model", some, by, **how)
         kept = [
             obeys(Motion.load(path).root, window.orders()[-1])
             for path, window in zip(files, some, strict=True)

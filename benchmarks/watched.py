@@ -15,6 +15,7 @@ import numpy as np
 import tyro
 from any_song import FPS, STILL, joint_speed
 from dance_bars import nearest_pair
+from kept_dances import digest_of, only_one_way
 from torch import Tensor
 from tqdm.auto import tqdm
 
@@ -72,7 +73,8 @@ class Watched:
 
     def run(self) -> None:
         """A row a song; what was danced is not danced again."""
-        self.out.mkdir(parents=True, exist_ok=True)
+        how = {"model": digest_of(self.model), "seconds": self.seconds, "seed": self.seed}
+        only_one_way(self.out, how | {"songs": self.songs})
         model, rows = hub.load(self.model), []
         for k, path in enumerate(tqdm(self.songs, desc="dancing", unit="dance")):
             n = SIZES[k % len(SIZES)]

@@ -1,5 +1,6 @@
 """Binder and Colab are told only what is there; a syllabus keeps the order of lessons."""
 
+import os
 import re
 import subprocess
 import tomllib
@@ -35,8 +36,9 @@ def test_binder_has_a_python_that_the_project_allows():
 
 def test_binder_runs_a_command_that_exists():
     script = BINDER / "postBuild"
-    assert script.stat().st_mode & 0o111, "it must be executable"
-    assert subprocess.run(["bash", "-n", script], check=False).returncode == 0
+    if os.name != "nt":  # there no file is executable without a suffix that says so
+        assert script.stat().st_mode & 0o111, "it must be executable"
+        assert subprocess.run(["bash", "-n", script], check=False).returncode == 0
     from dancediff.cli.commands import COMMANDS
 
     words = [line.split() for line in script.read_text(encoding="utf-8").splitlines()]

@@ -9,7 +9,8 @@ from dancediff.data.choreographer import choreograph
 from places import BENCHMARKS
 
 sys.path.insert(0, str(BENCHMARKS))
-from bars import only_one_way, room
+from bars import room
+from kept_dances import only_one_way
 
 
 def test_other_options_need_another_folder(tmp_path):
@@ -17,6 +18,12 @@ def test_other_options_need_another_folder(tmp_path):
     only_one_way(tmp_path, {"steps": 12, "autoguidance": None})
     with pytest.raises(SystemExit, match="other options"):
         only_one_way(tmp_path, {"steps": 20, "autoguidance": None})
+
+
+def test_dances_that_nobody_says_the_making_of_need_another_folder(tmp_path):
+    (tmp_path / "dance.npz").touch()
+    with pytest.raises(SystemExit, match="other options"):
+        only_one_way(tmp_path, {"steps": 12})
 
 
 def test_frames_with_two_who_are_too_near():

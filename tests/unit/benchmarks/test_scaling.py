@@ -119,7 +119,7 @@ def test_points_are_scored_searched_written_and_drawn(takes, held, tmp_path, mon
     assert (tmp_path / "docs/images/scaling.png").stat().st_size > 10_000
     point = json.loads(next(tmp_path.rglob("point.json")).read_text(encoding="utf-8"))
     assert set(point["searched"]) == {"1.0", "2.0"}
-    made_with = bench.Motion.load(next(tmp_path.rglob("dances-170/*.npz"))).meta
+    made_with = bench.Motion.load(next(tmp_path.rglob("170/*.npz"))).meta
     off = ("foot_contact", "collision_avoidance", "order_constraint", "frequency_clip")
     assert not any(made_with.get(name) for name in off)
 
