@@ -137,6 +137,9 @@ def test_controls_keep_their_own_keys(page, files):
     page.locator("#time").focus()
     page.keyboard.press("ArrowRight")
     assert state(page)["frame"] == 31
+    page.locator("#speed").focus()
+    page.keyboard.press("ArrowDown")
+    assert page.evaluate("document.activeElement.id") == "speed"  # the next one is a key away
     page.locator("#time").click(position={"x": 30, "y": 5})
     assert page.evaluate("document.activeElement === document.body")  # keys are the player's again
 

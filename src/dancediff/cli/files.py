@@ -110,12 +110,11 @@ def write_all(out: Path, write: Callable[[Path], object]) -> list[Path]:
 
 
 def _remove_other_dancers(files: list[Path]) -> None:
-    """Files of dancers of an older, larger or smaller group, which would join the new one."""
-    new = {found[1] for file in files if (found := ONE_DANCER.fullmatch(file.name))}
-    for other in files[0].parent.iterdir() if new else ():
-        found = ONE_DANCER.fullmatch(other.name)
-        if found and found[1] in new and other not in files:
-            other.unlink()
+    """As `Motion.save` does, which saw only the hidden folder."""
+    from dancediff import io
+
+    for kind in {found[1] for file in files if (found := ONE_DANCER.fullmatch(file.name))}:
+        io.remove_other_dancers(files[0].with_name(f"dance{kind}"), files)
 
 
 def of_an_earlier_dance(out: Path, files: Iterable) -> list[str]:

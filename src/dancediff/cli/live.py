@@ -20,7 +20,8 @@ class _Live:
     song: tyro.conf.Positional[str | None] = None
     """A wav, flac, ogg or mp3 file; 'packaged' for the song that comes with dancediff."""
     microphone: bool = False
-    """Dance to what the computer's microphone hears, instead of a song."""
+    """Dance to what the computer's microphone hears, instead of a song: for 600 s, or for so many
+    --seconds."""
     model: str = "tcdiffpp"
     """A packaged model of TCDiff++, or a model folder."""
     own: str | None = None
@@ -51,7 +52,7 @@ class _Live:
         named = None if self.song is None else song_named(self.song)
         model = hub.load(self.model, own=self.own)
         try:
-            song = source_of(named, self.microphone)
+            song = source_of(named, self.microphone, options.get("seconds"))
             server = LiveServer(
                 model,
                 song,

@@ -57,4 +57,4 @@ def dance_to(
         files = write_all(out, write)
     dance = pieces.last
     facts = {"files": files, "dancers": dance.num_dancers, "frames": pieces.frames}
-    return facts | dance.meta, dance
+    return facts | dance.meta.get("whole", dance.meta), dance

@@ -57,7 +57,8 @@ class Conditions:
         >>> Conditions(torch.arange(2.0)[:, None, None]).each_row(2).music.flatten().tolist()
         [0.0, 0.0, 1.0, 1.0]
         """
-        return self._each(lambda value: value.repeat_interleave(times, 0))
+        # the same tensors again where nothing is repeated: by their place in memory music is kept
+        return self if times == 1 else self._each(lambda value: value.repeat_interleave(times, 0))
 
     def rows(self, which: slice | Tensor) -> "Conditions":
         """Some rows of the batch."""

@@ -240,7 +240,9 @@ def _read(book: dict, blob: bytes, extras: dict) -> Motion:
         for k in range(n)
     ]
     q = torch.nn.functional.normalize(torch.from_numpy(np.stack(turns)), dim=-1)
-    meta = {"source": "glb"}
+    meta: dict = {"source": "glb"}
+    if extras.get("synthetic") is True:
+        meta["synthetic"] = True
     pose, paths = roma.unitquat_to_rotmat(q), torch.from_numpy(np.stack(root))
     return Motion(pose, paths, fps, skeleton=_skeleton(book), meta=meta)
 

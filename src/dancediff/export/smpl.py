@@ -76,13 +76,15 @@ def load_smpl(path) -> Motion:
     """
     path = Path(path)
     try:
-        arrays = read_arrays(path, ("poses", "trans", *RATES), expand=COMPRESSED)
+        keys = ("poses", "trans", "synthetic", *RATES)
+        arrays = read_arrays(path, keys, expand=COMPRESSED)
         rate = next((key for key in RATES if key in arrays), RATES[0])
         missing = [key for key in ("poses", "trans", rate) if key not in arrays]
         if missing:
             raise ValueError(f"it lacks {', '.join(missing)}")
         poses, trans = (np.asarray(arrays[key], dtype=np.float64) for key in ("poses", "trans"))
         fps = float(arrays[rate])
+        synthetic = bool(np.any(arrays.get("synthetic", False)))
         width = poses.shape[1] if poses.ndim == 2 else 0
         if width < 3 * BODY or width % 3 or trans.shape != (len(poses), 3):
             raise ValueError(f"poses {poses.shape} and trans {trans.shape} do not fit together")
@@ -96,4 +98,5 @@ def load_smpl(path) -> Motion:
     R = axis_angle_to_matrix(torch.from_numpy(poses[:, : 3 * BODY]).unflatten(-1, (BODY, 3)))
     R = torch.cat([down @ R[:, :1], R[:, 1:]], dim=1)
     root = (torch.from_numpy(trans) + torch.tensor(J_0, dtype=torch.float64)) @ down.T
-    return Motion(whole_pose(R[None]), root[None], fps, meta={"source": "smpl"})
+    meta: dict = {"source": "smpl"} | ({"synthetic": True} if synthetic else {})
+    return Motion(whole_pose(R[None]), root[None], fps, meta=meta)

@@ -20,8 +20,9 @@ def genre_option() -> Any:
     return option(
         None,
         "What to dance: a genre or a mix such as hiphop=0.7,house=0.3; default: by the song's "
-        f"tempo; 'any': none in particular. Only models that know genres: {', '.join(TEMPOS)}, and "
-        f"some of them {' and '.join(CAPTURED)}.",
+        "tempo; 'any': none in particular, the default with a microphone, whose tempo "
+        f"nobody knows yet. Only models that know genres: {', '.join(TEMPOS)}, and some of them "
+        f"{' and '.join(CAPTURED)}.",
         parse=mix_of,
     )
 

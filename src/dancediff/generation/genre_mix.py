@@ -49,9 +49,12 @@ def mix_of(asked: str | Mapping[str, float]) -> Mix:
 def resolved_genre(asked: Mix | None, usual: Mix, model, song) -> Mix | None:
     """What a model dances: what is asked for, else what is usual; None if it knows no genre.
 
+    By tempo a song that is still to be heard gets `ANY`, if the model knows that.
+
     Raises: ValueError naming the genre and those there are, or that the model knows none.
     """
     from dancediff.extensions.genre_condition import genre_condition_of, genres_of
+    from dancediff.music.live_song import LiveSong
 
     genres = genres_of(model)
     if not genres:
@@ -63,6 +66,9 @@ def resolved_genre(asked: Mix | None, usual: Mix, model, song) -> Mix | None:
         )
     asked = usual if asked is None else asked
     if asked == BY_TEMPO:
+        unheard = isinstance(song, LiveSong) and math.isnan(song.tempo)
+        if unheard and genre_condition_of(model) is not None:
+            return ANY
         return genre_for(song.tempo, genres)
     if asked == ANY:
         if genre_condition_of(model) is not None:

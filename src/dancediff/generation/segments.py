@@ -87,4 +87,4 @@ class SegmentPlan:
         [150, 225]
         """
         first = self.window - resampled
-        return list(range(first, self.frames, self.stride)) if self.count > 1 else []
+        return [first + k * self.stride for k in range(self.count - 1)]

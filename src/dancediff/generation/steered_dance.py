@@ -63,6 +63,8 @@ class SteeredDance:
         self._ordered = False  # an order was asked for, or given up, since then
         self._start = self._skip = 0  # of the next segment: first frame in the song, frames danced
         self._count = 0  # segments begun
+        self.seams: list[int] = []  # frames of what is handed out in which a segment takes over
+        self._handed = 0  # frames handed out
         self._generator = torch.Generator().manual_seed(request.seed)
         self._context: Tensor | None = None
         self._noise: Tensor | None = None
@@ -131,6 +133,7 @@ class SteeredDance:
         k = 0 if self._last is None else min(self._last.shape[1], self._stride - 1)
         self._context = None if self._last is None or k == 0 else self._last[:, -k:]
         self._noise, self._skip, self._start, self.over = None, k, frame - k, False
+        self.seams = [seam for seam in self.seams if seam < self._handed]  # others never come
 
     def pieces(
         self, changes: Callable[[], None], *, eager: bool = False, report=None, dtype=None
@@ -148,6 +151,8 @@ class SteeredDance:
                 return
             x, noise = self._segment(report, dtype)
             start, stride, skip = self._start, self._stride, self._skip
+            if self._context is not None:
+                self.seams.append(self._handed + self._context.shape[1] - skip)
             frames, rest = self.request.frames, x[:, stride:]
             last = start + x.shape[1] >= frames
             self._context, self._noise = rest[:, : self._kept], noise
@@ -167,7 +172,7 @@ class SteeredDance:
     def _handed_out(self, x: Tensor) -> Tensor:
         """A piece in metres; its last frames are kept for `seek`."""
         both = x if self._last is None else torch.cat([self._last, x], dim=1)
-        self._last = both[:, -JOIN:].clone()
+        self._last, self._handed = both[:, -JOIN:].clone(), self._handed + x.shape[1]
         return self.model.normalizer.unnormalize(x).cpu()
 
     def _segment(self, report, dtype) -> tuple[Tensor, Tensor]:

@@ -16,6 +16,8 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
+from torch import Tensor
+
 from dancediff.axes import FPS
 from dancediff.generation.opening import Opening
 from dancediff.generation.option import checked
@@ -57,6 +59,9 @@ class Stream(Iterator[Motion]):
     - ``begins``: seconds of the song at which the piece handed out last begins.
     - ``timing``: how long pieces took.
     - ``log``: plain values from which `replay` makes the same dance.
+
+    A piece has its own seams in its ``meta``, and no ``swap``, as a part has that `Motion.frames`
+    cuts out; the ``meta`` of the dance so far lies beside them as "whole".
     """
 
     def __init__(
@@ -273,7 +278,7 @@ class Stream(Iterator[Motion]):
                 for x in self.pipeline._pieces(self.song, self.request, **how):
                     if left > 0:
                         self.begins = self.danced
-                        yield self.pipeline._motion(x[:, :left].clone(), self.song, self.request)
+                        yield self._piece(x[:, :left])
                     left -= x.shape[1]
                 return
             # who dances to sound that arrives has no time to keep frames back; those that the
@@ -282,7 +287,21 @@ class Stream(Iterator[Motion]):
             eager = eager and not self.request.resampled
             for start, x in self._dance.pieces(self._take_up, eager=eager, **how):
                 self.begins = start / FPS
-                yield self.pipeline._motion(x.clone(), self.song, self.request)
+                yield self._piece(x)
+
+    def _piece(self, x: Tensor) -> Motion:
+        """A piece with its own facts, and those of the whole dance beside them."""
+        piece = self.pipeline._motion(x.clone(), self.song, self.request)
+        first, frames = round(self.danced * FPS), piece.num_frames
+        if frames == self.request.frames and not first:
+            return piece
+        whole = piece.meta
+        if self._dance is not None:  # it may have been elsewhere in the song
+            whole = whole | {"seams": list(self._dance.seams)}
+        own = [seam - first for seam in whole["seams"] if first < seam < first + frames]
+        piece.meta = whole | {"seams": own, "whole": whole}
+        piece.meta.pop("swap", None)
+        return piece
 
     def _take_up(self) -> None:
         """Do what was asked for since the last segment, and note when."""

@@ -22,9 +22,9 @@ LOOK_AHEAD = 30  # frames danced again where a constraint may lie just behind a 
 class TCDiffPPRequest(SegmentedRequest):
     """What can be asked of TCDiff++.
 
-    ``swap[k]``: the dancer, counted 0.. from the left at the first frame, who stands k-th from the
-    left in the end. ``start``, ``end``: one (x, z) in metres a dancer. ``constraints``: see
-    `dancediff.extensions.control`. Changes of order are danced most
+    ``swap[k]``: the dancer, counted 0.. from the left at the first frame (with ``start`` in its
+    order), who stands k-th from the left in the end. ``start``, ``end``: one (x, z) in metres a
+    dancer. ``constraints``: see `dancediff.extensions.control`. Changes of order are danced most
     often with the sampler "dpm".
 
     >>> TCDiffPPRequest(dancers=2, pinning="glue")
@@ -140,6 +140,11 @@ class TCDiffPPRequest(SegmentedRequest):
             if getattr(asked, name):
                 raise ValueError(
                     f"{name}=True is not possible with long_sampling='naive'; use False"
+                )
+        for name in ("pinning", "seam"):
+            if (value := getattr(asked, name)) is not None:
+                raise ValueError(
+                    f"{name}={value!r} is not possible with long_sampling='naive'; leave it out"
                 )
         if self.constraint() is not None:
             raise ValueError("start=, end= and constraints= need long_sampling='lgds'")

@@ -13,7 +13,7 @@ Read first: docs/export.md · `dancediff.motion.files`.
 """
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from functools import partial
 from pathlib import Path
 
@@ -52,7 +52,21 @@ def save(motion: Motion, path, song=None, *, body: str = "mannequin") -> Path:
     ]
     for k, name in enumerate(numbered):
         write(motion.dancer(k), name)
+    remove_other_dancers(path, numbered)
     return numbered[0]
+
+
+def remove_other_dancers(path: Path, written: Collection[Path]) -> None:
+    """Remove the files of another group, or of a solo, that `save` once wrote for this ``path``.
+
+    Beside those ``written`` now they would count as dancers of the new dance.
+    """
+    kind = suffix_of(path)
+    stem = path.name.removesuffix(kind)
+    own = re.compile(rf"{re.escape(stem)}(\.\d+)?{re.escape(kind)}")
+    for other in path.parent.iterdir():
+        if own.fullmatch(other.name) and other not in written and other.is_file():
+            other.unlink()
 
 
 def load(path, *more) -> Motion:

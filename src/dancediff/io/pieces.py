@@ -5,6 +5,7 @@ import shutil
 import tempfile
 import zipfile
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -64,6 +65,7 @@ def save_pieces(pieces: Iterable[Motion], path) -> Path:
             frames += piece.num_frames
         if last is None:
             raise ValueError("there is no piece; a dance has at least one")
+        last = replace(last, meta=last.meta.get("whole", last.meta))  # those of a stream have both
         _join(path, npz_arrays(last), files, frames)
     return path
 

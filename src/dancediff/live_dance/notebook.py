@@ -14,6 +14,7 @@ from dancediff.music.song import Music, as_song
 from dancediff.music.sound_sources import microphone as listen
 
 RATE = 22050  # of a microphone
+LISTENED = 600.0  # seconds that a microphone is danced to, unless others are asked for
 
 
 class Live:
@@ -49,10 +50,12 @@ class Live:
         return f"Live({self.server.address}, {self.session.song.name!r})"
 
 
-def source_of(song, microphone: bool | int | str = False) -> Music | LiveSong:
-    """The song, or what a microphone hears from now on.
+def source_of(
+    song, microphone: bool | int | str = False, seconds: float | None = None
+) -> Music | LiveSong:
+    """The song, or what a microphone hears from now on, for so many ``seconds``.
 
-    Raises: ValueError unless there is one of both; as `sound_sources.microphone`.
+    Raises: ValueError unless there is one of both; as `sound_sources.microphone` and `LiveSong`.
     """
     asked = microphone is not False
     if asked == (song is not None):
@@ -62,7 +65,8 @@ def source_of(song, microphone: bool | int | str = False) -> Music | LiveSong:
     if asked:
         device = None if microphone is True else microphone
         blocks = listen(RATE, device=device)
-        return LiveSong(blocks, RATE, name="microphone", keep=True)
+        seconds = LISTENED if seconds is None else seconds
+        return LiveSong(blocks, RATE, seconds=seconds, name="microphone", keep=True)
     return as_song(song)
 
 
@@ -83,7 +87,8 @@ def live(
     - ``song``: a `Music`, or the path of one; a `LiveSong` for sound from elsewhere.
     - ``microphone``: dance to what it hears, instead of a song; True, or a device's number or name.
     - ``model``: a name, a folder, or a pipeline of TCDiff++.
-    - ``options``: those of `generate`, such as ``dancers=3``.
+    - ``options``: those of `generate`, such as ``dancers=3``; with a microphone ``seconds`` are how
+      long it is danced to, 600 by default.
 
     Raises: ValueError as `generate`, for a model that cannot be steered, and for a song beside a
     microphone or none without; ImportError naming the extra when tornado is not installed, or
@@ -91,7 +96,7 @@ def live(
     """
     from dancediff import hub
 
-    song = source_of(song, microphone)
+    song = source_of(song, microphone, options.get("seconds"))
     pipeline = hub.load(model) if isinstance(model, str | Path) else model
 
     def save(session: LiveSession) -> list[Path]:

@@ -173,15 +173,14 @@ class LiveSession:
             cut = [self.song.slice(a / FPS, (a + n) / FPS) for a, n in spans]
             song = Music(np.concatenate([one.audio[:] for one in cut]), cut[0].rate, cut[0].name)
         last = self._last
-        meta = last.meta | {"seams": [seam for seam in self._seams() if seam < frames]}
+        meta = last.meta.get("whole", last.meta)
+        meta = meta | {"seams": [seam for seam in meta["seams"] if seam < frames]}
         return Motion(fps=last.fps, skeleton=last.skeleton, meta=meta, **joined), song
-
-    def _seams(self) -> list[int]:
-        lengths = np.cumsum([n for _, n in self._pieces]).tolist()
-        return lengths[0 if self.listens else 1 : -1]
 
     def save(self, out, formats: list[str]) -> list[Path]:
         """Write what was danced, a file for each format, and ``log.json`` to dance it again.
+
+        With ``constraints=``, which no log can hold, there is no ``log.json``.
 
         Raises: ValueError for an unknown format, or when nothing was danced yet.
         """
@@ -191,8 +190,13 @@ class LiveSession:
         names = [f"dance.{'smpl.npz' if name == 'smpl' else name}" for name in formats]
         files = [dance.save(out / name, song=song) for name in names]
         log = out / "log.json"
+        try:
+            text = json.dumps(self.stream.log, indent=1) + "\n"
+        except ValueError:  # the dance is worth keeping without it
+            log.unlink(missing_ok=True)  # that of an earlier dance
+            return files
         with atomic_write(log) as part:
-            part.write_text(json.dumps(self.stream.log, indent=1) + "\n", encoding="utf-8")
+            part.write_text(text, encoding="utf-8")
         return [*files, log]
 
     def _file(self, k: int) -> Path:

@@ -27,7 +27,7 @@ from dancediff.metrics.kinetic import kinetic_features
 from dancediff.metrics.physical import below_floor, fsr, pfc
 from dancediff.metrics.posture import POSTURE
 from dancediff.metrics.rhythm import SMOOTH, beat_alignment
-from dancediff.metrics.swaps import abrupt_swaps, obeys, permutation_kind
+from dancediff.metrics.swaps import abrupt_swaps, by_rank, obeys, permutation_kind
 from dancediff.metrics.unison import unison
 from dancediff.motion.beats import motion_beats
 from dancediff.motion.motion import Motion
@@ -132,9 +132,10 @@ def _measure_swaps(found: Measured, motion: Motion) -> None:
     if not isinstance(swap, list | tuple):
         found.missing[OBEDIENCE] = ["meta of the dance has no target order (swap)"]
         return
-    found.add(found.numbers, OBEDIENCE, lambda: float(obeys(root, swap)))
+    found.add(found.numbers, OBEDIENCE, lambda: float(obeys(root, by_rank(root, swap))))
     if len(root) == 3 and found.numbers.get(OBEDIENCE):
-        found.numbers[f"{OBEDIENCE}, {permutation_kind(swap)}"] = found.numbers[OBEDIENCE]
+        kind = permutation_kind(by_rank(root, swap))
+        found.numbers[f"{OBEDIENCE}, {kind}"] = found.numbers[OBEDIENCE]
 
 
 def _measure_drift(found: Measured, joints: Tensor) -> None:

@@ -18,7 +18,7 @@ import torch
 from torch import Tensor
 
 from dancediff.axes import LATERAL, ON_FLOOR
-from dancediff.motion.order import check_order, swap_mode
+from dancediff.motion.order import check_order, left_to_right, swap_mode
 
 JUMP_SPEED = 0.12 * 30  # metres a second: 12 cm in a frame of 1/30 s
 SEAM_REACH = 3 / 30  # seconds before and after a seam: 3 frames
@@ -141,6 +141,21 @@ def obeys(root: Tensor, swap) -> bool:
     True
     """
     return final_order(root) == tuple(check_order(swap, len(root)).tolist())
+
+
+def by_rank(root: Tensor, swap) -> list[int]:
+    """An order of a dance's own dancers, each named by the place where it starts from the left.
+
+    Only who began by ``start=`` in another order than left to right has another number than place.
+
+    Shapes: root (n, f, 3) metres, swap (n,) int -> n numbers.
+    Raises: ValueError as `swap_obedience`.
+
+    >>> by_rank(torch.tensor([[[1.0, 0, 0]], [[-1.0, 0, 0]]]), [1, 0])  # nobody is to move
+    [0, 1]
+    """
+    rank = left_to_right(_check_root(root, frames=1)[:, 0, LATERAL]).argsort()
+    return rank[check_order(swap, len(root))].tolist()
 
 
 def final_order(root: Tensor) -> tuple[int, ...]:

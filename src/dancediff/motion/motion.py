@@ -134,7 +134,12 @@ class Motion:
         return self.frames(round(max(start, 0) * self.fps), round(max(stop, 0) * self.fps))
 
     def dancer(self, k: int) -> "Motion":
-        """One dancer as a solo."""
+        """One dancer as a solo.
+
+        Raises: ValueError when there is no such dancer.
+        """
+        if not 0 <= k < self.num_dancers:
+            raise ValueError(f"dancer({k}) must lie in 0 ... {self.num_dancers - 1}")
         contact = None if self.contact is None else self.contact[k : k + 1]
         meta = {key: value for key, value in self.meta.items() if key != "swap"}  # of a group
         pose, root = self.pose[k : k + 1], self.root[k : k + 1]
@@ -185,7 +190,8 @@ class Motion:
         - ``.html``: a page that plays it in 3-D, with ``song``, from disk.
         - ``.glb``: bodies that move, for 3-D programs; with ``body="mesh"`` a human skin.
         - ``.bvh``, ``.smpl.npz``: a file for each dancer. Of a group ``dance.bvh`` becomes
-          ``dance.1.bvh``, ``dance.2.bvh`` ..., the first of which is returned.
+          ``dance.1.bvh``, ``dance.2.bvh`` ..., the first of which is returned; those of a group
+          that was there before are removed.
 
         Each file appears whole or not at all, its folder is made.
         Raises: ValueError for another suffix, or a body where the format has no choice of one;

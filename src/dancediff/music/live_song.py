@@ -33,7 +33,8 @@ class LiveSong:
 
     Memory is 4 kB a second of ``seconds``.
 
-    Raises: ValueError for an ``ahead`` that is not within 0 and 5 s, and as `CausalMusic`.
+    Raises: ValueError for ``seconds`` that are not above 0, an ``ahead`` that is not within 0 and
+    5 s, and as `CausalMusic`.
 
     >>> song = LiveSong([np.zeros(15360)] * 9, 15360, seconds=8)
     >>> song.features_until(150).shape, song.music.now
@@ -54,6 +55,8 @@ class LiveSong:
         clock: Callable[[], float] = time.monotonic,
     ):
         """Nothing is heard yet."""
+        if not 0 < seconds < float("inf"):
+            raise ValueError(f"seconds={seconds} must be a number above 0, such as 600")
         if not 0 <= ahead <= AHEAD:
             raise ValueError(f"ahead={ahead} must be within 0 and {AHEAD} s")
         self.music, self.duration, self.name = CausalMusic(rate), float(seconds), name

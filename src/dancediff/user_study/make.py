@@ -4,8 +4,10 @@ Read first: `dancediff.user_study.pairs` · `dancediff.user_study.blinding` ·
 `dancediff.user_study.scores`.
 """
 
+import hashlib
 import json
 import secrets
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,8 +16,8 @@ import numpy as np
 from dancediff.atomic import atomic_write
 from dancediff.user_study.blinding import blind
 from dancediff.user_study.page import study_page
-from dancediff.user_study.pairs import pairs_of, songs_named
-from dancediff.user_study.questions import questions_for
+from dancediff.user_study.pairs import Pair, pairs_of, songs_named
+from dancediff.user_study.questions import Question, questions_for
 
 
 @dataclass(frozen=True)
@@ -79,7 +81,7 @@ def study(
         systems, songs_named(songs), seconds=seconds, dancers=dancers, progress=progress
     )
     asked = questions_for(questions, min(pair.dances[0].num_dancers for pair in pairs))
-    generator = np.random.default_rng(seed)
+    generator = np.random.default_rng([seed, _number_of(pairs, asked)])
     id = generator.bytes(6).hex()
     shown = blind(pairs, generator)
     page = study_page(id, shown, asked)
@@ -92,6 +94,15 @@ def study(
         with atomic_write(path) as part:
             part.write_text(text, encoding="utf-8")
     return made
+
+
+def _number_of(pairs: list[Pair], asked: Sequence[Question]) -> int:
+    """A number that says what is compared and asked: another study has other ids by one seed."""
+    facts = [[*pair.systems, pair.song.name] for pair in pairs], [one.name for one in asked]
+    content = hashlib.sha256(json.dumps(facts).encode())
+    for dance in (dance for pair in pairs for dance in pair.dances):
+        content.update(dance.pose.numpy().tobytes() + dance.root.numpy().tobytes())
+    return int.from_bytes(content.digest()[:8], "big")
 
 
 def key_of(page: Path) -> Path:

@@ -6,6 +6,7 @@ A system is a folder of dances, as `dancediff generate` writes them, or a model.
 compared with each of the others, as Lodge is with other methods in its user study.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -133,14 +134,10 @@ def _danced(model, songs: dict, *, seconds, dancers, progress) -> dict[str, list
     if not songs:
         raise ValueError(f"model {str(model)!r} needs songs to dance to; name some as songs")
     pipeline = hub.load(model)
-    wanted = {"seconds": seconds, "dancers": dancers}
-    options = {
-        name: value
-        for name, value in wanted.items()
-        if value is not None and name in pipeline.request.names()
-    }
+    knows = dancers is not None and "dancers" in pipeline.request.names()
+    options = {"progress": progress} | ({"dancers": dancers} if knows else {})
     return {
-        name: [pipeline.generate(song, progress=progress, **options)]
+        name: [pipeline.generate(song, seconds=min(seconds or math.inf, song.duration), **options)]
         for name, song in songs.items()
     }
 

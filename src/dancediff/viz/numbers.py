@@ -9,7 +9,7 @@ import torch
 from dancediff.axes import FPS
 from dancediff.motion.representation import TCDIFFPP
 from dancediff.motion.skeleton import SMPL24, forward_kinematics
-from dancediff.music.features import BEATS, CHROMA, MFCC, ONSET, PEAKS
+from dancediff.music.features import BEATS, CHROMA, MFCC, ONSET, PEAKS, beat_times
 from dancediff.viz.palette import BEAT, INK, MUTED, dancer_color, ink_on, mix
 from dancediff.viz.style import bare, new_axes, set_title
 
@@ -86,11 +86,12 @@ def plot_waveform(song, *, ax=None, start: float = 0.0, stop: float | None = Non
 def plot_beats(M, beats=None, *, truth=None, ax=None, title: str | None = None):
     """The onset envelope with detected beats (full lines) and, if known, the true ones (dots).
 
-    Shapes: M (f, 35) raw; beats, truth (k,) seconds; beats default to column 34 -> Axes.
+    Shapes: M (f, 35) raw; beats, truth (k,) seconds; beats default to when those of column 34
+    sound, a little before the envelope's tops -> Axes.
     """
     ax = new_axes(ax, (7.6, 2.2))
     M = np.asarray(M)
-    beats = np.flatnonzero(M[:, BEATS.start] > 0.5) / FPS if beats is None else np.asarray(beats)
+    beats = beat_times(torch.as_tensor(M)) if beats is None else np.asarray(beats)
     onset = M[:, ONSET.start]
     top = max(float(onset.max()), 1e-6)
     ax.fill_between(np.arange(len(M)) / FPS, onset, color=dancer_color(0), alpha=0.7, lw=0)

@@ -149,7 +149,8 @@ def save_video(motion: Motion, path, song=None, *, size=None, fps: float | None 
     """Draw a dance as .mp4 (with sound if a song is given) or as animated .gif (always silent).
 
     ``size`` is (width, height) in pixels, default (1280, 720), for a GIF (480, 270); ``fps``
-    defaults to the motion's, for a GIF to 12.5. The song starts with the dance and is cut to its
+    defaults to the motion's, for a GIF to 12.5. Frames of a GIF last whole hundredths of a second,
+    two or more: it takes the nearest such rate. The song starts with the dance and is cut to its
     length. The file appears whole or not at all.
     Raises: ValueError for another suffix or an odd size; ImportError naming the extra when an
     .mp4 is asked for and PyAV is not installed.
@@ -178,11 +179,11 @@ def _frames(motion: Motion, song, size, fps: float):
 def _write_gif(motion: Motion, path: Path, song, size, fps: float) -> None:
     from PIL import Image
 
-    pictures = [Image.fromarray(f[..., :3]) for f in _frames(motion, song, size, fps)]
+    wait = max(20, round(100 / fps) * 10)  # ms; drawn at ``fps`` it would play too fast or slow
+    pictures = [Image.fromarray(f[..., :3]) for f in _frames(motion, song, size, 1000 / wait)]
     # one palette for all frames, or the colours flicker
     first = pictures[len(pictures) // 2].quantize(128)
     pictures = [p.quantize(palette=first, dither=Image.Dither.NONE) for p in pictures]
-    wait = max(20, round(100 / fps) * 10)
     pictures[0].save(
         path, format="GIF", save_all=True, append_images=pictures[1:], duration=wait, loop=0
     )

@@ -155,6 +155,13 @@ def test_a_preset_and_an_option_beside_it(tmp_path, capsys):
     assert said["steps"] == 2 and not said["foot_contact"] and said["dtype"] == "bfloat16"
 
 
+def test_facts_are_those_of_the_whole_dance_and_not_of_its_last_piece(tmp_path, capsys):
+    args = ["--dancers", "2", "--seconds", "6", "--steps", "1", "--formats", "npz", "--json"]
+    assert main(["generate", "packaged", *args, "--swap", "1", "0", "--out", str(tmp_path)]) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert said["seams"] == [150] and said["swap"] == [1, 0] and "whole" not in said
+
+
 def test_version(capsys):
     assert main(["--version"]) == 0
     assert capsys.readouterr().out.strip() == f"dancediff {__version__}"

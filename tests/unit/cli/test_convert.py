@@ -1,6 +1,7 @@
 """`dancediff convert`: from any format that can be read to any that can be written."""
 
 import json
+from dataclasses import replace
 
 import pytest
 import torch
@@ -31,6 +32,19 @@ def test_there_and_back(duet, suffix, tmp_path, capsys):
     assert facts["written"] == files[0]
     assert main(["convert", *files, str(tmp_path / "back.npz")]) == 0
     assert joints_apart(Motion.load(duet), Motion.load(tmp_path / "back.npz")) < 1e-3
+
+
+@pytest.mark.parametrize("suffix", [".glb", ".smpl.npz"])
+@pytest.mark.parametrize(
+    ("meta", "synthetic"), [({"model": "tcdiffpp"}, True), ({"synthetic": True}, True), ({}, False)]
+)
+def test_what_no_person_danced_stays_known_there_and_back(duet, suffix, meta, synthetic, tmp_path):
+    """`prepare folder` took a generated dance for a real one once it had been a .glb."""
+    replace(Motion.load(duet).dancer(0), meta=meta).save(tmp_path / "solo.npz")
+    there, back = str(tmp_path / f"there{suffix}"), str(tmp_path / "back.npz")
+    assert main(["convert", str(tmp_path / "solo.npz"), there]) == 0
+    assert main(["convert", there, back]) == 0
+    assert Motion.load(there).is_synthetic is Motion.load(back).is_synthetic is synthetic
 
 
 def test_a_picture_and_a_page(duet, tmp_path):

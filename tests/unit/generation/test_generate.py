@@ -312,7 +312,7 @@ def test_stream_hands_out_the_same_dance_in_pieces(model):
     assert [piece.num_frames for piece in pieces] == [75, 75, 75, 15]
     assert torch.equal(torch.cat([piece.root for piece in pieces], 1), whole.root)
     assert torch.equal(torch.cat([piece.pose for piece in pieces], 1), whole.pose)
-    assert pieces[0].meta == whole.meta
+    assert pieces[-1].meta["whole"] == whole.meta
 
 
 def test_stream_checks_at_once_and_leaves_the_model_as_it_was():
@@ -334,6 +334,8 @@ def test_a_long_dance_says_where_its_seams_are(model):
     assert model.generate(song, seconds=9, **options).meta["seams"] == [150, 225]
     started = model.generate(song, seconds=9, start=[(-1, 0), (1, 0)], **options)
     assert started.meta["seams"] == [120, 195]
+    started = model.generate(song, seconds=12, start=[(-1, 0), (1, 0)], **options)
+    assert started.meta["seams"] == [120, 195, 270]  # no fifth segment follows at 345
 
 
 def test_autoguidance_is_on_where_there_is_a_linear_guess(model):

@@ -212,6 +212,12 @@ def test_naive_long_sampling_knows_no_rules_of_groups():
     assert found.collision_avoidance is False and found.pinning is None
     with pytest.raises(ValueError, match="collision_avoidance=True is not possible"):
         TCDiffPPRequest(long_sampling="naive", collision_avoidance=True).resolve(model(), Tune())
+    for name, value in (("pinning", "init"), ("pinning", "auto"), ("seam", "fade")):
+        with pytest.raises(ValueError, match=f"{name}='{value}' is not possible.*leave it out"):
+            TCDiffPPRequest(long_sampling="naive", **{name: value}).resolve(model(), Tune())
+    assert (
+        TCDiffPPRequest(long_sampling="naive", preset="paper").resolve(model(), Tune()).seam is None
+    )
     with pytest.raises(ValueError, match="start=, end= and constraints= need long_sampling='lgds'"):
         TCDiffPPRequest(dancers=1, long_sampling="naive", start=[(0, 0)]).resolve(model(), Tune())
 

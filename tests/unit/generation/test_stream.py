@@ -1,5 +1,6 @@
 """A stream that is steered: changes hold from the next segment on, and can be made again."""
 
+import itertools
 import json
 import threading
 from dataclasses import dataclass
@@ -156,6 +157,29 @@ def test_it_goes_on_elsewhere_in_the_song(model):
     steps = x.diff(dim=1).norm(dim=-1)
     assert steps[:, 74].max() < 4 * steps.max(1).values.median()  # nobody jumps
     assert pieces[1].num_frames == 60 and begins[2] == 10
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{}, {"overlap": 50}, {"start": [(-1, 0), (0, 0), (1, 0)]}, {"long_sampling": "naive"}],
+)
+def test_a_piece_has_the_seams_of_its_own_frames(model, options):
+    options = ASK | {"swap": (2, 1, 0)} | options
+    dance, pieces = model.generate(Tune(), **options), list(model.stream(Tune(), **options))
+    ends = np.cumsum([piece.num_frames for piece in pieces]).tolist()
+    parts = [dance.frames(a, b) for a, b in itertools.pairwise([0, *ends])]
+    assert [p.meta["seams"] for p in pieces] == [p.meta["seams"] for p in parts]
+    assert ["swap" in p.meta for p in pieces] == ["swap" in p.meta for p in parts]
+    last = pieces[-1].meta
+    assert last.get("whole", last) == dance.meta
+
+
+def test_a_seam_lies_where_the_dance_goes_on_elsewhere(model):
+    stream = model.stream(Tune(20.0), **ASK | {"seconds": 20, "overlap": 100})
+    pieces = steered(stream, {3: lambda stream: stream.seek(10.0)})
+    # without the jump one at 200 would have followed; 35 frames are new in the segment behind it
+    assert [piece.num_frames for piece in pieces][:6] == [50, 50, 50, 35, 50, 50]
+    assert pieces[-1].meta["whole"]["seams"] == [150, 285, 335, 385, 435]
 
 
 @pytest.mark.parametrize("pinning", ["same_noise", "init"])

@@ -17,6 +17,7 @@ from dancediff.generation.pipeline import pipeline_of
 from dancediff.generation.tcdiffpp_dance import long_group_sampler
 from dancediff.genre import genre_for
 from dancediff.music.energy import energy_curve
+from dancediff.music.live_song import LiveSong
 from dancediff.papers.edge.model import EDGE, EDGEConfig
 from dancediff.papers.lodge.segments import segments_of
 from tiny_lodge import PACKAGED, tiny_lodge
@@ -82,6 +83,16 @@ def test_a_mix_has_one_form():
 def test_bad_mixes_are_named(group, song, genre, message):
     with pytest.raises(ValueError, match=message):
         group.resolve(song, genre=genre)
+
+
+@pytest.mark.parametrize("asked", [{}, {"genre": "by tempo"}])
+def test_without_a_tempo_no_genre_is_fallen_into(group, asked):
+    """Whoever danced to a microphone danced contemporary: it has no tempo before the first beat."""
+    silence = [np.zeros(15360, np.float32)] * 9
+    heard = LiveSong(silence, 15360, seconds=8)
+    request = group.stream(heard, **asked, **FEW).request
+    assert request.genre == "any" and request.genre_guidance == 1
+    assert group.stream(heard, genre="jazz", **FEW).request.genre == "jazz"
 
 
 def test_energy_has_one_form():

@@ -23,6 +23,24 @@ def test_a_dance_in_several_formats_counts_once(pair, tmp_path):
     assert names == ["a.npz", *solos]
 
 
+@pytest.mark.parametrize("kind", [".bvh", ".smpl.npz"])
+@pytest.mark.parametrize("larger", [5, 10])
+def test_a_smaller_group_leaves_no_dancer_of_a_larger_one(pair, kind, larger, tmp_path):
+    others = [f"dance.old.1{kind}", f"dancer.3{kind}", f"a.dance.3{kind}", "dance.3.html"]
+    for name in others:
+        (tmp_path / name).touch()
+    Motion.side_by_side([pair.dancer(0)] * larger).save(tmp_path / f"dance{kind}")
+    pair.save(tmp_path / f"dance{kind}")
+    new = {f"dance.1{kind}", f"dance.2{kind}"}
+    assert {path.name for path in tmp_path.iterdir()} == new | set(others)
+
+
+def test_a_dancer_who_is_saved_alone_costs_no_other(pair, tmp_path):
+    for name in ("dance.1.bvh", "dance.2.bvh", "dance.bvh"):
+        pair.dancer(0).save(tmp_path / name)
+    assert len(list(tmp_path.iterdir())) == 3
+
+
 def test_dances_of_the_same_name_in_two_folders_are_two(pair, tmp_path):
     for folder in ("x", "y"):
         (tmp_path / folder).mkdir()

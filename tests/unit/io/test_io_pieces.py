@@ -31,9 +31,10 @@ def test_same_bytes_as_the_whole(dance, tmp_path):
     assert len(list(tmp_path.iterdir())) == 2
 
 
-def test_streamed_and_saved(tmp_path):
+@pytest.mark.parametrize("more", [{}, {"swap": (1, 0), "start": [(-1, 0), (1, 0)]}])
+def test_streamed_and_saved(tmp_path, more):
     model, song = tiny_tcdiffpp(), hub.packaged_song()
-    options = {"dancers": 2, "seconds": 9, "steps": 2, "seed": 3}
+    options = {"dancers": 2, "seconds": 9, "steps": 2, "seed": 3} | more
     whole = model.generate(song, **options).save(tmp_path / "whole.npz")
     pieces = save_pieces(model.stream(song, **options), tmp_path / "pieces.npz")
     assert pieces.read_bytes() == whole.read_bytes()

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 import torch
 
+from dancediff import hub
+from dancediff.cli import main
 from dancediff.generation.stream import Stream
 from dancediff.live_dance import notebook
 from dancediff.live_dance.page import live_page
@@ -22,14 +24,14 @@ ASK = {"dancers": 2, "steps": 8, "seed": 3, "guidance": 1, "autoguidance": 1}
 class Room:
     """A song is played; each guess takes ``cost`` seconds a dancer."""
 
-    def __init__(self, song, cost: float):
+    def __init__(self, song, cost: float, **options):
         self.now, self.cost, self.told, self.closed = 0.0, cost, [], False
         self.pipeline = tiny_tcdiffpp()
         self.pipeline.model.denoise = self.guess
         heard = LiveSong(
             self.blocks(song), song.rate, seconds=SECONDS, keep=True, clock=lambda: self.now
         )
-        self.session = LiveSession(self.pipeline, heard, tell=self.tell, **ASK)
+        self.session = LiveSession(self.pipeline, heard, tell=self.tell, **ASK | options)
 
     def blocks(self, song):
         try:
@@ -86,6 +88,20 @@ def test_what_was_heard_is_saved_and_danced_again(song):
     assert torch.equal(torch.cat([piece.root for piece in again], 1), dance.root)
 
 
+@pytest.mark.parametrize(
+    ("options", "seams"),
+    [
+        ({"seam": "fade"}, [150, 225, 300, 375]),
+        ({"start": [(-1, 0), (1, 0)]}, [120, 195, 270, 345]),
+        ({"overlap": 50}, [150, 250, 350]),
+    ],
+)
+def test_seams_are_where_segments_take_over_and_not_where_pieces_end(song, options, seams):
+    room = Room(song, 0.0, **options)
+    room.dance()
+    assert room.session.dance()[0].meta["seams"] == seams
+
+
 def test_frames_are_handed_out_early_and_are_the_same(song):
     """A segment is handed out whole; without haste its end is kept for the next one."""
     heard = [LiveSong(played(song, in_real_time=False), song.rate, seconds=12) for _ in range(2)]
@@ -117,6 +133,33 @@ def test_it_cannot_be_sought_in_and_has_no_song_on_its_page(song):
     assert '"song":null' in page and '"listens":true' in page
 
 
+@pytest.mark.parametrize("how", ["notebook", "command"])
+def test_a_microphone_is_danced_to_for_as_long_as_is_asked(monkeypatch, tmp_path, how):
+    """It ended after 600 s, and more could not be asked for."""
+    served = []
+
+    class Server:
+        def __init__(self, pipeline, song, *, save, port=0, **options):
+            self.address = "nowhere"
+            served.append(LiveSession(pipeline, song, **options).stream.request.seconds)
+
+        def start(self):
+            return self
+
+        wait = stop = start
+
+    monkeypatch.setattr(notebook, "listen", lambda rate, *, device: iter([]))
+    monkeypatch.setattr(notebook, "LiveServer", Server)
+    monkeypatch.setattr("dancediff.live_dance.server.LiveServer", Server)
+    if how == "notebook":
+        notebook.live(model=tiny_tcdiffpp(), microphone=True, seconds=700)
+    else:
+        hub.save_model(tiny_tcdiffpp().model, tmp_path / "tiny")
+        asked = ["--microphone", "--seconds", "700", "--model", str(tmp_path / "tiny")]
+        assert main(["live", *asked, "--no-browser"]) == 0
+    assert served == [700.0]
+
+
 def test_a_song_or_a_microphone(monkeypatch, song):
     asked = SimpleNamespace()
 
@@ -129,6 +172,7 @@ def test_a_song_or_a_microphone(monkeypatch, song):
     assert isinstance(heard, LiveSong) and (asked.rate, asked.device) == (22050, 3)
     assert notebook.source_of(None, True).name == "microphone" and asked.device is None
     assert notebook.source_of(song) is song
+    assert [notebook.source_of(None, True, s).duration for s in (None, 7200.0)] == [600.0, 7200.0]
     for both in ((song, True), (None, False)):
         with pytest.raises(ValueError, match="give one of them"):
             notebook.source_of(*both)

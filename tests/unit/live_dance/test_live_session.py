@@ -65,10 +65,15 @@ def test_it_stays_ahead_and_rests(open_session):
     until(lambda: "beats" in [kind for kind, _ in told] or session.played(20.0))
 
 
-def test_it_dances_with_constraints_that_no_log_can_hold(open_session):
-    _, told = open_session(constraints=WalkAlong(0, [(0, -1, 0)]), dtype="bfloat16")
+def test_it_dances_with_constraints_that_no_log_can_hold(open_session, tmp_path):
+    session, told = open_session(constraints=WalkAlong(0, [(0, -1, 0)]), dtype="bfloat16")
     until(lambda: told and told[-1][0] == "state")
     assert "failed" not in [kind for kind, _ in told]
+    session.stop()
+    session.join(60)
+    (tmp_path / "log.json").write_text("of an earlier dance")
+    (file,) = session.save(tmp_path, ["npz"])
+    assert file.name == "dance.npz" and [*tmp_path.iterdir()] == [file]
 
 
 def test_a_knob_is_seen_with_the_next_piece(open_session):

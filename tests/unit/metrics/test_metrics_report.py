@@ -177,6 +177,8 @@ def test_swap_obedience_is_that_of_the_swap_asked_for(dances):
     assert report["abrupt swaps"].value == pytest.approx(2 * 3 / 4)
     with pytest.raises(KeyError):
         report["swap obedience, outer"]  # nobody asked
+    turned = replace(dances[0], root=x.flip(0), meta={"swap": [2, 1, 0]})  # own numbers, by start=
+    assert evaluate_dances(turned)["swap obedience, identity"].n == 1
     bad = evaluate_dances(asked([0, 0, 1]))["swap obedience"]
     assert math.isnan(bad.value) and "swap=[0, 0, 1]" in bad.reason
 

@@ -128,6 +128,12 @@ def test_frame_rates_that_nothing_records_are_refused(fps):
         Motion(torch.eye(3).expand(1, 2, 24, 3, 3), torch.zeros(1, 2, 3), fps=fps)
 
 
+@pytest.mark.parametrize("k", [-1, 2])
+def test_a_dancer_who_is_not_there_is_named(k):
+    with pytest.raises(ValueError, match=rf"dancer\({k}\) must lie in 0 \.\.\. 1"):
+        random_motion(n=2).dancer(k)
+
+
 def test_a_part_knows_its_own_seams_and_no_order_of_the_whole():
     motion = random_motion(f=90)
     motion.meta |= {"seams": [20, 60], "swap": [1, 0]}

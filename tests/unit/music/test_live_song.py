@@ -90,6 +90,8 @@ def test_the_end_of_the_sound_is_no_error():
     assert torch.isfinite(heard.features_until(240)).all() and heard.music.now < 0.2
 
 
-def test_ahead_has_limits():
+def test_ahead_and_length_have_limits():
     with pytest.raises(ValueError, match="ahead=6"):
         LiveSong([], 15360, ahead=6)
+    with pytest.raises(ValueError, match="seconds=0 must be a number above 0"):
+        LiveSong([], 15360, seconds=0)

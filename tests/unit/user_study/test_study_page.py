@@ -110,6 +110,25 @@ def test_each_page_is_another_study_unless_a_seed_is_given(folders, tmp_path):
     assert key("c", seed=4) == key("d", seed=4)
 
 
+@pytest.mark.parametrize("change", ["dances", "names", "songs", "questions"])
+def test_another_study_with_the_same_seed_takes_no_answers_of_the_first(folders, tmp_path, change):
+    """Both had the same ids, so that answers to one were credited to the systems of the other."""
+    systems, songs = folders
+    first = dd.study(*systems, songs=songs, out=tmp_path / "a.html", seed=4)
+    how = {"questions": "lodge"} if change == "questions" else {}
+    if change == "songs":
+        (systems[0] / "tango").rename(systems[0] / "waltz 2")
+    else:
+        names = NAMES if change != "names" else ("onesystem", "othersystem")
+        where, seed = tmp_path / "more", 0 if change != "dances" else 50
+        titles = [song.name for song in songs]
+        systems = [write_dances(where / name, titles, first_seed=seed + 10 * k)
+                   for k, name in enumerate(names)]  # fmt: skip
+    other = dd.study(*systems, songs=songs, out=tmp_path / "b.html", seed=4, **how)
+    one, two = (json.loads(made.key.read_text()) for made in (first, other))
+    assert one["study"] != two["study"] and not one["pairs"].keys() & two["pairs"].keys()
+
+
 def test_a_key_is_not_replaced(folders, tmp_path, monkeypatch):
     """Without its key nobody could score the answers to the first page."""
     systems, songs = folders

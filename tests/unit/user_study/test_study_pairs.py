@@ -53,6 +53,16 @@ def test_a_model_dances_to_the_songs(tmp_path):
     assert pair.dances[0].num_dancers == 2 and pair.dances[0].num_frames == 30
 
 
+def test_a_model_dances_shorter_songs_to_their_end(tmp_path):
+    """At most 2 s of each was an error for a song of 1.5 s."""
+    hub.save_model(tiny_tcdiffpp().model, tmp_path / "tiny")
+    a = write_dances(tmp_path / "a", ["waltz", "polka"])
+    songs = {"waltz": SONGS["waltz"], "polka": hum("polka", 1.5)}
+    for seconds, frames in ((2, [45, 60]), (1, [30, 30]), (None, [45, 60])):
+        pairs = pairs_of([tmp_path / "tiny", a], songs, seconds=seconds, dancers=2)
+        assert [pair.dances[0].num_frames for pair in pairs] == frames  # polka comes first
+
+
 def test_what_cannot_be_compared_is_refused(tmp_path):
     a = write_dances(tmp_path / "a", ["waltz"])
     b = write_dances(tmp_path / "b", ["polka"])

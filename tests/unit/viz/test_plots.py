@@ -14,6 +14,7 @@ from dancediff.diffusion.schedule import cosine_abar
 from dancediff.metrics.drift import Drift
 from dancediff.metrics.posture import POSTURE
 from dancediff.motion.motion import Motion
+from dancediff.music.features import LATE
 from dancediff.music.song import Music
 from dancediff.viz import body, plots
 from dancediff.viz.body import body_points
@@ -248,8 +249,10 @@ def test_beats_are_lines_and_truth_is_dots():
     M = torch.zeros(60, 35)
     M[[10, 40], 34] = 1
     ax = plots.plot_beats(M, truth=[0.5])
-    lines = ax.collections[1].get_segments()
-    assert [round(segment[0, 0] * 30) for segment in lines] == [10, 40]
+    at = [segment[0, 0] for segment in ax.collections[1].get_segments()]
+    assert at == pytest.approx(
+        [10 / 30 - LATE, 40 / 30 - LATE]
+    )  # as the true ones: when they sound
     assert ax.lines[0].get_xdata().tolist() == [0.5]
 
 

@@ -121,6 +121,18 @@ def test_gif(dance, tmp_path):
     assert [p.name for p in tmp_path.iterdir()] == ["a.gif"]
 
 
+@pytest.mark.parametrize(("fps", "wait"), [(30, 30), (15, 70), (24, 40), (12.5, 80), (60, 20)])
+def test_a_gif_lasts_as_long_as_the_dance(dance, tmp_path, fps, wait):
+    path = video.save_video(dance, tmp_path / "a.gif", size=SMALL, fps=fps)
+    with Image.open(path) as picture:
+        lasts = []
+        for k in range(picture.n_frames):
+            picture.seek(k)
+            lasts.append(picture.info["duration"])
+    assert set(lasts) <= {wait, 2 * wait}  # two frames alike are one
+    assert abs(sum(lasts) - 1000 * dance.duration) <= wait / 2
+
+
 def test_gif_needs_no_av(dance, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "av", None)
     assert video.save_video(dance, tmp_path / "a.gif", size=SMALL, fps=5).exists()

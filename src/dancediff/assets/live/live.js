@@ -108,7 +108,8 @@
 
   function choices(id, rows) {
     for (const [text, value] of rows) $(id).add(new Option(text, JSON.stringify(value)));
-    $(id).onchange = () => (send({ set: { [id]: JSON.parse($(id).value) } }), $(id).blur());
+    $(id).onchange = () => send({ set: { [id]: JSON.parse($(id).value) } });
+    window.dancediff.leftByMouse($(id));
   }
   for (const label of document.querySelectorAll("[data-knob]")) label.hidden = !(label.dataset.knob in data.live.knobs);
   for (const [id, rows] of Object.entries(data.live.knobs)) if (id !== "energy") choices(id, rows);

@@ -379,7 +379,15 @@ $("loop").onclick = (event) => event.detail && $("loop").blur();
 $("time").max = last;
 $("time").oninput = () => clock.seek($("time").value / data.fps);
 $("time").onpointerup = () => $("time").blur();
-$("speed").onchange = () => (clock.setSpeed(Number($("speed").value)), $("speed").blur());
+$("speed").onchange = () => clock.setSpeed(Number($("speed").value));
+// who chose from a list with the mouse goes on with the player's keys; with the keyboard one stays
+function leftByMouse(select) {
+  let mouse = false;
+  select.onpointerdown = () => (mouse = true);
+  select.onkeydown = () => (mouse = false);
+  select.addEventListener("change", () => mouse && select.blur());
+}
+leftByMouse($("speed"));
 document.addEventListener("keydown", (event) => {
   const action = keys[event.key] ?? keys[event.key.toLowerCase()]; // CapsLock
   const { tagName, type } = event.target;
@@ -389,7 +397,7 @@ document.addEventListener("keydown", (event) => {
 });
 window.addEventListener("resize", drawTicks);
 
-window.dancediff = { audio, clock, data, put, readyUntil, drawTicks, view, state: () => ({ time: clock.time(), frame: frameOf(clock.time()), playing: clock.playing(), drawn }) };
+window.dancediff = { audio, leftByMouse, clock, data, put, readyUntil, drawTicks, view, state: () => ({ time: clock.time(), frame: frameOf(clock.time()), playing: clock.playing(), drawn }) };
 lookAround();
 drawTicks();
 tick();

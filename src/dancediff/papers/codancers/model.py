@@ -81,7 +81,8 @@ class CoDancers(AutoregressiveNetwork):
 
     Source: CoDancers and its code, whose idea of dancers in turn the code does not carry out, see
     `GroupTransformer`.  Differs: 30 frames a second with units of eight frames; rotations and
-    contacts instead of places of joints; 35 features of music; dancers stand from left to right;
+    contacts instead of places of joints; the units of one time are drawn together, so that dancers
+    see only the past of those before them; 35 features of music; dancers stand from left to right;
     they start where people stand in a row, or from a dance that is given, not from the truth.
 
     >>> sizes = {"num_layers": 1, "ff_dim": 32, "width": 16, "code_dim": 8}
