@@ -25,6 +25,7 @@ import torch
 import tyro
 from tqdm.auto import tqdm
 
+from dancediff.atomic import write_text
 from dancediff.data.windows import GroupCut, WindowSampler
 from dancediff.diffusion.conditions import Conditions
 from dancediff.diffusion.schedule import q_sample
@@ -174,7 +175,7 @@ class Variants:
             timed = Timed(tables, self.data, 60 * self.minutes)
             timed.train(label)
             row = {"variant": label, "steps": timed.steps, "seconds": round(timed.used, 1)}
-            path.write_text(json.dumps(row | {"errors": timed.errors()}, indent=1))
+            write_text(path, json.dumps(row | {"errors": timed.errors()}, indent=1))
         return json.loads(path.read_text())
 
 
