@@ -75,9 +75,19 @@ def test_dancers_do_not_share_a_memory():
     """Released: one state runs through dancer 0, 1, 2, 0, 1, 2, ... as if they were one stream."""
     layer = make().decoder.sequence_decoder.layers[0]
     seen = []
-    layer.ssm.register_forward_pre_hook(lambda block, args: seen.append(args[0].shape))
-    layer(torch.randn(2, 3, 12, 16), torch.randn(2, 5, 16), torch.randn(2, 16), torch.arange(5))
-    assert seen == [(6, 12, 16)]
+    layer.ssm.register_forward_hook(lambda block, args, out: seen.append((args[0], out)))
+    layer.blocks = lambda *args: (lambda x: 0 * x,) * 3  # what follows the attention sees h alone
+    h = torch.randn(2, 3, 12, 16)
+    changed = h.clone()
+    changed[1, 2, 5] += 1
+    given = torch.randn(2, 5, 16), torch.randn(2, 16), torch.arange(5)
+    for each in (h, changed):
+        layer(each, *given)
+    (before, heard), (after, told) = seen
+    assert before.shape == (6, 12, 16)
+    rows = (before != after).any(2).nonzero().tolist()
+    assert rows == [[5, 5]], "row 3 b + n is dancer n of group b, frame by frame"
+    assert (heard != told).flatten(1).any(1).nonzero().tolist() == [[5]]
 
 
 def test_evaluation_is_deterministic():

@@ -1,5 +1,9 @@
-"""Who is told to start, or to end, far outside comes and goes in steps, not in leaps."""
+"""Who is told to start, or to end, far outside comes and goes in steps, not in leaps.
 
+Nor does anybody leap where the dance goes on elsewhere in the song.
+"""
+
+import numpy as np
 import pytest
 import torch
 
@@ -27,3 +31,19 @@ def test_no_leap_to_and_from_a_formation_while_dancing():
             far = [(-3.0, 0.0), (0.0, 0.5), (3.0, 0.0)]
             stream.set(formation=far if len(pieces) == 2 else None)
     assert torch.cat(pieces, 1).diff(dim=1).norm(dim=-1).max() < 0.1
+
+
+def test_no_leap_where_the_dance_goes_on_elsewhere_in_the_song():
+    stream = dd.load("tcdiffpp").stream(dd.packaged_song(), dancers=3, seed=1, seconds=12, steps=2)
+    pieces = []
+    for piece in stream:
+        pieces.append(piece.root)
+        if len(pieces) == 1:
+            stream.seek(8.0)
+        if len(pieces) == 4:
+            break
+        if stream.is_over:
+            stream.seek(2.0)
+    steps = torch.cat(pieces, 1).diff(dim=1).norm(dim=-1)
+    joins = np.cumsum([piece.shape[1] for piece in pieces[:-1]]) - 1
+    assert steps[:, joins].max() < 4 * steps.median(1).values.max()

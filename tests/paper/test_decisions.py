@@ -245,6 +245,7 @@ def test_t14_the_spine_is_no_leg():
     assert sorted(LOWER_BODY) == [1, 2, 4, 5, 7, 8, 10, 11] and SMPL24.names[3] == "belly"
     x = torch.randn(1, 2, 5, 151)
     adaptor = FootworkAdaptor(16)
+    assert adaptor.channels.tolist() == TCDIFFPP.joint_channels(LOWER_BODY)
     for joints, changed in ((LOWER_BODY, False), ((*LOWER_BODY, 3), True)):
         adaptor.channels = torch.tensor(TCDIFFPP.joint_channels(joints))
         belly = (adaptor(x, ground_velocity(x)) - x)[..., TCDIFFPP.joint_channels([3])]

@@ -189,11 +189,14 @@ def test_metrics_of_a_dance(kind, seed, n, f, dtype, body, fps):
 )  # fmt: skip
 def test_posture_and_formations_of_a_dance(kind, seed, n, f, dtype, body, fps):
     joints = joints_of(dance(kind, seed, n, f, TCDIFFPP, dtype))[:, :, :body]
+    frames_for = {"turning": max(1, round(fps / 2)) + 1, "stillness": 2, "standing": 3 * fps}
     for name, (metric, _) in (POSTURE | FORMATION).items():
+        dancers = 3 if name == "hull area" else 2 if name in FORMATION else 1
         try:
             assert finite(metric(joints, fps=fps)), name
         except ValueError as err:
             assert "joints has" in str(err), name
+            assert n < dancers or f < frames_for.get(name, 1), f"{name} refuses what is enough"
 
 
 @often

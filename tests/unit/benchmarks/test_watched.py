@@ -52,6 +52,7 @@ def test_legs_that_stay_crossed_are_not_and_whose_they_are_does_not_matter(joint
 
 
 def test_who_comes_near_is_told(joints):
+    assert measured(joints)[3] > 0.45
     near = joints.clone()
     near[1] += (joints[0, 60, 0] - joints[1, 60, 0]) + torch.tensor([0.2, 0.0, 0.0])
     assert measured(near)[3] <= 0.2 + 1e-5

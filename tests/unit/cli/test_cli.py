@@ -192,8 +192,8 @@ def test_a_failed_write_leaves_everything_as_it_was(songs, capsys, monkeypatch, 
     assert main([*args, "--out", "a/b"]) == 2
     assert "disk full" in capsys.readouterr().err
     assert (songs / "a").exists() == bool(before)
-    for path in (songs / "a/b").glob("*"):
-        assert path.name in before and path.read_text() == "old"
+    left = {path.name: path.read_text() for path in (songs / "a/b").glob("*")}
+    assert left == dict.fromkeys(before, "old")
 
 
 def test_doctor_and_warm_speak_json(capsys):
@@ -240,7 +240,7 @@ def test_the_doctor_reports_a_broken_torch(capsys, monkeypatch):
 
 
 def test_help_is_quick_and_has_no_traceback():
-    start = time.monotonic()
+    before = os.times()
     done = subprocess.run(
         [sys.executable, "-m", "dancediff.cli", "generate", "--help"],
         capture_output=True,
@@ -248,7 +248,9 @@ def test_help_is_quick_and_has_no_traceback():
         check=False,
     )
     assert done.returncode == 0 and "--dancers" in done.stdout
-    assert time.monotonic() - start < 5  # a loaded machine; alone it is under one second
+    after = os.times()
+    needed = sum(after[2:4]) - sum(before[2:4])  # CPU time of the child, whatever else runs
+    assert needed < 5  # alone it is under one second
 
 
 @pytest.mark.skipif(os.name != "posix", reason="pipes of Unix")

@@ -164,10 +164,10 @@ def test_depth_is_no_limit():
     deep = 3000
     joints = "".join(f"JOINT j{k} {{ OFFSET 0 1 0\n" for k in range(deep))
     text = "HIERARCHY\nROOT r {\nOFFSET 0 0 0\nCHANNELS 1 Yrotation\n" + joints + "}\n" * (deep + 1)
-    start = time.perf_counter()
+    start = time.process_time()
     bvh = read_bvh(text + "MOTION\nFrames: 1\nFrame Time: 0.1\n0\n")
     assert bvh.rest()[-1, 1].item() == pytest.approx(deep * 0.01)
-    assert time.perf_counter() - start < 5
+    assert time.process_time() - start < 5
 
 
 def test_a_header_without_a_space_is_read():

@@ -50,8 +50,10 @@ def test_q_sample_keeps_unit_variance():
         assert float(q_sample(x_0, t, cosine_abar(), eps).var()) == pytest.approx(1, abs=0.03)
 
 
-def test_q_sample_survives_a_float32_schedule():
-    abar = cosine_abar()
+def test_q_sample_takes_roots_in_the_precision_of_the_schedule_and_survives_float32():
+    abar, t = cosine_abar(), torch.arange(20)
+    noise = q_sample(torch.zeros(20, 1, 1, 1), t, abar, torch.ones(20, 1, 1, 1)).flatten()
+    torch.testing.assert_close(noise, (1 - abar[:20]).sqrt().float(), rtol=1e-6, atol=0)
     x_0, eps = torch.randn(2, 1, 1, 4, 5).unbind(0)
     torch.testing.assert_close(
         q_sample(x_0, torch.tensor([0]), abar.float(), eps),

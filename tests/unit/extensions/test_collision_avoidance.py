@@ -5,6 +5,7 @@ import torch
 
 import dancediff as dd
 from dancediff.extensions.collision_avoidance import (
+    EVERY,
     ROOM,
     SLACK,
     CollisionAvoidance,
@@ -87,6 +88,18 @@ def test_a_noisy_guess_is_moved_as_a_whole_and_a_sure_one_not():
     others = [c for c in range(151) if c not in (X, Z)]
     assert torch.equal(early[..., others], x[..., others])
     assert (late - x).abs().max() < SLACK / 10
+
+
+def test_metres_are_meant_whatever_the_training_range():
+    norm = Normalizer(-2 * torch.ones(151), 3 * torch.ones(151))
+    x = standing((-0.65, 0), (0.65, 0.2))
+    x[0, :, X] += torch.linspace(0, 0.15, F)  # towards the other, but too slowly to pass by
+    asked = CollisionAvoidance(norm).at(norm.normalize(x), 0.5)
+    step = (norm.unnormalize(asked.value) - x)[:, ::EVERY]
+    push = pushes(joints(x)[:, ::EVERY], fps=30 / EVERY)
+    assert push.abs().amin((0, 1)).min() > 0.002, "along both axes, in every frame"
+    torch.testing.assert_close(step[..., [X, Z]], push, atol=1e-5, rtol=0)
+    torch.testing.assert_close(asked.slack, torch.full_like(x, SLACK / 2.5))
 
 
 def test_what_is_told_is_kept():

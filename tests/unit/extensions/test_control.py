@@ -172,21 +172,26 @@ def test_two_bodies_in_one_place_are_refused(control, name):
     assert known(control([(0, 0), (0, 0.4)])).mask.any()
 
 
-def held(*places, frames=150):
-    """What `NearbyFrames` asks of a guess of zeros, where one dancer is given {frame: x}."""
+def held(*places, frames=150, guess=None):
+    """What `NearbyFrames` asks of a guess, by default zeros, of a dancer given (frame, x)s."""
     mask = torch.zeros(1, frames, TCDIFFPP.dim, dtype=torch.bool)
     value = torch.zeros(mask.shape)
     for frame, x in places:
         mask[0, frame, X], value[0, frame, X] = True, x
     segment = Segment(0, 0, tuple(mask.shape), order=torch.arange(1), mask=mask)
     rule = NearbyFrames(Constraint(mask, value)).for_segment(segment)
-    return rule.at(torch.zeros(mask.shape), 0.5)
+    return rule.at(torch.zeros(mask.shape) if guess is None else guess, 0.5)
 
 
 def test_frames_around_a_given_place_move_with_it():
     asked = held((0, 2.0))
     assert asked.mask[0, : HOLD + 1, X].all() and asked.mask.sum() == HOLD + 1
     assert (asked.value[0, : HOLD + 1, X] == 2).all()
+    walk = torch.zeros(1, 150, TCDIFFPP.dim)
+    walk[0, :, X] = 0.5 + 0.02 * torch.arange(150)
+    near = slice(75 - HOLD, 75 + HOLD + 1)
+    asked = held((75, 2.0), guess=walk).value[0, near, X]
+    torch.testing.assert_close(asked, 2 + walk[0, near, X] - walk[0, 75, X])
     asked = held((0, 2.0), (60, -1.0))
     assert asked.value[0, :21, X].tolist() == [2.0] * 21
     assert asked.value[0, 40:81, X].tolist() == [-1.0] * 41, "up to a third of the way, both ways"

@@ -8,6 +8,7 @@ from dancediff.extensions.build import build
 from dancediff.extensions.foot_cues import NUM_CUES, NUM_MOVING, SLOW, foot_cues
 from dancediff.motion.representation import TCDIFFPP, Normalizer
 from dancediff.motion.skeleton import FOOT_JOINTS
+from dancediff.papers.tcdiffpp.footwork_adaptor import ground_velocity
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 
 NORM = Normalizer(-2 * torch.ones(151), 3 * torch.ones(151))
@@ -40,20 +41,24 @@ def test_no_gradient_goes_through():
 
 
 def test_network_and_adaptor_read_them():
-    """Both change what comes out."""
+    """The network changes with them, the adaptor is given those of the raw guess."""
     torch.manual_seed(0)
     model = build(TCDiffPP, TCDiffPPConfig(**SIZES), ["preconditioning", "foot_cues"])
     x_t, t = torch.randn(1, 2, 8, 151), torch.tensor([300])
     conditions = Conditions(torch.randn(1, 8, 35), torch.arange(2)[None])
+    seen = []
+    model.footwork_adaptor.register_forward_pre_hook(lambda _, given: seen.append(given))
     x_raw, _ = model(x_t, t, conditions)
+    adapted, v = seen[0]
+    assert torch.equal(adapted, x_raw) and torch.equal(v[..., :2], ground_velocity(x_raw))
+    assert torch.equal(v[..., 2:], foot_cues(x_raw, model.normalizer)[..., -NUM_MOVING:])
     with torch.no_grad():
         model.parts["foot_cues"].embed_cues.weight.mul_(3)
     assert not torch.allclose(model(x_t, t, conditions)[0], x_raw)
     with torch.no_grad():
         for layer in model.footwork_adaptor.layers:
             layer.gate.weight.normal_()
-    v = torch.zeros(1, 2, 8, 2 + NUM_MOVING)
-    cues = v.clone()
-    cues[..., 2:] = foot_cues(x_raw, model.normalizer)[..., -NUM_MOVING:]
+    without = v.clone()
+    without[..., 2:] = 0
     adaptor = model.footwork_adaptor
-    assert not torch.allclose(adaptor(x_raw, cues), adaptor(x_raw, v))
+    assert not torch.allclose(adaptor(x_raw, v), adaptor(x_raw, without))

@@ -96,6 +96,19 @@ def test_the_order_is_held_in_the_last_frames_but_at_most_a_third():
         assert (held[0] - held[1] - GAP).abs().max() < 1e-6
 
 
+def test_metres_are_meant_whatever_the_training_range():
+    norm = Normalizer(-2 * torch.ones(151), 3 * torch.ones(151))
+    x = ending_at(-1.0, 1.0)[0]
+    x[..., X] += torch.linspace(0, 0.3, F)  # they walk while they should change places
+    asked = OrderConstraint(norm, torch.tensor([1, 0])).at(norm.normalize(x), 0.5)
+    step = norm.unnormalize(asked.value) - x
+    last = x[:, -1, X] + step[:, -1, X]
+    assert (last[0] - last[1]).item() == pytest.approx(GAP, abs=1e-5)
+    same = step[:, -1:, X].expand(-1, 20)
+    torch.testing.assert_close(step[:, -20:, X], same, atol=1e-5, rtol=0)
+    torch.testing.assert_close(asked.slack, torch.full_like(x, SLACK / 2.5))
+
+
 def test_pure_noise_and_a_sure_guess_are_not_moved():
     x = ending_at(-1.0, 1.0)
     assert torch.equal(ordered(x, 0.01, [1, 0]), x)

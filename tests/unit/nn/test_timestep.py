@@ -8,6 +8,7 @@ from dancediff.nn.conditioning import TimestepEncoder, sinusoid
 def test_frequencies_run_from_1_to_1_over_10000():
     row = sinusoid(torch.tensor([7]), 256)[0]
     assert math.isclose(row[0], math.sin(7), abs_tol=1e-6)
+    assert math.isclose(row[40], math.sin(7 / 10_000 ** (40 / 127)), abs_tol=1e-5)  # geometric
     assert math.isclose(row[127], math.sin(7 / 10_000), abs_tol=1e-6)
     assert math.isclose(row[255], math.cos(7 / 10_000), abs_tol=1e-6)
 

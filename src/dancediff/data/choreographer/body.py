@@ -197,7 +197,7 @@ def spine(part: DancerPart, genre: Genre, pelvis: Pelvis, grid: Grid) -> np.ndar
         bend = size * x[:, CHANNEL["bend"]] + lean_bend
         total.append(np.stack([pitch, bend, size * x[:, CHANNEL["twist"]]], -1) - pelvis.turn)
     rib, pop = (size * track[:, CHANNEL[name]] for name in ("rib", "pop"))
-    joints = [share * t for share, t in zip(_SHARES, total, strict=True)]
+    joints = [share * turn for share, turn in zip(_SHARES, total, strict=True)]
     joints[0] = joints[0] + np.stack([0.8 * pop, rib, 0 * rib], -1)
     joints[2] = joints[2] - np.stack([pop, 1.1 * rib, 0 * rib], -1)
     chest = sum(joints) + pelvis.turn

@@ -2,7 +2,7 @@ r"""GCD: Group Contrastive Diffusion; a song and a latent in, a group dance out.
 
 Read first: Le et al. 2023 (GCD) section 3 · `dancediff.papers.gcd.group_modulation`.
 
-Symbols (axes: b batch · n dancers · f frames · d motion features)
+Symbols (axes: b batch · n dancers · f frames · d motion features · k tokens · c channels)
     x_t     noisy motion, normalised                       (b, n, f, d)
     x_hat   the guess                                      (b, n, f, d)
     z       latent of the group, drawn once for a dance    (b, d_model)

@@ -111,7 +111,7 @@ NEAR_MISSES = {
         arm_up(lambda pose: torch.zeros(3, 3)),
         stand_up_first,
         lambda pose: pose,
-        lambda pose: pose.new_tensor(quarter()).expand(24, 3, 3).clone(),  # all joints
+        lambda pose: quarter().expand(24, 3, 3).clone(),  # all joints
         arm_up(lambda pose: 1.2 * world_rotations(pose)[13].mT @ quarter()),  # longer bones
     ],
     "01.3": [

@@ -78,6 +78,16 @@ def long_dance(fault):
     return answer
 
 
+def along_dancers(segments, overlap):
+    """Raises: the parts are shorter than the first one."""
+    return torch.cat([segments[0], *(s[:, overlap:] for s in segments[1:])], 0)
+
+
+def slices_a_list(segments, overlap):
+    """Raises: only a tensor can be sliced so."""
+    return torch.cat([segments[0], *segments[1:, :, overlap:]], 1)
+
+
 NEAR_MISSES = {
     "10.1": [
         lambda segments, overlap: torch.cat(list(segments), 1),  # the overlaps are danced twice
@@ -94,12 +104,8 @@ NEAR_MISSES = {
         lambda segments, overlap: torch.cat(  # one frame too many
             [segments[0], *(s[:, overlap - 1 :] for s in segments[1:])], 1
         ),
-        lambda segments, overlap: torch.cat(  # dancers instead of frames
-            [segments[0], *(s[:, overlap:] for s in segments[1:])], 0
-        ),
-        lambda segments, overlap: torch.cat(  # a tensor only, not a list
-            [segments[0], *segments[1:, :, overlap:]], 1
-        ),
+        along_dancers,
+        slices_a_list,
     ],
     "10.2": [
         lambda first: first[:, -30:],  # jumps back a second

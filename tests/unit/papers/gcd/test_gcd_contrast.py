@@ -112,10 +112,27 @@ def test_the_objective_has_all_terms_and_the_same_ones_again(windows):
     assert all(torch.equal(first[name], second[name]) for name in first)
     weighted = sum(weight * first[name] for name, weight in GCDWeights().terms().items())
     assert torch.allclose(first["total"], weighted)
-    assert first["contrast"].item() == pytest.approx(math.log(4), rel=0.5)
     alone = windows.batch(0)
     alone = type(alone)(*(None if part is None else part[:1] for part in alone))
     assert objective.losses(model, alone, 0)["contrast"] == 0
+
+
+def test_strangers_are_judged_as_noisy_and_for_the_same_w_as_their_group(windows):
+    """So this critic cannot tell any of them from the group; dances of zeros show their noise."""
+    model, batch, seen = GCD(GCDConfig(**TINY, num_frames=30, negatives=3)), windows.batch(0), []
+    batch = batch._replace(x=torch.zeros_like(batch.x))
+
+    def score(x, w, t):
+        seen.append((x, t))
+        return t.float() + 100 * w[:, 0]
+
+    model.critic.forward = score
+    losses = GCDObjective(model, TrainConfig(weights=GCDWeights())).losses(model, batch, 0)
+    assert losses["contrast"].item() == pytest.approx(math.log(4), abs=1e-3)
+    x, t = seen[0]
+    assert len(x) == 4 * len(batch.x) and len(t.unique()) > 1
+    noise = (1 - model.abar[t]).sqrt().float()
+    torch.testing.assert_close(x.flatten(1).std(1), noise, rtol=0.05, atol=0)
 
 
 @pytest.mark.slow
