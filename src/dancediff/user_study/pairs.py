@@ -135,9 +135,10 @@ def _danced(model, songs: dict, *, seconds, dancers, progress) -> dict[str, list
         raise ValueError(f"model {str(model)!r} needs songs to dance to; name some as songs")
     pipeline = hub.load(model)
     knows = dancers is not None and "dancers" in pipeline.request.names()
+    most = math.inf if seconds is None else seconds
     options = {"progress": progress} | ({"dancers": dancers} if knows else {})
     return {
-        name: [pipeline.generate(song, seconds=min(seconds or math.inf, song.duration), **options)]
+        name: [pipeline.generate(song, seconds=min(most, song.duration), **options)]
         for name, song in songs.items()
     }
 
