@@ -178,7 +178,7 @@ class Soft(Common):
 
     held: tyro.conf.Positional[str] = "held"
     count: int = 30
-    shares: tuple[float, ...] = (0.0, 0.5, 1.0)
+    shares: tuple[float, ...] = (0.0, 0.5, 0.75, 1.0)
 
     def run(self) -> None:
         """Print beats, speed and distance to the cues for every share of guided steps."""

@@ -225,7 +225,9 @@ def main(
             check_sound(folders[0], todo)
         for fault, found in tried(todo, folders, limit):
             kept[fault.name] = found | {"key": keys[fault.name]}
-            KEPT.write_text(json.dumps(kept, indent=1))
+            part = KEPT.with_suffix(".part")  # whole or not at all, without importing dancediff
+            part.write_text(json.dumps(kept, indent=1))
+            part.replace(KEPT)
             print(f"{_word(found):7} {found['seconds']:6.1f} s  {fault.name}", flush=True)
     lived = [fault for fault in faults if _word(kept[fault.name]) == "lived"]
     for fault in lived:

@@ -43,10 +43,15 @@ function turn(by) {
   now = Math.min(Math.max(now + by, 0), pages.length - 1);
   pages[now].classList.add("now");
   nav.textContent = `${now + 1} / ${pages.length}`;
+  scrollTo(0, 0);
 }
 const ways = {ArrowRight: 1, PageDown: 1, " ": 1, ArrowLeft: -1, PageUp: -1, Home: -1e6, End: 1e6};
-addEventListener("keydown", (e) => { if (e.key in ways) { e.preventDefault(); turn(ways[e.key]); } });
-addEventListener("click", () => turn(1));
+addEventListener("keydown", (e) => {
+  if (!(e.key in ways) || e.altKey || e.ctrlKey || e.metaKey) return; // Alt ← is the browser's
+  e.preventDefault();
+  turn(ways[e.key]);
+});
+addEventListener("click", () => getSelection().isCollapsed && turn(1)); // who selects does not turn
 turn(0);
 """
 

@@ -49,6 +49,7 @@ KIND_OF = {  # options of presets that are no extension
     "sigma_min": "sampling",
     "pinning": "sampling",
     "seam": "sampling",
+    "soft": "sampling",
 }
 
 
@@ -56,7 +57,7 @@ def heard(option: str, family: str) -> bool:
     """Whether the packaged model of a family can hear an option; all can but genre and energy.
 
     >>> heard("energy", "tcdiffpp"), heard("energy", "lodge"), heard("steps", "lodge")
-    (True, False, True)
+    (True, True, True)
     """
     condition = REGISTRY.get(f"{option}_condition")
     return condition is None or condition.packaged_in(family)

@@ -93,7 +93,7 @@ def _defaults(name: str) -> str:
     >>> _defaults("top_k")
     '(bailando, codancers; default: 32; paper: 1)'
     >>> _defaults("soft")
-    '(lodge; default: 1.0)'
+    '(lodge; default: 0.75; paper: 1.0)'
     """
     families = [family for family, request in REQUESTS.items() if name in request.names()]
     words = [", ".join(families)] if len(families) < len(REQUESTS) else []

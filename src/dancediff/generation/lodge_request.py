@@ -15,7 +15,7 @@ class LodgeRequest(DiffusionRequest):
 
     dancers: int = option(1, "How many people dance, all the same solo.", low=1, high=5)
     soft: float = option(
-        1.0,
+        None,
         "For which share of the way from noise to dance it is held at its soft cues.",
         low=0,
         high=1,

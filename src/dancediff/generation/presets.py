@@ -41,6 +41,7 @@ PAPER: dict[str, Values] = {
     },
     "lodge": _PAPERS
     | {
+        "soft": 1.0,
         "stage_spots": False,
         "border_smoothing": False,
         "root_stitching": False,
@@ -72,7 +73,8 @@ PACKAGED: dict[str, Values] = {
     "lodge": _OURS
     | {
         "steps": 20,
-        "autoguidance": 1.3,  # more makes dances too varied: docs/asked_for_indian.md
+        "soft": 0.75,  # docs/results_lodge.md; 1 makes dances too lively
+        "autoguidance": 1.2,  # docs/log/lodge.md
         "stage_spots": True,
         "border_smoothing": True,
         "root_stitching": True,

@@ -47,8 +47,8 @@ def default_of(family: str, name: str, preset: str = DanceRequest.preset):
 
     >>> default_of("tcdiffpp", "steps"), default_of("tcdiffpp", "steps", "paper")
     (8, 50)
-    >>> default_of("lodge", "soft")
-    1.0
+    >>> default_of("lodge", "soft"), default_of("lodge", "beat_align")
+    (0.75, True)
     """
     own = REQUESTS[family].__dataclass_fields__[name].default
     return PRESETS[preset][family].get(name, own)

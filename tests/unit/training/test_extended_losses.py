@@ -111,7 +111,7 @@ def test_solos_learn_by_what_the_packaged_recipe_says(stage):
         + foot * square(feet * planted, ROWS)
     )
     if stage != "global":
-        total += 0.05 * square(30 * (J - J_0).diff(dim=1), ROWS)
+        total += 0.5 * square(30 * (J - J_0).diff(dim=1), ROWS)
         total += 0.1 * square(30 * feet * (b_0 > 0.5)[:, :-1, :, None], ROWS)
     if stage == "fine_tune":
         falls = torch.stack([feet[..., 0], feet[..., 1].clamp(max=0), feet[..., 2]], dim=-1)
