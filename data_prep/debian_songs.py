@@ -25,6 +25,7 @@ from pathlib import Path
 import numpy as np
 import soundfile
 
+from dancediff.atomic import atomic_write, write_text
 from dancediff.data.song_folder import MANIFEST, SUFFIXES, SongFile
 from dancediff.music.song import Music
 
@@ -190,7 +191,8 @@ def collect(package: Package, out: Path, share: Path, fonts: dict[str, Path], ne
                 elif path.with_name("guitar.ogg").exists():
                     whole(path).save(target)
                 else:
-                    shutil.copyfile(path, target)  # opus is ogg by another suffix
+                    with atomic_write(target) as part:  # a stopped copy would count as whole
+                        shutil.copyfile(path, part)  # opus is ogg by another suffix
             seconds = soundfile.info(target).duration
             if seconds < SHORTEST:
                 target.unlink()
@@ -233,7 +235,7 @@ def main() -> None:
     tables = ("\n".join(f"{k} = {json.dumps(v, ensure_ascii=False)}" for k, v in row.items())
               for row in rows)  # fmt: skip
     text = "".join(f"[[song]]\n{table}\n\n" for table in tables)
-    (args.out / MANIFEST).write_text(text, encoding="utf-8")
+    write_text(args.out / MANIFEST, text)
     for name, each in total.items():
         print(f"{name:28} {len(each):4} songs {sum(each) / 60:7.1f} minutes")
     print(f"{'all':28} {len(rows):4} songs {sum(map(sum, total.values())) / 60:7.1f} minutes")
