@@ -28,6 +28,7 @@ from dance_bars import NEAR, nearest_pair
 from kept_dances import digest_of, only_one_way
 from tqdm.auto import tqdm
 
+from dancediff.atomic import write_text
 from dancediff.bench.held_out import SEGMENT, Window, chosen, windows
 from dancediff.bench.scores import loaded
 from dancediff.data.prepared import PreparedData
@@ -145,7 +146,7 @@ class Dances:
             "rows": rows,
             "FID_k by seed": by_seed,
         }
-        (self.out / f"{name}.json").write_text(json.dumps(facts) + "\n", encoding="utf-8")
+        write_text(self.out / f"{name}.json", json.dumps(facts) + "\n")
 
     def compare(self, files: list[Path], todo: list[Window]) -> list[dict]:
         """What the dances and their windows score, with intervals: a row a metric."""

@@ -16,7 +16,6 @@ beats twice as fast, half as fast, and between the true ones. The first 5 s are 
 tempo, of the median interval, is right within 4 %; at any level also if it is half or double.
 """
 
-import json
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,6 +23,7 @@ from pathlib import Path
 import librosa
 import numpy as np
 import tyro
+from result_table import write_table
 from tqdm.auto import tqdm
 
 from dancediff.axes import FPS
@@ -282,8 +282,7 @@ class Beats:
             "columns": columns,
             "rows": rows,
         }
-        text = json.dumps(table, indent=1, ensure_ascii=False)
-        self.out.write_text(f"{text}\n", encoding="utf-8")
+        write_table(self.out, table)
         for row in [columns, *rows]:
             print(*row, sep=" | ")
 

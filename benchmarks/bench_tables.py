@@ -24,6 +24,7 @@ from pathlib import Path
 from statistics import fmean
 
 import tyro
+from result_table import write_table
 
 from dancediff.bench.paper_tables import COLUMNS, paper_tables
 
@@ -108,8 +109,7 @@ class BenchTables:
             "columns": columns,
             "rows": rows,
         }
-        text = json.dumps(table, indent=1, ensure_ascii=False)
-        (self.results / f"{name}.json").write_text(text + "\n", encoding="utf-8")
+        write_table(self.results / f"{name}.json", table)
 
 
 def scores(branch: Path) -> dict[str, list]:

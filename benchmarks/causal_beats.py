@@ -16,7 +16,6 @@ Symbols (axes: f frames at 30 a second · m = 35 features · k segments)
     W   features as they were known when their time came     (f, m)
 """
 
-import json
 import time
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -25,6 +24,7 @@ import numpy as np
 import torch
 import tyro
 from beats import f_score
+from result_table import write_table
 from tqdm.auto import tqdm
 
 import dancediff as dd
@@ -209,8 +209,7 @@ class CausalBeats:
             "columns": COLUMNS,
             "rows": [cells(row) for row in rows],
         }
-        text = json.dumps(table, indent=1, ensure_ascii=False)
-        self.out.write_text(f"{text}\n", encoding="utf-8")
+        write_table(self.out, table)
         print(*table["rows"][-1], sep=" | ")
 
 

@@ -24,6 +24,7 @@ import tyro
 from kept_dances import digest_of, only_one_way
 from tqdm.auto import tqdm
 
+from dancediff.atomic import write_text
 from dancediff.bench.scores import loaded
 from dancediff.data.prepared import PreparedData
 from dancediff.metrics.drift import Drift, drift, mean_drift
@@ -126,7 +127,7 @@ class Dances:
             print(f"| {bar} | {' | '.join(words)} |")
             facts[bar] = dict(zip(groups, words, strict=True))
         facts["windows"] = {"-".join(map(str, key)): d.facts() for key, d in found.items()}
-        (self.out / "drift.json").write_text(json.dumps(facts) + "\n", encoding="utf-8")
+        write_text(self.out / "drift.json", json.dumps(facts) + "\n")
 
 
 def bars(dances: list[Drift], truth: list[Drift]) -> dict[str, tuple[str, bool]]:

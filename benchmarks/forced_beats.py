@@ -12,7 +12,6 @@ Symbols (axes: f frames · s frames of the history · d features)
     x   a dance that people or the choreographer danced, normalised   (1, f, d)
 """
 
-import json
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -21,6 +20,7 @@ import numpy as np
 import torch
 import tyro
 from heard_beats import heard
+from result_table import write_table
 from tqdm.auto import tqdm
 
 import dancediff as dd
@@ -72,8 +72,7 @@ class ForcedBeats:
             "columns": COLUMNS,
             "rows": rows,
         }
-        text = json.dumps(table, indent=1, ensure_ascii=False)
-        (self.results / "bench_forced.json").write_text(text + "\n", encoding="utf-8")
+        write_table(self.results / "bench_forced.json", table)
         for row in rows:
             print(*row)
 

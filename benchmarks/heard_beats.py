@@ -11,7 +11,6 @@ Symbols (axes: n dancers · f frames · j joints)
     joints   of a dance, metres   (n, f, j, 3)
 """
 
-import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -19,6 +18,7 @@ from pathlib import Path
 
 import numpy as np
 import tyro
+from result_table import write_table
 from torch import Tensor
 
 from dancediff.bench.held_out import SEGMENT, Window, chosen, windows
@@ -62,8 +62,7 @@ class HeardBeats:
             "columns": ["system", *(f"{name}, untrained" for name in COLUMNS), *COLUMNS],
             "rows": rows,
         }
-        text = json.dumps(table, indent=1, ensure_ascii=False)
-        (self.results / "bench_heard.json").write_text(text + "\n", encoding="utf-8")
+        write_table(self.results / "bench_heard.json", table)
         for row in rows:
             print(*row)
 

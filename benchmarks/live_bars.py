@@ -20,6 +20,7 @@ from pathlib import Path
 import numpy as np
 import torch
 import tyro
+from result_table import write_table
 from tqdm.auto import tqdm
 
 import dancediff as dd
@@ -76,8 +77,7 @@ class LiveBars:
             words = [f"{one:.3g}" if isinstance(one, float) else str(one) for one in values]
             print(f"{name}: {' s, of work '.join(words)}" + " s" * isinstance(value, tuple))
         if self.json_file is not None:
-            text = json.dumps(self.table(facts), indent=1, ensure_ascii=False)
-            self.json_file.write_text(text + "\n", encoding="utf-8")
+            write_table(self.json_file, self.table(facts))
 
     def table(self, facts: dict) -> dict:
         """In the form of docs/results/*.json, beside what was promised."""

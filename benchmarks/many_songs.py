@@ -17,6 +17,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import tyro
+from result_table import write_table
 
 from dancediff.music.synth import synth_song
 
@@ -71,8 +72,7 @@ def main(args: Args) -> None:
             print(f"{workers} workers: {speed[workers]:.3f} songs/s, {times:.2f} x the first")
         print(json.dumps({"songs_per_second": speed, "cores": os.cpu_count()}))
     if args.json_file is not None:
-        text = json.dumps(table(args, speed), indent=1, ensure_ascii=False)
-        args.json_file.write_text(text + "\n", encoding="utf-8")
+        write_table(args.json_file, table(args, speed))
 
 
 def table(args: Args, speed: dict[int, float]) -> dict:

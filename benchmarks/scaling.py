@@ -31,6 +31,7 @@ import numpy as np
 import tyro
 from bars import Sampling, dance
 from kept_dances import only_one_way
+from result_table import write_table
 
 from dancediff.atomic import write_text
 from dancediff.bench.budget import Run, last_line
@@ -174,8 +175,7 @@ class Scaling:
                         "autoguidance", *METRICS],
             "rows": rows,
         }  # fmt: skip
-        self.results.parent.mkdir(parents=True, exist_ok=True)
-        self.results.write_text(json.dumps(table, indent=1, ensure_ascii=False) + "\n", "utf-8")
+        write_table(self.results, table)
 
     def command(self) -> str:
         """What was called; folders as in the docstring of this file."""

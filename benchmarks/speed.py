@@ -17,6 +17,7 @@ import sys
 import tempfile
 import time
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from unittest import mock
 
@@ -25,6 +26,7 @@ import torch
 import tyro
 
 from dancediff import hub
+from dancediff.atomic import write_text
 from dancediff.data.augment import Augmentation
 from dancediff.data.choreographed import choreographed_corpus
 from dancediff.data.windows import GroupCut, WindowSampler
@@ -246,12 +248,13 @@ def scan(args: Args) -> list[dict]:
     pscan = args.mambapy and importlib.import_module(f"{args.mambapy}.pscan").pscan
     sizes = [(6, 150, 1024), *((3, f, 256) for f in LENGTHS)]  # the first is the paper's
     for b, f, d in sizes:
-        torch.manual_seed(0)
-        u, delta = torch.randn(b, f, d), torch.rand(b, f, d)
-        A, B, C = -torch.rand(d, s), torch.randn(b, f, s), torch.randn(b, f, s)
+        rng = torch.Generator().manual_seed(0)
+        normal, uniform = partial(torch.randn, generator=rng), partial(torch.rand, generator=rng)
+        u, delta = normal(b, f, d), uniform(b, f, d)
+        A, B, C = -uniform(d, s), normal(b, f, s), normal(b, f, s)
         heads = d // 64
         inputs = [x.requires_grad_() for x in (u, delta, A, B, C, torch.ones(d))]
-        tied = [x.requires_grad_() for x in (u, torch.rand(b, f, heads), -torch.rand(heads), B, C,
+        tied = [x.requires_grad_() for x in (u, uniform(b, f, heads), -uniform(heads), B, C,
                                              torch.ones(heads))]  # fmt: skip
         row = {"what": f"scan, {b} x {f} frames, {d} channels"}
         ways = {"loop": (ssm.selective_scan, inputs), "ssd": (ssd.ssd_scan, tied)}
@@ -322,8 +325,7 @@ def main(args: Args) -> None:
             print(f"{row['what']:40s}", ", ".join(numbers), flush=True)
     facts = {"threads": args.threads, "cores": os.cpu_count(), "torch": torch.__version__}
     if args.json:
-        args.json.parent.mkdir(parents=True, exist_ok=True)
-        args.json.write_text(json.dumps({"machine": facts, "rows": rows}, indent=1))
+        write_text(args.json, json.dumps({"machine": facts, "rows": rows}, indent=1))
 
 
 if __name__ == "__main__":
