@@ -136,6 +136,38 @@ def test_it_goes_where_the_slider_goes(live, server):
     assert [call["seek"] for call in server.session.stream.log["calls"]] == [40.0]
 
 
+def test_a_dance_that_waits_can_be_paused(live, server):
+    play(live)
+    server.session.stop()  # so that nothing is danced there
+    live.evaluate("window.dancediff.clock.seek(50)")
+    waits = "document.getElementById('ahead').innerText.includes('waiting for the dance')"
+    for expected in (True, False, True):
+        until(live, f"{waits} === {str(expected).lower()}", 10 * SLOW)
+        live.wait_for_timeout(500)
+        assert live.evaluate(waits) == expected
+        assert ("Pause" in live.locator("#play").inner_text()) == expected
+        live.keyboard.press("Space")
+
+
+def test_where_it_has_jumped_to_there_is_no_trail_yet(live):
+    live.evaluate("window.dancediff.clock.seek(40)")
+    until(live, f"{LIVE}.pieces.some((p) => p.start === 1200)", 30 * SLOW)
+    live.wait_for_timeout(1000)
+    with_trails = picture(live, "#stage")
+    live.evaluate("document.getElementById('trails').click()")
+    live.wait_for_timeout(1000)
+    assert changed(with_trails, picture(live, "#stage")) == 0
+
+
+def test_in_a_notebook_it_does_not_take_the_keys(server, page):
+    page.set_content(f'<input id="cell"><iframe src="{server.address}"></iframe>')
+    page.locator("#cell").focus()
+    until(page, "document.querySelector('iframe') !== null && frames.length === 1")
+    frame = page.frames[1]
+    until(frame, "window.dancediff?.live?.pieces.length > 0", 20 * SLOW)
+    assert page.evaluate("document.activeElement.id") == "cell"
+
+
 def test_what_was_danced_is_saved(live, tmp_path):
     live.locator("#save").click()
     until(live, "document.getElementById('said').textContent.startsWith('Saved')", 20 * SLOW)
@@ -223,6 +255,12 @@ def test_a_dance_to_sound_in_the_room_follows_its_clock(model, song, page, nobod
         assert off < 3.0 * SLOW  # it is put right with every piece, every 2.5 s
         until(page, f"window.dancediff.state().time > {room.now + 1}", 20 * SLOW)
         until_changed(page, still, 20 * SLOW)
+        page.locator("#play").click()
+        paused = page.evaluate("window.dancediff.state().time")
+        until(
+            page, f"{LIVE}.pieces.length > {page.evaluate(f'{LIVE}.pieces.length') + 1}", 60 * SLOW
+        )
+        assert page.evaluate("window.dancediff.state().time") == paused
         assert not [url for url in page.asked if url.endswith("song.wav")]
         assert page.complaints == []
     finally:

@@ -3,6 +3,8 @@
 The browser is Debian's chromium, driven by Playwright; without it these tests are skipped.
 """
 
+import re
+
 import chromium_page
 import pytest
 from chromium_page import changed, num_colors, until
@@ -23,7 +25,16 @@ def files(tmp_path_factory):
     one = save_player(dances[0], folder / "one.html", song, metrics=False)
     two = save_player(dances[0], folder / "two.html", song, other=dances[1], metrics=False)
     mute = save_player(dances[0], folder / "mute.html", metrics=False)
-    return {"one": one, "two": two, "mute": mute}
+    noise = re.sub(r'(?<="data:audio/mpeg;base64,)[^"]*', "AAAA", one.read_text(encoding="utf-8"))
+    (folder / "noise.html").write_text(noise, encoding="utf-8")
+    return {"one": one, "two": two, "mute": mute, "noise": folder / "noise.html"}
+
+
+@pytest.fixture(scope="module")
+def feet():
+    """Foot contacts of the first dance, (dancer, frame, 4)."""
+    _, truth = synth_song(3, seconds=SECONDS)
+    return choreograph(truth.beats, dancers=3, seed=0, seconds=SECONDS)[0].contacts() > 0.5
 
 
 def show(page, path):
@@ -156,6 +167,119 @@ def test_a_frame_is_stepped_from_the_one_that_is_seen(page, files):
         page.evaluate("window.dancediff.clock.seek(10.9 / 30)")
         page.keyboard.press(key)
         assert state(page)["frame"] == frame
+
+
+@pytest.mark.parametrize("name", ["one", "mute"])
+def test_play_in_the_last_frame_begins_anew(page, files, name):
+    show(page, files[name])
+    page.evaluate("window.dancediff.clock.seek(1e9)")
+    page.wait_for_timeout(500)
+    assert state(page)["frame"] == 30 * SECONDS - 1
+    begun = page.evaluate(
+        "() => { window.dancediff.clock.toggle(); return window.dancediff.state().frame; }"
+    )
+    assert begun < 5
+
+
+def test_feet_are_those_of_the_frame_that_is_named(page, files, feet):
+    """In floating point a frame's time may be a little before it: 31 / 30 * 30 is less than 31."""
+    early = [k for k in range(1, feet.shape[1]) if k / 30 * 30 < k]
+    frame = max(early, key=lambda k: (feet[:, k] != feet[:, k - 1]).sum())
+    assert (feet[:, frame] != feet[:, frame - 1]).any()
+    show(page, files["mute"])
+    page.keyboard.press("c")
+    seen = []
+    for time in (frame / 30, (frame + 0.002) / 30, (frame - 0.002) / 30):
+        page.evaluate(f"window.dancediff.clock.seek({time})")
+        page.wait_for_timeout(500)
+        seen.append(picture(page))
+    assert changed(seen[0], seen[1]) < changed(seen[0], seen[2])
+
+
+def test_the_slider_is_where_the_dance_is_also_with_the_focus(page, files):
+    show(page, files["mute"])
+    page.locator("#time").focus()
+    page.keyboard.press(".")
+    page.wait_for_timeout(300)
+    assert page.locator("#time").input_value() == "1"
+
+
+def test_strokes_stand_over_the_handle(page, tmp_path):
+    dance = choreograph([0.5], dancers=1, seed=1, seconds=0.5)[0]
+    show(page, save_player(dance, tmp_path / "short.html", metrics=False))
+    drawn, wide = page.evaluate(
+        f"""() => {{
+          window.dancediff.data.beats = [{(dance.num_frames - 1) / 30}];
+          window.dancediff.drawTicks();
+          const ticks = document.getElementById("ticks");
+          const row = ticks.getContext("2d").getImageData(0, 0, ticks.width, 1).data;
+          return [[...Array(ticks.width).keys()].filter((x) => row[4 * x + 3]), ticks.width];
+        }}"""
+    )
+    assert abs(sum(drawn) / len(drawn) + 0.5 - (wide - 8)) <= 1  # half a handle from the end
+
+
+def test_a_sound_that_cannot_be_decoded_is_left_out(page, files):
+    show(page, files["noise"])
+    until(page, "window.dancediff.audio === null")
+    page.keyboard.press("Space")
+    until(page, "window.dancediff.state().time > 0.5")
+    assert state(page)["playing"]
+
+
+def test_a_reload_dances_as_fast_as_the_list_says(page, files):
+    show(page, files["one"])
+    page.locator("#speed").select_option("2")
+    page.reload()
+    until(page, "window.dancediff !== undefined")
+    speed = float(page.locator("#speed").input_value())
+    assert page.evaluate("window.dancediff.audio.playbackRate") == speed == 1
+    assert page.locator("#speed").get_attribute("autocomplete") == "off"  # Firefox would keep it
+
+
+def test_keys_work_on_a_keyboard_of_other_letters(page, files):
+    show(page, files["mute"])
+
+    def press(key, code):
+        page.evaluate(
+            "(keys) => document.dispatchEvent(new KeyboardEvent('keydown', keys))",
+            {"key": key, "code": code},
+        )
+
+    press("\u0435", "KeyT")  # Russian
+    assert page.locator("#top").get_attribute("aria-pressed") == "true"
+    press("\u044e", "Period")
+    assert state(page)["frame"] == 1
+    press("y", "KeyT")  # Dvorak, which has Latin letters of its own
+    assert page.locator("#top").get_attribute("aria-pressed") == "true"
+
+
+def test_nothing_is_drawn_where_nothing_has_changed(page, files):
+    page.add_init_script(
+        "window.draws = 0; const draw = WebGL2RenderingContext.prototype.drawElements;"
+        "WebGL2RenderingContext.prototype.drawElements = function (...what) {"
+        " window.draws++; return draw.apply(this, what); }"
+    )
+    show(page, files["mute"])
+    page.evaluate(
+        "() => { window.texts = 0; new MutationObserver((all) => (window.texts += all.length))"
+        ".observe(document.body, { subtree: true, childList: true }); window.draws = 0; }"
+    )
+    page.wait_for_timeout(1000)
+    assert page.evaluate("[window.draws, window.texts]") == [0, 0]
+    page.evaluate("window.dancediff.clock.seek(1)")
+    until(page, "window.draws > 0 && window.texts > 0")
+
+
+def test_in_a_narrow_window_all_dancers_are_seen(new_page, files):
+    page = new_page(300, 700)
+    show(page, files["mute"])
+    page.keyboard.press("r")  # no trails
+    page.wait_for_timeout(500)
+    sides = picture(page)[:, [0, 1, -2, -1]]
+    colorful = (sides.max(-1) - sides.min(-1)) > 60
+    page.close()
+    assert not colorful.any()
 
 
 def test_the_tab_has_the_name_of_the_dance(page, files):

@@ -25,6 +25,7 @@ dance = choreograph(truth.beats, dancers=5, seed=1, seconds=30.0)[0]
 len(song.beats())
 """,
     "stage(dance, song)",
+    "from dancediff.viz.stage import close_all; close_all()",
 )
 STATE = "window.dancediff.state()"
 
@@ -58,6 +59,8 @@ def notebook(lab, new_page):
 def _rest(notebook):
     """Every test finds the stage at rest in its first frame."""
     yield
+    if notebook.evaluate("window.dancediff === undefined"):  # it was closed
+        return
     if notebook.evaluate(f"{STATE}.playing"):
         press(notebook, "Pause")
     scrub(notebook, 0.0)
@@ -187,3 +190,18 @@ def test_nothing_is_asked_of_another_host(notebook):
 def test_nobody_complains(notebook):
     lab_itself = "Failed to load resource"  # settings that nobody has saved yet
     assert [text for text in notebook.complaints if lab_itself not in text] == []
+
+
+def test_a_closed_stage_leaves_nothing_behind(notebook):
+    """The last test, as the stage is gone then."""
+    press(notebook, "Play")
+    notebook.evaluate("window.heard = window.dancediff.audio()")
+    notebook.locator(".jp-Notebook .jp-CodeCell").nth(2).click()
+    notebook.keyboard.press("Shift+Enter")
+    until(notebook, "window.dancediff === undefined", 30 * SLOW)
+    assert notebook.evaluate("[window.heard.paused, window.heard.getAttribute('src')]") == [
+        True,
+        None,
+    ]
+    until(notebook, "document.querySelector('.jupyter-threejs, .noUi-target') === null", 30 * SLOW)
+    test_nobody_complains(notebook)

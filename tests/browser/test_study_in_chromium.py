@@ -169,3 +169,31 @@ def test_a_focused_button_is_what_enter_and_space_press(page, made):
     page.locator("#stop").focus()
     page.keyboard.press("Enter")
     assert page.locator("#end").is_visible()
+
+
+def test_a_screen_reader_hears_what_has_changed_and_nothing_twice(page, made):
+    begin(page, made, "Ada")
+    assert "s to go" in page.locator("#hint").inner_text()
+    page.evaluate(
+        "() => { window.said = []; const status = $('status');"
+        " new MutationObserver(() => window.said.push(status.textContent))"
+        ".observe(status, { childList: true, characterData: true, subtree: true }); }"
+    )
+    page.keyboard.press("Space")
+    until(page, "window.study.open()", 20 * SLOW)
+    assert page.evaluate("window.said") == ["Q votes for the left dance, P for the right"]
+    assert page.get_by_role("progressbar", name="Votes given").is_visible()
+    assert page.frames[1].locator("#stage").get_attribute("role") == "img"
+    active = page.locator("[aria-current='true']")
+    assert active.count() == 1 and "active" in active.get_attribute("class")
+
+
+def test_votes_are_given_on_a_keyboard_of_other_letters(page, made):
+    begin(page, made, "Ada")
+    page.keyboard.press("Space")
+    until(page, "window.study.open()", 20 * SLOW)
+    page.evaluate(
+        "document.dispatchEvent(new KeyboardEvent('keydown', { key: '\u0439', code: 'KeyQ' }))"
+    )
+    (given,) = page.evaluate("window.study.state()")["answers"].values()
+    assert list(given.values()) == ["left"]

@@ -3,7 +3,8 @@
 Read first: `dancediff.live_dance.session` · `dancediff.live_dance.page`.
 
 Other computers cannot reach it, pages of other sites are refused, and so is a second client. It
-ends, and the session with it, once the tab is closed.
+ends, and the session with it, once the tab is closed, or the notebook's cell is run again. What was
+danced is kept: in a notebook ``live.save()`` still writes it.
 """
 
 import asyncio
@@ -49,6 +50,7 @@ class LiveServer:
         self._loop: asyncio.AbstractEventLoop | None = None
         self._end: asyncio.Event | None = None
         self._up = threading.Event()
+        self._saving = threading.Lock()  # who clicks twice has it saved twice, not at once
         self._failed: BaseException | None = None
         self.client = None
         self.asked_port, self.port, self.save = port, 0, save
@@ -140,7 +142,7 @@ class LiveServer:
         self._told.clear()
 
     def closed(self) -> None:
-        """The client is gone, and with it the session."""
+        """The client is gone, and with it the session; what was danced can still be saved."""
         assert self._end is not None
         self.client = None
         self.session.stop()
@@ -166,7 +168,9 @@ class LiveServer:
             self._tell("failed", {"text": "This page was started without a place to save to."})
             return
         try:
-            self._tell("saved", {"files": [str(file) for file in self.save(self.session)]})
+            with self._saving:
+                files = self.save(self.session)
+            self._tell("saved", {"files": [str(file) for file in files]})
         except Exception as error:  # the page says so, and the dance goes on
             self._tell("failed", {"text": " ".join(str(error).split())})
 

@@ -78,7 +78,7 @@ class Explorer:
         if self.slow:
             self._thread = Worker(self._work, self._newest, stop=self._forget).begin()
         else:
-            self._attempt(self._newest, self.values())
+            self._attempt(self._newest)
 
     def wait(self) -> None:
         """Until the newest request is done, cancelled or has failed."""
@@ -96,7 +96,7 @@ class Explorer:
             self.message.value = ""
             self.bar.value, self.bar.max = 0, 1
             _show(True, self.cancel, self.bar)
-            self._attempt(request, self.values(), report=self._reporter(request))
+            self._attempt(request, report=self._reporter(request))
             _show(False, self.cancel, self.bar)
 
     def _reporter(self, request: int):
@@ -107,9 +107,9 @@ class Explorer:
 
         return report
 
-    def _attempt(self, request: int, values: dict, **more) -> None:
+    def _attempt(self, request: int, **more) -> None:
         try:
-            made = self.panel(**values, **more)
+            made = self.panel(**self.values(), **more)
         except Cancelled:
             pass  # who cancelled has said so
         except Exception as err:

@@ -6,11 +6,13 @@ Read first: docs/training.md, which says what a run writes into its folder.
 import csv
 import threading
 import time
+from html import escape
 from pathlib import Path
 
 import numpy as np
 
 from dancediff.viz.palette import GRID, INK, MUTED, dancer_color, dash
+from dancediff.viz.still import as_output, show_with_still
 from dancediff.viz.style import as_png, bare, set_title
 
 POINTS = 300  # of a curve: more steps are averaged
@@ -18,6 +20,9 @@ NOT_LOSSES = ("step", "seconds", "lr", "gradient", "validation")
 METRICS_A_ROW = 5
 WIDTH = 9.6  # inches
 QUIET = 120.0  # seconds without a new step after which a run has ended or stands still
+AGAIN = "run this cell again to look on"
+
+_newest: dict[Path, "LearningCurves"] = {}  # of each folder the one that was shown last
 
 
 class LearningCurves:
@@ -26,18 +31,27 @@ class LearningCurves:
     def __init__(self, folder: Path, every: float):
         self.folder, self.every = folder, every
         self.stopped = threading.Event()
+        self.box = None
         self._drawn: tuple = ()
+        self._stills: list = []  # one wherever it is shown
+        self._thread: threading.Thread | None = None
 
     def figure(self):
         """The curves as they are now, as a matplotlib Figure."""
         return draw_curves(self.folder)
 
     def _ipython_display_(self) -> None:
-        from dancediff.viz.still import as_output, show_with_still
-
-        self._still = show_with_still(self._make_box(), self.picture.value)
-        self._as_output = as_output
-        threading.Thread(target=self.follow, daemon=True).start()
+        box = self.box or self._make_box()
+        self._stills.append(show_with_still(box, self.picture.value))
+        before = _newest.get(self.folder.resolve())
+        if before is not None and before is not self:  # the cell was run again
+            before.stopped.set()
+        _newest[self.folder.resolve()] = self
+        if self._thread is None or not self._thread.is_alive():
+            self.stopped.clear()
+            self.button.disabled = False
+            self._thread = threading.Thread(target=self.follow, daemon=True)
+            self._thread.start()
 
     def _make_box(self):
         try:
@@ -57,16 +71,27 @@ class LearningCurves:
 
     def follow(self) -> None:
         """Draw anew whenever the run has written something, until it has been quiet for long."""
-        seen = time.monotonic()
+        seen, trouble = time.monotonic(), ""
         while not self.stopped.wait(self.every) and time.monotonic() - seen < QUIET:
-            changes = self._changes()
-            if changes != self._drawn:
-                seen, self._drawn = time.monotonic(), changes
-                self.picture.value = as_png(self.figure())
-            self.message.value = f"newest step {time.monotonic() - seen:.0f} s ago"
+            try:
+                if self._draw_news():
+                    seen, trouble = time.monotonic(), ""
+            except Exception as error:  # such as of a picture that is still being written
+                trouble = f"{type(error).__name__}: {escape(str(error))}"
+            self.message.value = trouble or f"newest step {time.monotonic() - seen:.0f} s ago"
         self.button.disabled = True
-        self.message.value = "run this cell again to look on"
-        self._still.update(self._as_output(self.picture.value))
+        self.message.value = f"{trouble} · {AGAIN}" if trouble else AGAIN
+        for still in self._stills:
+            still.update(as_output(self.picture.value))
+
+    def _draw_news(self) -> bool:
+        """Whether there was something new to draw."""
+        changes = self._changes()
+        if changes == self._drawn:
+            return False
+        self.picture.value = as_png(self.figure())
+        self._drawn = changes
+        return True
 
     def _changes(self) -> tuple:
         files = [self.folder / name for name in ("losses.csv", "metrics.csv")]

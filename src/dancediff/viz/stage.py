@@ -17,7 +17,7 @@ from dancediff.viz.stage_timeline import conduct, make_controls
 from dancediff.viz.still import dance_png, show_with_still
 
 _MAX_OPEN = 6  # a page holds 8 to 16 WebGL pictures; beyond that the browser blanks the oldest
-_open: deque = deque()
+_open: deque = deque()  # of each stage the widgets that hold all others
 
 
 def stage(
@@ -47,8 +47,10 @@ def stage(
     eyes = views(roots(dances), fps, size[0] / size[1], aside)
     parts = make_scene(p3, dances, body)
     controls = make_controls(widgets, size[0], frames, fps, [eye["name"] for eye in eyes], song)
-    widgets.jslink((controls["trails"], "value"), (parts.trails, "visible"))
-    widgets.jslink((controls["contacts"], "value"), (parts.dots, "visible"))
+    links = [
+        widgets.jslink((controls["trails"], "value"), (parts.trails, "visible")),
+        widgets.jslink((controls["contacts"], "value"), (parts.dots, "visible")),
+    ]
     renderer = _renderer(p3, parts.scene, eyes[0], size)
     mixer = p3.AnimationMixer(parts.scene)
     moved = {
@@ -60,10 +62,12 @@ def stage(
         "mixer": mixer,
         "action": p3.AnimationAction(mixer, parts.clip, parts.scene),
     }
-    conduct(p3, moved | controls, frames, fps, eyes)
-    _remember(renderer)
+    script = conduct(p3, moved | controls, frames, fps, eyes)
     children = [renderer, *_rows(widgets, controls), *_caption(widgets, dances)]
-    return _box(widgets)(children, still=lambda: dance_png(dances[0], song))
+    box = _box(widgets)(children, still=lambda: dance_png(dances[0], song))
+    # the conductor listens to the renderer's end, so this one is closed first
+    _remember([renderer, box, moved["action"], script, *controls.values(), *links])
+    return box
 
 
 play = stage
@@ -72,7 +76,7 @@ play = stage
 def close_all() -> None:
     """Close every stage that is open, and free their pictures in the browser."""
     while _open:
-        _open.popleft().close()
+        _close(_open.popleft())
 
 
 def _import_widgets():
@@ -101,10 +105,37 @@ def _box(widgets):
     return Stage
 
 
-def _remember(renderer) -> None:
-    _open.append(renderer)
+def _remember(parts: list) -> None:
+    _open.append(parts)
     while len(_open) > _MAX_OPEN:
-        _open.popleft().close()
+        _close(_open.popleft())
+
+
+def _close(parts: list) -> None:
+    """Close these widgets in their order, and then all that they are made of.
+
+    A stage has hundreds; neither the kernel nor the page forgets one that is not closed.
+    """
+    found = {id(part): part for part in parts}
+    waiting = list(parts)
+    while waiting:
+        part = waiting.pop()
+        new = [one for key in part.keys for one in _widgets_in(getattr(part, key))]
+        new = [one for one in new if id(one) not in found]
+        found |= {id(one): one for one in new}
+        waiting += new
+    for part in found.values():
+        part.close()
+
+
+def _widgets_in(value) -> list:
+    """The widgets that a widget's attribute is, or holds."""
+    from ipywidgets import Widget
+
+    if isinstance(value, dict):
+        value = list(value.values())
+    held = value if isinstance(value, list | tuple) else [value]
+    return [one for one in held if isinstance(one, Widget)]
 
 
 def _renderer(p3, scene, view: dict, size):

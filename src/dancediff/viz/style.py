@@ -65,5 +65,9 @@ def mp3(song, seconds: float) -> bytes:
         rate = MP3_RATES[-1]
     missing = max(round(seconds * rate) - len(audio), 0)
     sound = io.BytesIO()
-    soundfile.write(sound, np.pad(audio, ((0, missing), (0, 0))), rate, format="MP3")
+    padded = np.pad(audio, ((0, missing), (0, 0)))
+    # At a constant bit rate: in an MP3 of a variable one browsers jump to another place than they
+    # say. Smaller files (a higher compression_level) have no room to say where the sound begins.
+    options = {"bitrate_mode": "CONSTANT", "compression_level": 0.8 if rate >= 32000 else 0.6}
+    soundfile.write(sound, padded, rate, format="MP3", **options)
     return sound.getvalue()

@@ -3,6 +3,7 @@
 import io
 import json
 import re
+import time
 
 import numpy as np
 import pytest
@@ -10,10 +11,12 @@ import soundfile
 
 from dancediff.live_dance.notebook import live
 from dancediff.live_dance.page import knobs, live_page
+from dancediff.live_dance.server import LiveServer
 from dancediff.live_dance.session import LiveSession
 from dancediff.live_dance.sound import MOST, WavFile, asked_range
 from dancediff.music.song import Music
 from dancediff.music.synth import synth_song
+from dancediff.threads import Worker
 from tiny_tcdiffpp import tiny_tcdiffpp
 
 
@@ -79,3 +82,34 @@ def test_a_notebook_shows_the_page(song):
     assert not shown.server.is_running
     with pytest.raises(ValueError, match="dancers=9"):
         live(song, tiny_tcdiffpp(), dancers=9)
+
+
+def test_two_clicks_on_save_do_not_write_at_once(song):
+    pytest.importorskip("tornado")
+    busy, most, told = [], [], []
+
+    def save(session):
+        busy.append(session)
+        most.append(len(busy))
+        time.sleep(0.2)
+        busy.pop()
+        return ["dance.npz"]
+
+    server = LiveServer(tiny_tcdiffpp(), song, dancers=2, save=save)
+    server._tell = lambda kind, facts: told.append((kind, facts))
+    threads = [Worker(server._save).begin() for _ in range(3)]
+    for thread in threads:
+        thread.join(20)
+    assert most == [1, 1, 1] and told == [("saved", {"files": ["dance.npz"]})] * 3
+
+
+def test_what_was_danced_is_saved_after_the_page_was_closed(song, tmp_path):
+    pytest.importorskip("tornado")
+    shown = live(song, tiny_tcdiffpp(), dancers=2, steps=1)
+    end = time.monotonic() + 60
+    while not shown.session._pieces:
+        assert time.monotonic() < end
+        time.sleep(0.05)
+    shown.server._call(shown.server.closed)
+    shown.server.wait()
+    assert [file.name for file in shown.save(tmp_path, ["npz"])] == ["dance.npz", "log.json"]

@@ -166,6 +166,30 @@ def test_an_error_of_a_slow_panel_is_said():
     assert box.cancel.layout.display == "none"
 
 
+def test_a_control_s_error_is_said():
+    """Of a place beside the floor, say."""
+
+    class Broken(widgets.IntSlider):
+        broken = False
+
+        def __getattribute__(self, name):
+            if name == "value" and object.__getattribute__(self, "broken"):
+                raise ValueError("beside the floor")
+            return super().__getattribute__(name)
+
+    control = Broken()
+    box = panels.explore(lambda at, report: Figure(), at=control)
+    control.broken = True
+    box.run.click()
+    box.wait()
+    assert "beside the floor" in box.message.value
+    assert box.cancel.layout.display == "none"
+    control.broken = False
+    box.run.click()
+    box.wait()
+    assert box.message.value == "" and box.picture.value
+
+
 def test_a_dance_can_be_watched_beside_the_pinned_one(dance):
     pytest.importorskip("pythreejs")
     panel, box = slow_box(dance)

@@ -75,7 +75,6 @@ def test_the_picture_follows_a_run_and_can_be_stopped(run, monkeypatch):
     pytest.importorskip("ipywidgets")
     shown = dd.learning_curves(run, every=0.01)
     shown._make_box()
-    shown._still, shown._as_output = type("Still", (), {"update": lambda *_: None})(), bytes
     first, drawn = shown.picture.value, []
     waited = iter([False, False, False])
 
@@ -96,6 +95,59 @@ def test_a_quiet_run_is_left(run, monkeypatch):
     monkeypatch.setattr(curves, "QUIET", 0.05)
     shown = dd.learning_curves(run, every=0.01)
     shown._make_box()
-    shown._still, shown._as_output = type("Still", (), {"update": lambda *_: None})(), bytes
     shown.follow()  # comes to an end
     assert shown.button.disabled
+
+
+def test_an_error_is_said_and_looking_goes_on(run, monkeypatch):
+    pytest.importorskip("ipywidgets")
+    shown = dd.learning_curves(run, every=0.01)
+    shown._make_box()
+    strip, said = run / "previews" / "step_000100.png", []
+    whole, first = strip.read_bytes(), shown.picture.value
+
+    def wait(every):
+        said.append(shown.message.value)
+        if len(said) == 1:
+            strip.write_bytes(whole[:50])  # as it is while it is being written
+        if len(said) == 3:
+            strip.write_bytes(whole)
+            write_log(run, 150)
+        return len(said) == 4
+
+    monkeypatch.setattr(shown.stopped, "wait", wait)
+    shown.follow()
+    assert all("Error" in text for text in said[1:3]) and said[3].startswith("newest step 0 s")
+    assert shown.picture.value != first and shown.message.value == curves.AGAIN
+
+
+def test_a_folder_is_followed_by_one_thread(run, monkeypatch):
+    """However often its cell is run, and one panel however often it is shown."""
+    pytest.importorskip("ipywidgets")
+    stills = []
+    monkeypatch.setattr(curves, "show_with_still", lambda *_: stills.append(Still()) or stills[-1])
+    first, second = (dd.learning_curves(run, every=0.05) for _ in range(2))
+    first._ipython_display_()
+    box, thread = first.box, first._thread
+    first._ipython_display_()
+    assert first.box is box and first._thread is thread and thread.is_alive()
+    second._ipython_display_()
+    thread.join(20)
+    assert not thread.is_alive() and second._thread.is_alive()
+    assert first.message.value == curves.AGAIN and first.button.disabled
+    assert [still.updates for still in stills] == [1, 1, 0]
+    first._ipython_display_()  # looks on
+    second._thread.join(20)
+    assert first._thread.is_alive() and not first.button.disabled
+    first.button.click()
+    first._thread.join(20)
+    assert not first._thread.is_alive()
+
+
+class Still:
+    """In the place of what a notebook's display gives."""
+
+    updates = 0
+
+    def update(self, _):
+        self.updates += 1

@@ -1,3 +1,6 @@
+import os
+import shutil
+import subprocess
 import sys
 from dataclasses import replace
 
@@ -13,11 +16,15 @@ from dancediff.motion.rotation import axis_angle_to_matrix
 from dancediff.motion.skeleton import SMPL24
 from dancediff.music.song import Music
 from dancediff.viz import stage, stage_scene
+from dancediff.viz.in_page import FOLDER
 from dancediff.viz.mannequin import steady_quaternions
 from dancediff.viz.palette import dancer_color
+from places import ROOT
 
 p3 = pytest.importorskip("pythreejs")
 widgets = pytest.importorskip("ipywidgets")
+_instances = pytest.importorskip("ipywidgets.widgets.widget")._instances
+NODE_REQUIRED = "node" in os.environ.get("DANCEDIFF_REQUIRE", "")
 
 
 @pytest.fixture(scope="module")
@@ -212,13 +219,40 @@ def test_controls_begin_at_rest(dance):
     assert not any(getattr(w, "description", "") == "sound" for w in inside(box))
 
 
-def test_old_stages_are_closed(dance):
-    short = dance.frames(0, 2)
-    renderers = [stage.stage(short).children[0] for _ in range(stage._MAX_OPEN + 1)]
-    assert renderers[0].comm is None
-    assert all(renderer in stage._open for renderer in renderers[1:])
+def test_old_stages_are_closed_with_all_that_they_are_made_of(dance):
+    """Three hundred widgets each, which kernel and page would keep."""
+    short, before = dance.frames(0, 2), set(_instances)
+    first = stage.stage(short)
+    widgets_of_first = [_instances[name] for name in set(_instances) - before]
+    assert len(widgets_of_first) > 100
+    others = [stage.stage(short) for _ in range(stage._MAX_OPEN)]
+    assert [w for w in widgets_of_first if w.comm is not None] == []
+    assert first.children[0].comm is None
+    assert all(w.comm is not None for box in others for w in inside(box))
     stage.close_all()
-    assert not stage._open
+    assert not stage._open and set(_instances) == before
+
+
+def test_the_renderer_is_closed_first(dance, monkeypatch):
+    """The conductor in the page frees the sound when it is."""
+    box, closed = stage.stage(dance.frames(0, 2)), []
+
+    def close(widget):
+        closed.append(widget)
+
+    monkeypatch.setattr(widgets.Widget, "close", close)
+    stage.close_all()
+    assert closed[0] is box.children[0]
+
+
+@pytest.mark.skipif(
+    not NODE_REQUIRED and shutil.which("node") is None, reason="needs node: apt-get install nodejs"
+)
+def test_the_conductor_ends_what_it_began_and_is_not_late():
+    """What it does in the page, with models of our own in the place of the notebook's."""
+    command = ["node", str(ROOT / "tests" / "js" / "conduct.js"), str(FOLDER / "conductor.js")]
+    said = subprocess.run(command, capture_output=True, text=True, check=True, timeout=120).stdout
+    assert said and [line for line in said.splitlines() if not line.startswith("ok ")] == []
 
 
 def test_one_frame_is_a_stage_too(dance):

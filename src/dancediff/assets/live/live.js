@@ -62,11 +62,12 @@
   const ready = () => Math.max(readyUntil(frame()) / data.fps - clock.time(), 0);
   const enough = () => ready() >= ENOUGH || readyUntil(frame()) >= data.frames;
 
-  // a microphone does not wait: the picture is where the sound in the room is
+  // a microphone does not wait: the picture is where the sound in the room is, until Pause is pressed
   function follow(now) {
+    if (!live.waiting && !clock.playing()) return;
     if (Math.abs(clock.time() - now) > 0.1) clock.seek(now);
+    if (live.waiting) clock.play();
     live.waiting = false;
-    if (!clock.playing()) clock.play();
   }
 
   function watch() {
@@ -76,12 +77,12 @@
     if (clock.playing() && ready() < 2 / data.fps && readyUntil(here) < data.frames) {
       audio.pause();
       if (!live.waiting && !jumped) live.stalls += 1; // who jumps must wait
-      live.waiting = live.resume = true;
+      live.waiting = clock.waits = true;
     }
     if (live.waiting && enough()) {
       live.waiting = jumped = false;
-      if (live.resume) clock.play();
-      live.resume = false;
+      if (clock.waits) clock.play();
+      clock.waits = false;
     }
     // a place that nobody is on the way to
     const far = here < coming || here > coming + 2.5 * data.fps;
@@ -96,12 +97,11 @@
   function show() {
     const seconds = ready();
     $("ahead").firstElementChild.style.width = `${Math.min(seconds / 10, 1) * 100}%`;
-    $("ahead").lastElementChild.textContent = live.waiting && live.resume ? "waiting for the dance" : `${seconds.toFixed(1)} s ahead · ${live.state.steps ?? "?"} steps`;
+    $("ahead").lastElementChild.textContent = clock.waits ? "waiting for the dance" : `${seconds.toFixed(1)} s ahead · ${live.state.steps ?? "?"} steps`;
     requestAnimationFrame(watch);
   }
 
   audio?.addEventListener("seeking", () => (jumped = !enough()));
-  $("play").addEventListener("click", () => (live.resume = live.waiting && !live.resume));
   setInterval(() => send({ at: clock.time(), stalls: live.stalls }), 200);
 
   // --------------------------------------------------------------------------------------- knobs
@@ -124,6 +124,6 @@
   window.addEventListener("beforeunload", (event) => live.unsaved && !live.closed && event.preventDefault());
 
   window.dancediff.live = Object.assign(live, { ready, send });
-  $("play").focus();
+  if (window === window.top) $("play").focus(); // in a notebook keys are the notebook's
   watch();
 })();

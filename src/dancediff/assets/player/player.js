@@ -50,6 +50,7 @@ function put(piece) {
     }
   }
   have.fill(1, piece.start, piece.start + piece.frames);
+  shown = "";
   drawTicks();
 }
 
@@ -115,10 +116,11 @@ function makeTrail(color) {
   return trail;
 }
 
-function layTrail(trail, at, i) {
+// `first` is where the frames begin that are there
+function layTrail(trail, at, i, first) {
   const points = trail.geometry.attributes.position;
   for (let back = 0; back <= TRAIL; back++) {
-    const [f, behind] = [Math.max(i - back, 0), Math.max(i - back - 2, 0)];
+    const [f, behind] = [Math.max(i - back, first), Math.max(i - back - 2, first)];
     const [dx, dz] = [at(f, 0) - at(behind, 0), at(f, 2) - at(behind, 2)];
     const half = (0.018 * (1 - back / TRAIL)) / (Math.hypot(dx, dz) || 1); // it thins out
     points.setXYZ(2 * back, at(f, 0) - half * dz, 0.006, at(f, 2) + half * dx);
@@ -180,6 +182,8 @@ function pose(stage, frame) {
   if (!have[i]) return; // the last pose stays
   const next = have[i + 1] ? i + 1 : i;
   const share = Math.min(Math.max(frame - i, 0), 1);
+  let first = i;
+  while (first > i - TRAIL - 2 && have[first - 1]) first--;
   stage.dancers.forEach((dancer, k) => {
     dancer.joints.forEach((joint, j) => {
       [i, next].forEach((f, side) => quaternions[side].fromArray(stage.turns, 4 * ((k * data.frames + f) * J + j)).normalize());
@@ -195,18 +199,28 @@ function pose(stage, frame) {
       dot.position.setFromMatrixPosition(dancer.joints[CONTACT_JOINTS[c]].matrixWorld).setY(0.004);
     });
     dancer.trail.visible = view.trails;
-    if (view.trails) layTrail(dancer.trail, at, i);
+    if (view.trails) layTrail(dancer.trail, at, i, first);
   });
 }
 
 // ---------------------------------------------------------------------------------------- clock
 
-const audio = data.song ? new Audio(data.song) : null;
+let audio = data.song ? new Audio(data.song) : null;
 const own = { playing: false, at: 0, since: 0, speed: 1 }; // where there is no song
 let drawn = 0; // the time that the picture shows
+let shown = ""; // all that it was drawn of: it is drawn anew when that has changed
 let wanted = false; // play was pressed, and pause was not; a sound pauses itself at its end
 
+// a sound that cannot be decoded: the dance goes on without it (that of a live dance is a WAV)
+if (audio && !data.live) {
+  audio.onerror = () => {
+    Object.assign(own, { playing: wanted, at: clock.time(), since: performance.now() });
+    audio = null;
+  };
+}
+
 const clock = {
+  waits: false, // a live dance is not there yet, and goes on by itself
   time() {
     if (audio) return Math.min(audio.currentTime, duration);
     const t = own.at + (own.playing ? (own.speed * (performance.now() - own.since)) / 1000 : 0);
@@ -225,21 +239,21 @@ const clock = {
   },
   play() {
     wanted = true;
-    if (this.ended() || this.time() >= duration - 1 / data.fps) this.seek(0);
-    if (audio) audio.play().catch(() => audio.paused && (wanted = false));
+    if (this.ended() || this.time() >= duration - 1.5 / data.fps) this.seek(0); // in the last frame
+    if (audio) audio.play().catch(() => audio?.paused && (wanted = false));
     else Object.assign(own, { playing: true, since: performance.now() });
   },
   pause() {
-    wanted = false;
+    wanted = this.waits = false;
     if (audio) audio.pause();
     else Object.assign(own, { at: this.time(), playing: false });
   },
   toggle() {
-    this.playing() ? this.pause() : this.play();
+    this.playing() || this.waits ? this.pause() : this.play();
   },
   setSpeed(speed) {
+    Object.assign(own, { at: this.time(), since: performance.now(), speed });
     if (audio) audio.playbackRate = speed;
-    else Object.assign(own, { at: this.time(), since: performance.now(), speed });
   },
 };
 
@@ -253,6 +267,7 @@ renderer.shadowMap.enabled = true;
 renderer.setScissorTest(true);
 const camera = new THREE.PerspectiveCamera(32, 1, 0.1, 200);
 const orbit = new OrbitControls(camera, canvas);
+canvas.addEventListener("webglcontextrestored", () => (shown = ""));
 
 function makeRenderer() {
   try {
@@ -278,7 +293,8 @@ data.panes.forEach((pane) => {
 
 function lookAround() {
   const [x, z] = data.centre;
-  const far = Math.max(data.side, 4) * (view.top ? 1.2 : 0.8) * Math.max(1, 0.6 * stages.length);
+  const aspect = canvas.clientWidth / stages.length / canvas.clientHeight || 1.2;
+  const far = Math.max(data.side, 4) * (view.top ? 1.2 : 0.8) * Math.max(1, 1.2 / aspect);
   orbit.target.set(x, view.top ? 0 : 0.9, z);
   camera.up.set(0, 1, 0);
   if (view.top) camera.position.set(x, far, z + 0.001);
@@ -320,17 +336,22 @@ function drawTicks() {
   ticks.width = ticks.clientWidth;
   ticks.height = ticks.clientHeight;
   const pen = ticks.getContext("2d");
-  const way = ticks.width - 16;
+  const at = (frame) => 8 + (frame / Math.max(last, 1)) * (ticks.width - 16); // where the handle is
   if (data.live) {
     pen.fillStyle = data.colors.grid;
     for (let from = have.indexOf(1); from >= 0; ) {
       const to = readyUntil(from);
-      pen.fillRect(8 + (from / data.frames) * way, ticks.height - 3, ((to - from) / data.frames) * way, 3);
+      pen.fillRect(at(from), ticks.height - 3, at(to - 1) - at(from), 3);
       from = have.indexOf(1, to);
     }
   }
   pen.fillStyle = data.colors.beat;
-  for (const beat of data.beats) pen.fillRect((beat / duration) * way + 8, 0, 1.5, ticks.height);
+  for (const beat of data.beats) pen.fillRect(at(beat * data.fps) - 0.75, 0, 1.5, ticks.height);
+}
+
+// a text that stands there already is left alone: a screen reader hears of every change
+function write(id, text) {
+  if ($(id).textContent !== text) $(id).textContent = text;
 }
 
 function tick() {
@@ -339,15 +360,18 @@ function tick() {
     else clock.pause();
   }
   const time = clock.time();
-  const frame = Math.min(time * data.fps, last);
+  let frame = Math.min(time * data.fps, last);
+  if (Math.abs(frame - Math.round(frame)) < 1e-3) frame = Math.round(frame); // as frameOf does
   for (const stage of stages) pose(stage, frame);
   if (view.follow) follow();
   orbit.update();
-  draw();
+  const now = [time, ...Object.values(view), ...camera.position, ...orbit.target, canvas.clientWidth, canvas.clientHeight, window.devicePixelRatio].join();
+  if (now !== shown) draw();
+  shown = now;
   drawn = time;
-  if (document.activeElement !== $("time") || clock.playing()) $("time").value = frame;
-  $("clock").textContent = `${time.toFixed(2)} s · frame ${frameOf(time)}`;
-  $("play").textContent = clock.playing() ? "❚❚ Pause" : "▶ Play";
+  $("time").value = frameOf(time);
+  write("clock", `${time.toFixed(2)} s · frame ${frameOf(time)}`);
+  write("play", clock.playing() || clock.waits ? "❚❚ Pause" : "▶ Play");
   requestAnimationFrame(tick);
 }
 
@@ -388,8 +412,14 @@ function leftByMouse(select) {
   select.addEventListener("change", () => mouse && select.blur());
 }
 leftByMouse($("speed"));
+// what a key means; on a keyboard of other letters it is the Latin one of its place
+function meant({ key, code }) {
+  if (key.length > 1 || key <= "~") return key;
+  return { Comma: ",", Period: "." }[code] ?? code.replace(/^Key/, "").toLowerCase();
+}
 document.addEventListener("keydown", (event) => {
-  const action = keys[event.key] ?? keys[event.key.toLowerCase()]; // CapsLock
+  const key = meant(event);
+  const action = keys[key] ?? keys[key.toLowerCase()]; // CapsLock
   const { tagName, type } = event.target;
   if (!action || event.ctrlKey || event.metaKey || event.altKey || OWN_KEYS[tagName === "INPUT" ? type : tagName]?.test(event.key)) return;
   event.preventDefault();
@@ -397,7 +427,7 @@ document.addEventListener("keydown", (event) => {
 });
 window.addEventListener("resize", drawTicks);
 
-window.dancediff = { audio, leftByMouse, clock, data, put, readyUntil, drawTicks, view, state: () => ({ time: clock.time(), frame: frameOf(clock.time()), playing: clock.playing(), drawn }) };
+window.dancediff = { get audio() { return audio; }, leftByMouse, clock, data, put, readyUntil, drawTicks, view, state: () => ({ time: clock.time(), frame: frameOf(clock.time()), playing: clock.playing(), drawn }) };
 lookAround();
 drawTicks();
 tick();

@@ -5,8 +5,12 @@
 // With a song the sound is the clock: what is drawn follows audio.currentTime.
 async (manager, facts) => {
   const part = {};
+  const begun = performance.now();
   for (const [name, id] of Object.entries(facts.models)) {
-    while (!manager.has_model(id)) await new Promise((go) => setTimeout(go, 50));
+    while (!manager.has_model(id)) {
+      if (performance.now() - begun > 60_000) return; // the kernel has closed it meanwhile
+      await new Promise((go) => setTimeout(go, 50));
+    }
     part[name] = await manager.get_model(id);
     await part[name].initPromise; // three.js' objects come later than their models
   }
@@ -14,6 +18,7 @@ async (manager, facts) => {
   const { play, slider, clock, speed, loop, views } = part;
   const last = facts.frames - 1;
   const duration = facts.frames / facts.fps;
+  const on = (model, event, then) => renderer.listenTo(model, event, then); // until the stage is closed
 
   // ------------------------------------------------------------------------------------ skins
 
@@ -27,20 +32,20 @@ async (manager, facts) => {
 
   // ------------------------------------------------------------------------------------- time
 
-  const own = { at: 0, since: 0 }; // where there is no song
+  const own = { at: 0, since: 0, rate: 1 }; // where there is no song
   let playing = false;
   let audio = null;
   if (part.sound) {
     audio = new Audio(URL.createObjectURL(new Blob([part.sound.get("value")], { type: "audio/mpeg" })));
     audio.onerror = () => (audio = null);
-    part.sound_on.on("change:value", () => audio && (audio.muted = !part.sound_on.get("value")));
+    on(part.sound_on, "change:value", () => audio && (audio.muted = !part.sound_on.get("value")));
     audio.muted = !part.sound_on.get("value");
   }
   const rate = () => Number(speed.get("_options_labels")[speed.get("index")]);
 
   function now() {
     if (audio) return audio.currentTime;
-    return own.at + (playing ? (rate() * (performance.now() - own.since)) / 1000 : 0);
+    return own.at + (playing ? (own.rate * (performance.now() - own.since)) / 1000 : 0);
   }
 
   function seek(time) {
@@ -75,25 +80,28 @@ async (manager, facts) => {
   // ---------------------------------------------------------------------------------- playing
 
   let moving = false; // it is we who move the slider
+  let told = null; // the place that the kernel was told last: its echo comes late, and is no wish
 
   function show(time) {
-    const frame = Math.min(time * facts.fps, last);
+    let frame = Math.min(time * facts.fps, last);
+    if (Math.abs(frame - Math.round(frame)) < 1e-3) frame = Math.round(frame); // 31/30 s is frame 31
     action.obj.time = frame;
     mixer.obj.update(0);
     follow();
     moving = true;
-    slider.set("value", Math.floor(frame + 1e-3)); // 31/30 s is frame 31
+    slider.set("value", Math.floor(frame));
     moving = false;
     clock.set("value", `${time.toFixed(2)} s · frame ${slider.get("value")}`);
     scene.trigger("rerender", scene, {});
   }
 
   function start() {
-    if (window.dancediff !== stage) window.dancediff.pause(); // one song at a time on a page
+    if (window.dancediff !== stage) window.dancediff?.pause(); // one song at a time on a page
     window.dancediff = stage;
-    if (ended() || now() >= duration - 1 / facts.fps) seek(0);
-    Object.assign(own, { at: now(), since: performance.now() });
+    if (ended() || now() >= duration - 1.5 / facts.fps) seek(0); // in the last frame
+    Object.assign(own, { at: now(), since: performance.now(), rate: rate() });
     playing = true;
+    untilUnseen();
     if (audio) audio.playbackRate = rate();
     sound();
     say();
@@ -113,6 +121,7 @@ async (manager, facts) => {
     if (audio) audio.pause();
     show(Math.min(now(), duration));
     play.set("value", false);
+    told = slider.get("value");
     slider.save_changes(); // now the kernel may know where we are
     say();
   }
@@ -137,22 +146,49 @@ async (manager, facts) => {
     requestAnimationFrame(tick);
   }
 
-  play.on("change:value", () => play.get("value") !== playing && (playing ? stop() : start()));
-  slider.on("change:value", () => {
-    if (moving) return;
+  // a cell that is run again takes its picture away, and the sound goes with it; nobody asks for that
+  // in `tick`, which does not come while the tab is hidden
+  const watched = new WeakSet();
+  async function untilUnseen() {
+    for (const coming of Object.values(renderer.views ?? {})) {
+      const view = await coming;
+      if (!watched.has(view)) view.once("remove", () => setTimeout(unseen));
+      watched.add(view);
+    }
+    unseen(); // it was away already
+  }
+  const unseen = () => playing && !Object.keys(renderer.views ?? {}).length && stop();
+
+  // the kernel has closed the stage: the page keeps nothing of it; `renderer` listens no more
+  renderer.once("destroy", () => {
+    playing = false;
+    if (audio) {
+      audio.onerror = null;
+      audio.pause();
+      URL.revokeObjectURL(audio.src);
+      audio.removeAttribute("src");
+      audio = null;
+    }
+    if (window.dancediff === stage) delete window.dancediff;
+  });
+
+  on(play, "change:value", () => play.get("value") !== playing && (playing ? stop() : start()));
+  on(slider, "change:value", (_, value, options) => {
+    if (moving || (playing && value === told && !options.updated_view)) return;
+    told = value;
     seek(slider.get("value") / facts.fps);
     show(slider.get("value") / facts.fps);
   });
-  speed.on("change:index", () => {
+  on(speed, "change:index", () => {
+    Object.assign(own, { at: now(), since: performance.now(), rate: rate() });
     if (audio) audio.playbackRate = rate();
-    else seek(now());
   });
-  views.on("change:index", () => (look(), show(Math.min(now(), duration))));
+  on(views, "change:index", () => (look(), show(Math.min(now(), duration))));
   // of the stages on a page, the one that was played last, or came last
   const stage = {
     audio: () => audio,
     pause: () => playing && stop(),
-    state: () => ({ time: now(), frame: action.obj.time, playing }),
+    state: () => ({ time: now(), frame: action.obj?.time, playing }), // its models may be closed
   };
   window.dancediff ??= stage;
   if (!window.dancediff.state().playing) window.dancediff = stage;

@@ -78,6 +78,8 @@ function drawVotes() {
   study.questions.forEach((question, k) => {
     const row = $("votes").children[k];
     row.classList.toggle("active", k === active && open());
+    if (k === active && open()) row.setAttribute("aria-current", "true");
+    else row.removeAttribute("aria-current");
     for (const button of row.querySelectorAll("button")) {
       button.disabled = !open();
       button.setAttribute("aria-pressed", mine[question.name] === button.dataset.side);
@@ -86,7 +88,13 @@ function drawVotes() {
   $("back").disabled = state.at === 0;
   $("next").disabled = !complete(pair());
   $("next").firstChild.textContent = state.at === study.pairs.length - 1 ? "Finish " : "Next pair ";
-  $("hint").textContent = !open() ? `Watch the dances first: space plays (${Math.ceil(study.least - (state.watched[pair()] ?? 0))} s to go)` : complete(pair()) ? "All answered; you may still change a vote" : "Q votes for the left dance, P for the right";
+  write("status", !open() ? "Watch the dances first: space plays" : complete(pair()) ? "All answered; you may still change a vote" : "Q votes for the left dance, P for the right");
+  write("left", open() ? "" : ` (${Math.ceil(study.least - (state.watched[pair()] ?? 0))} s to go)`);
+}
+
+// a screen reader says every change of a status, also to the text that stands there already
+function write(id, text) {
+  if ($(id).textContent !== text) $(id).textContent = text;
 }
 
 function makeVotes() {
@@ -153,19 +161,24 @@ function watch() {
   drawVotes();
 }
 
+// what a key means; on a keyboard of other letters it is the Latin one of its place
+function meant({ key, code }) {
+  return key.length > 1 || key <= "~" ? key : code.replace(/^Key/, "");
+}
+
 function pressed(event) {
   if (event.ctrlKey || event.metaKey || event.altKey || $("pair").hidden) return;
   const { tagName, type } = event.target;
   if (OWN_KEYS[tagName === "INPUT" ? type : tagName]?.test(event.key)) return;
   const step = { ArrowUp: -1, ArrowDown: 1 }[event.key];
-  const side = SIDES[event.key.toLowerCase()];
+  const side = SIDES[meant(event).toLowerCase()];
   if (side) vote(active, side);
   else if (step) active = (active + step + study.questions.length) % study.questions.length;
   else if (event.key === "Enter") next();
   else if (event.key === "Backspace" && state.at > 0) showPair(state.at - 1);
   else if (event.key !== "Backspace") {
     // what is left is the player's
-    if (event.view === window) $("stage").contentDocument.dispatchEvent(new KeyboardEvent("keydown", { key: event.key, cancelable: true }));
+    if (event.view === window) $("stage").contentDocument.dispatchEvent(new KeyboardEvent("keydown", { key: event.key, code: event.code, cancelable: true }));
     if (event.key === " ") event.preventDefault();
     return;
   }
