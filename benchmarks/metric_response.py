@@ -31,7 +31,7 @@ from dancediff.metrics.rhythm import beat_alignment
 from dancediff.metrics.swaps import abrupt_swaps, final_order, swap_obedience
 from dancediff.motion.motion import Motion
 from dancediff.viz.palette import DANCER_COLORS, INK, MUTED
-from dancediff.viz.style import bare, new_axes, set_title
+from dancediff.viz.style import bare, new_axes, save_figure, set_title
 
 LEVELS = (0.0, 0.25, 0.5, 0.75, 1.0)
 CORRUPTIONS = (
@@ -205,10 +205,8 @@ def draw(name: str, values: dict[str, np.ndarray], folder: Path) -> Path:
     set_title(ax, f"{metric.title}: {'higher' if metric.better > 0 else 'lower'} is better")
     ax.legend(loc="center left", bbox_to_anchor=(1, 0.5), frameon=False, fontsize=8)
     path = folder / f"metric_{name}.png"
-    part = path.with_suffix(".part")
-    ax.figure.savefig(part, dpi=110, format="png")
+    save_figure(ax.figure, path, dpi=110)
     plt.close(ax.figure)
-    part.replace(path)
     return path
 
 

@@ -12,7 +12,7 @@ from dancediff.bench.results import budget_of
 from dancediff.motion.motion import Motion
 from dancediff.viz.filmstrip import plot_filmstrip, strip_height
 from dancediff.viz.palette import DANCER_COLORS
-from dancediff.viz.style import bare
+from dancediff.viz.style import bare, save_figure
 
 MOMENTS = 6  # of a strip
 
@@ -40,7 +40,7 @@ def draw_quality(points: list[dict], metrics: Sequence[str], path: Path) -> None
     panels[0, 0].legend(frameon=False, fontsize=7)
     figure.tight_layout()
     path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=110)
+    save_figure(figure, path, dpi=110)
     plt.close(figure)
 
 
@@ -78,5 +78,5 @@ def draw_strips(dances: dict[str, Motion], path: Path) -> None:
         plot_filmstrip(dance, ax=ax, count=MOMENTS, title=name)
     figure.tight_layout()
     path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=110)
+    save_figure(figure, path, dpi=110)
     plt.close(figure)

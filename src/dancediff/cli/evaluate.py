@@ -93,12 +93,11 @@ class Evaluate:
     def _draw(drift, path: Path) -> None:
         from matplotlib.pyplot import close
 
-        from dancediff.atomic import atomic_write
         from dancediff.viz.charts import plot_drift
+        from dancediff.viz.style import save_figure
 
         figure = plot_drift(drift, title="Posture over the dance").figure
-        with atomic_write(path) as part:
-            figure.savefig(part, format="png")
+        save_figure(figure, path)
         close(figure)
 
     @staticmethod

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from torch import nn
 
+from dancediff.atomic import write_text
 from dancediff.axes import FPS
 from dancediff.papers.lodge.model import Lodge
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
@@ -41,7 +42,7 @@ class NetworkPicture:
     def save(self, path) -> Path:
         """Write the picture as an SVG file; returns its path."""
         path = Path(path)
-        path.write_text(self.svg, encoding="utf-8")
+        write_text(path, self.svg)
         return path
 
     def __repr__(self) -> str:

@@ -12,7 +12,6 @@ from pathlib import Path
 
 import numpy as np
 
-from dancediff.atomic import atomic_write
 from dancediff.axes import ON_FLOOR
 from dancediff.motion.motion import Motion
 from dancediff.viz.charts import plot_drift, plot_energy, plot_lanes
@@ -33,7 +32,7 @@ from dancediff.viz.numbers import (
     plot_skeleton,
 )
 from dancediff.viz.palette import BEAT, FLOOR, GRID, INK, MUTED, dancer_color, ink_on, mix, rgb
-from dancediff.viz.style import bare, new_axes, set_title
+from dancediff.viz.style import bare, new_axes, save_figure, set_title
 
 __all__ = [
     "filmstrip_page",
@@ -53,7 +52,6 @@ __all__ = [
     "plot_skeleton",
     "save_filmstrip",
 ]
-FEET = ("left ankle", "right ankle", "left toe", "right toe")
 
 
 def filmstrip_page(motion: Motion, *, count: int = 8, song=None, title: str | None = None):
@@ -103,9 +101,7 @@ def farthest(motion: Motion) -> str:
 def save_filmstrip(motion: Motion, path, song=None) -> Path:
     """Write `filmstrip_page` as a picture; the file appears whole or not at all."""
     path = Path(path)
-    figure = filmstrip_page(motion, song=song)
-    with atomic_write(path) as part:
-        figure.savefig(part, format=path.suffix[1:], dpi=160, metadata={"Software": None})
+    save_figure(filmstrip_page(motion, song=song), path, dpi=160)
     return path
 
 

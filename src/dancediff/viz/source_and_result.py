@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 from torch import Tensor
 
-from dancediff.atomic import atomic_write
 from dancediff.motion.motion import Motion
 from dancediff.viz.palette import INK, MUTED, dancer_color
+from dancediff.viz.style import save_figure
 
 COUNT = 6
 Source = tuple[Tensor, tuple[int, ...], float]  # joints (f, j, 3) metres, parents, frames a second
@@ -37,8 +37,7 @@ def draw_source_and_result(name: str, sources: list[Source], motion: Motion, fol
             ax.set_title(f"{second:.1f} s", fontsize=8, color=MUTED)
         axes[row, 0].set_ylabel(label, color=INK)
     figure.suptitle(name, fontsize=10, color=INK, parse_math=False)
-    with atomic_write(folder / f"{name}.png") as part, part.open("wb") as file:
-        figure.savefig(file, format="png", dpi=80, metadata={"Software": None})
+    save_figure(figure, folder / f"{name}.png", dpi=80)
 
 
 def _draw(ax, dancers: list[Source], second: float, floor: float) -> None:

@@ -5,6 +5,7 @@ import io
 
 import numpy as np
 
+from dancediff.atomic import atomic_write
 from dancediff.music.librosa_import import import_librosa
 from dancediff.viz.palette import GRID, INK, MUTED
 
@@ -43,6 +44,12 @@ def as_png(figure, dpi: float | str = "figure") -> bytes:
     file = io.BytesIO()
     figure.savefig(file, format="png", dpi=dpi)
     return file.getvalue()
+
+
+def save_figure(figure, path, dpi: float | str = "figure") -> None:
+    """Write a PNG file that appears whole or not at all, without matplotlib's version in it."""
+    with atomic_write(path) as part:
+        figure.savefig(part, format="png", dpi=dpi, metadata={"Software": None})
 
 
 def data_url(content: bytes, kind: str = "image/png") -> str:
