@@ -23,7 +23,7 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file
 
 from dancediff import __version__
-from dancediff.atomic import atomic_write, save_tensors, tensor_name
+from dancediff.atomic import save_tensors, tensor_name, write_text
 from dancediff.extensions.build import build, extensions_of, paper_class
 from dancediff.extensions.genre_condition import genres_of
 from dancediff.extensions.own_network import class_name, own_network
@@ -80,8 +80,7 @@ def save_model(model: Network, folder, *, card: str = "", dtype=torch.float16) -
     for name, prefix in _FILES.get(kind, _ONE_FILE).items():
         save_tensors(_under(tensors, prefix), folder / f"{name}.safetensors")
     for name, text in (("config.json", json.dumps(config, indent=2) + "\n"), ("card.md", card)):
-        with atomic_write(folder / name) as part:
-            part.write_text(text, encoding="utf-8")
+        write_text(folder / name, text)
     return folder
 
 

@@ -22,7 +22,7 @@ import numpy as np
 from tqdm.auto import tqdm
 
 from dancediff import hub
-from dancediff.atomic import atomic_write
+from dancediff.atomic import write_text
 from dancediff.axes import FPS
 from dancediff.backends import check_backend, run_jobs
 from dancediff.cli.files import HIDDEN, check_targets, file_of, song_named
@@ -183,8 +183,7 @@ def _dance(job: DanceJob, recipe: str, old: dict) -> dict:
     for name in set(old.get("files", [])) - set(files):
         (job.folder / name).unlink(missing_ok=True)
     text = json.dumps(facts | {"files": files, "made_by": recipe}, indent=1, default=str)
-    with atomic_write(facts_file) as part:
-        part.write_text(text + "\n", encoding="utf-8")
+    write_text(facts_file, text + "\n")
     return json.loads(text)
 
 

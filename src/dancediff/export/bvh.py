@@ -10,7 +10,7 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
-from dancediff.atomic import atomic_write
+from dancediff.atomic import write_text
 from dancediff.data.bvh import CENTIMETRE, END, read_bvh
 from dancediff.motion.motion import Motion
 from dancediff.motion.rotation import rotation_about
@@ -37,8 +37,7 @@ def save_bvh(motion: Motion, path) -> Path:
     times = [f"Frames: {motion.num_frames}", f"Frame Time: {1 / motion.fps:.9f}"]
     frames = (" ".join(f"{value:.5f}" for value in row) for row in rows)
     path = Path(path)
-    with atomic_write(path) as part:
-        part.write_text("\n".join([*header, "MOTION", *times, *frames, ""]))
+    write_text(path, "\n".join([*header, "MOTION", *times, *frames, ""]))
     return path
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dancediff.atomic import atomic_write
+from dancediff.atomic import write_text
 from dancediff.data.cache import code_digest, content_key
 from dancediff.metrics.drift import Drift
 from dancediff.metrics.measure import Measured
@@ -58,9 +58,7 @@ def keep(path: Path, found: Measured) -> None:
         drift = found.drift
         facts["drift"] = {"values": _plain(drift.values), "seconds": _plain(drift.seconds)}
         facts["drift"]["names"] = drift.names
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with atomic_write(path) as part:
-        part.write_text(json.dumps(facts), encoding="utf-8")
+    write_text(path, json.dumps(facts))
 
 
 def _plain(array: np.ndarray) -> dict:

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dancediff.atomic import atomic_write
+from dancediff.atomic import write_text
 from dancediff.metrics.dances import find_dances
 from dancediff.metrics.drift import Drift, mean_drift
 from dancediff.metrics.measure import SHORTEST_WINDOW, Measured
@@ -77,8 +77,7 @@ class Report:
     def save(self, path) -> Path:
         """Write the JSON; the file appears whole or not at all."""
         path = Path(path)
-        with atomic_write(path) as part:
-            part.write_text(self.to_json() + "\n", encoding="utf-8")
+        write_text(path, self.to_json() + "\n")
         return path
 
 

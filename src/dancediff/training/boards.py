@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Protocol
 
-from dancediff.atomic import atomic_write
+from dancediff.atomic import write_text
 
 CSV = "csv"  # is always written: a run that goes on and the curves read it
 
@@ -63,8 +63,7 @@ class WandB:
             )
         except wandb.Error as err:
             raise RuntimeError(f"log: wandb cannot begin: {err}; try WANDB_MODE=offline") from err
-        with atomic_write(known) as part:
-            part.write_text(f"{self.run.id}\n", encoding="utf-8")
+        write_text(known, f"{self.run.id}\n")
 
     def add(self, step: int, values: dict[str, float]) -> None:
         """One row."""

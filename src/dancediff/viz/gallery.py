@@ -17,7 +17,7 @@ from urllib.parse import quote
 
 from tqdm.auto import tqdm
 
-from dancediff.atomic import atomic_write
+from dancediff.atomic import write_text
 from dancediff.metrics.report import evaluate_dances
 from dancediff.motion.files import files
 from dancediff.motion.motion import Motion
@@ -56,8 +56,7 @@ def save_gallery(folder, out, song=None, *, progress: bool = False) -> Gallery:
         except (ValueError, ArithmeticError, RuntimeError) as err:  # shown, not hidden
             made.failed[name] = " ".join(str(err).split())
             rows.append(_failure(name, made.failed[name]))
-    with atomic_write(made.index) as part:
-        part.write_text(_page(folder.name or "dances", rows, made, song), encoding="utf-8")
+    write_text(made.index, _page(folder.name or "dances", rows, made, song))
     return made
 
 

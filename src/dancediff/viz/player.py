@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dancediff.atomic import atomic_write
+from dancediff.atomic import write_text
 from dancediff.axes import ON_FLOOR
 from dancediff.motion.motion import Motion
 from dancediff.motion.skeleton import SMPL24, Skeleton
@@ -46,8 +46,7 @@ def save_player(
     titles = ("",) if other is None else ("A", "B")
     before, after = player_page()
     text = as_data(player_facts(motions, song, titles=titles, metrics=metrics))
-    with atomic_write(path) as part:
-        part.write_text(before + text + after, encoding="utf-8")
+    write_text(path, before + text + after)
     return path
 
 

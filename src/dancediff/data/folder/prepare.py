@@ -11,7 +11,7 @@ Files in the prepared folder, beside the takes
 from functools import partial
 from pathlib import Path
 
-from dancediff.atomic import atomic_write
+from dancediff.atomic import write_text
 from dancediff.data.folder.make import Draw, make_folder_take
 from dancediff.data.folder.posture import Given
 from dancediff.data.folder.settings import read_checked, with_checked, write_settings
@@ -53,8 +53,7 @@ def prepare_folder(
     entries = [entry for entry in PreparedData(out) if entry.name in files]
     rows = [row for entry in entries for row in entry.notes.get("skeletons", [])]
     write_settings(out, rows, checked)
-    with atomic_write(out / REPORT) as part:
-        part.write_text(report(entries, summary.skipped, files), encoding="utf-8")
+    write_text(out / REPORT, report(entries, summary.skipped, files))
     return summary
 
 

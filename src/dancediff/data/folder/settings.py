@@ -19,7 +19,7 @@ import tomllib
 from dataclasses import fields, replace
 from pathlib import Path
 
-from dancediff.atomic import atomic_write
+from dancediff.atomic import write_text
 from dancediff.data.folder.posture import Given
 from dancediff.data.folder.takes import TakePlan
 
@@ -80,8 +80,7 @@ def write_settings(out: Path, skeletons: list[dict], checked: list[dict]) -> Pat
         else:
             tables.append({"checked": False, "files": [row["file"]], **same})
     path = out / NAME
-    with atomic_write(path) as part:
-        part.write_text(_HEAD + "".join(map(_table, tables)), encoding="utf-8")
+    write_text(path, _HEAD + "".join(map(_table, tables)))
     return path
 
 
