@@ -20,6 +20,7 @@ from dancediff.data.joint_maps import find_joints
 from dancediff.data.repair import repair
 from dancediff.data.retarget import FPS, floor_height, leg_scale, resample, retarget
 from dancediff.motion.skeleton import SMPL24
+from dancediff.viz.style import save_figure
 
 FIGURES = ("salsa_01", "salsa_06", "salsa_09", "indian_07", "indian_14")
 MOMENTS = (0.1, 0.26, 0.42, 0.58, 0.74, 0.9)  # of a take
@@ -84,7 +85,7 @@ def draw_take(src: Path, name: str, path: Path) -> Path:
     axes[1, 0].set_ylabel("SMPL-24, metres")
     error = take.notes["direction_error"]
     figure.suptitle(f"{name}: limbs point where they pointed (mean error {error:.1f} degrees)")
-    figure.savefig(path, dpi=80)
+    save_figure(figure, path, dpi=80)
     return path
 
 

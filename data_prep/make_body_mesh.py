@@ -18,6 +18,7 @@ import pygltflib
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
+from dancediff.atomic import atomic_write
 from dancediff.motion.skeleton import SMPL24
 from dancediff.viz.skin import rest_joints
 
@@ -169,13 +170,14 @@ def main(source: Path, out: Path) -> None:
     w[w < 0.01] = 0  # not seen
     joints[w == 0] = 0  # as glTF wants it
     out.parent.mkdir(parents=True, exist_ok=True)
-    np.savez_compressed(
-        out,
-        points=few.astype(np.float32),
-        triangles=faces.astype(np.uint16),
-        joints=joints.astype(np.uint8),
-        weights=(w / w.sum(1, keepdims=True)).astype(np.float32),
-    )
+    with atomic_write(out) as part:
+        np.savez_compressed(
+            part,
+            points=few.astype(np.float32),
+            triangles=faces.astype(np.uint16),
+            joints=joints.astype(np.uint8),
+            weights=(w / w.sum(1, keepdims=True)).astype(np.float32),
+        )
     size = out.stat().st_size / 1e3
     print(f"{len(few)} points, {len(faces)} triangles, {size:.0f} kB, y from {few[:, 1].min():.3f}")
 

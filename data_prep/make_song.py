@@ -12,6 +12,7 @@ from pathlib import Path
 import librosa
 import numpy as np
 
+from dancediff.atomic import write_text
 from dancediff.music import instruments
 from dancediff.music.song import Music
 
@@ -89,7 +90,7 @@ def main(folder: Path, out: Path) -> None:
         "sections": sections,
         "licence": "CC0-1.0",
     }
-    (out / "studio_floor.json").write_text(json.dumps(truth) + "\n", encoding="utf-8")
+    write_text(out / "studio_floor.json", json.dumps(truth) + "\n")
 
 
 if __name__ == "__main__":

@@ -11,6 +11,8 @@ from collections import defaultdict
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
+from dancediff.atomic import write_text
+
 PAGE = Path(__file__).parents[2] / "THIRD_PARTY.md"
 HEAD = "## Libraries\n"
 OWN, UNSAID = "dancediff", "not said"
@@ -104,7 +106,7 @@ def main() -> int:
     text, _, _ = PAGE.read_text(encoding="utf-8").partition(HEAD)
     words = WORDS.format(count=len(found))
     page = f"{text.rstrip()}\n\n{HEAD}\n{words}\n{table(found)}\n"
-    PAGE.write_text(page, encoding="utf-8")
+    write_text(PAGE, page)
     print(f"{len(found)} libraries")
     return 0
 

@@ -32,6 +32,8 @@ from pathlib import Path
 
 import dance_page
 
+from dancediff.atomic import write_text
+
 DOCS = Path(__file__).parents[1]
 RESULTS = DOCS / "results"
 PAGES = sorted([*DOCS.glob("*.md"), *RESULTS.glob("*.md")])
@@ -138,7 +140,7 @@ def main(check: bool) -> int:
         if not path.exists() or path.read_text(encoding="utf-8") != now:
             stale.append(path.name)
             if not check:
-                path.write_text(now, encoding="utf-8")
+                write_text(path, now)
     print(f"{'not up to date' if check else 'written'}: {', '.join(stale) or 'none'}")
     return int(check and bool(stale))
 
