@@ -56,7 +56,8 @@ def abrupt_swaps(
     It is not counted again when either of the two jumps between those frames. An ordinary change
     of the left-to-right order is neither, at a seam or elsewhere: dancers who pass each other
     keep their own paths, and the line between them turns slowly. Segments that are joined by a fade
-    exchange dancers over the whole overlap: this metric does not see that, TIF and closeness do.
+    exchange dancers over the whole overlap: this metric does not see that. TIF does when two trade
+    places, as they meet halfway.
 
     Source: our own; no paper has it. 12 cm a frame is 3.6 m/s, which dancers on a stage hardly
     reach.

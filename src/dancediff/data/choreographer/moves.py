@@ -12,9 +12,9 @@ A move lasts eight counts, one a beat. It is written as text, so that a genre re
            ending in ``*`` is reached on the beat but not stopped at
     body   ``channel value value ...``, spread over the counts; 16 values fill the off-beats too
 
-Directions are the dancer's own: x to the left, y up, z to the front. How a foot lands: ``step``,
-``ball`` and ``flat`` take weight, ``tap`` and ``heel`` do not, ``air:h`` stays h metres up,
-``jump`` and ``leap`` come down from a flight of one and of two beats.
+Directions are the dancer's own: x to the left, y up, z to the front. How a foot lands: ``step``
+and ``ball`` take weight, ``tap`` and ``heel`` do not, ``air:h`` stays h metres up, ``jump`` and
+``leap`` come down from a flight of one and of two beats.
 """
 
 import re

@@ -1,1 +1,1 @@
-"""What came before: models to compare with, trained by the same loop on the same data."""
+"""EDGE: diffusion for one dancer and the music, which TCDiff++ and Lodge build on."""
