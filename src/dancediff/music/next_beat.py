@@ -50,13 +50,3 @@ def coming_beats(t: np.ndarray, now: float, until: float) -> np.ndarray:
     first = np.floor((now - last) / T) + 1
     beats = last + T * np.arange(first, np.floor((until - last) / T) + 1)
     return beats[beats > now]
-
-
-def next_beat(t: np.ndarray, now: float) -> float:
-    """Seconds at which the next beat comes; nan if the beats so far have no pace.
-
-    >>> round(next_beat(np.array([0.0, 0.5, 1.0]), 1.2), 3)
-    1.5
-    """
-    last, T = beat_line(t)
-    return float(last + T * (np.floor((now - last) / T) + 1)) if T > 0 else float("nan")

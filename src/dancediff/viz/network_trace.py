@@ -20,9 +20,8 @@ DANCERS = 3  # of the group that TCDiff++ is shown
 
 @dataclass(frozen=True)
 class Call:
-    """The first call of a part: its place in the order of calls, and shapes without the batch."""
+    """The first call of a part: its shapes without the batch."""
 
-    order: int
     into: tuple[tuple[int, ...], ...]
     out: tuple[tuple[int, ...], ...]
     weights: int
@@ -31,21 +30,22 @@ class Call:
 def trace(network: nn.Module, run: Callable[[], Any]) -> dict[str, Call]:
     """Every part of a network that ``run`` calls, by its name in `torch.nn.Module.named_modules`.
 
+    They stand in the order in which their first calls end.
+
     >>> network = nn.Sequential(nn.Linear(4, 2), nn.ReLU())
     >>> calls = trace(network, lambda: network(torch.zeros(1, 4)))
     >>> calls["0"]
-    Call(order=1, into=((4,),), out=((2,),), weights=10)
+    Call(into=((4,),), out=((2,),), weights=10)
     """
-    entered: dict[str, tuple[int, tuple[tuple[int, ...], ...]]] = {}
+    entered: dict[str, tuple[tuple[int, ...], ...]] = {}
     calls: dict[str, Call] = {}
 
     def enter(name: str, part: nn.Module, given: tuple) -> None:
-        entered.setdefault(name, (len(entered), _shapes(given)))
+        entered.setdefault(name, _shapes(given))
 
     def leave(name: str, part: nn.Module, given: tuple, made: Any) -> None:
-        order, into = entered[name]
         weights = sum(p.numel() for p in part.parameters())
-        calls.setdefault(name, Call(order, into, _shapes(made), weights))
+        calls.setdefault(name, Call(entered[name], _shapes(made), weights))
 
     hooks = []
     training = [part for part in network.modules() if part.training]
