@@ -48,8 +48,9 @@ class _kept(cached_property):
 class Music:
     """Sound samples with their rate.
 
-    audio (n, channels) float32, mostly in [-1, 1]; rate in Hz. Of a long file it stays on disk:
-    ``audio`` then is a `SoundOnDisk`, of which parts can be taken as of an array.
+    audio (n, channels) float32, mostly in [-1, 1]; rate in Hz. Integers of 16 or 32 bits are
+    divided by their range, as sound files are read. Of a long file it stays on disk: ``audio`` then
+    is a `SoundOnDisk`, of which parts can be taken as of an array.
 
     Raises: ValueError when the samples are not such an array, or not finite.
 
@@ -67,7 +68,7 @@ class Music:
             raise ValueError(f"rate={self.rate} must be positive (samples a second)")
         audio, on_disk = self.audio, isinstance(self.audio, SoundOnDisk)
         if not on_disk:
-            audio = np.asarray(audio, dtype=np.float32)
+            audio = _as_float(np.asarray(audio))
             audio = audio[:, None] if audio.ndim == 1 else audio
         if audio.ndim != 2 or audio.shape[1] < 1 or len(audio) == 0:
             raise ValueError(f"audio has shape {audio.shape}; expected (n, channels), n >= 1")
@@ -215,6 +216,24 @@ class Music:
         """Beats per minute between the detected beats (median); nan with fewer than two."""
         beats = self.beats()
         return 60 / float(np.median(np.diff(beats))) if len(beats) > 1 else float("nan")
+
+
+def _as_float(samples: np.ndarray) -> np.ndarray:
+    """Samples as float32; integers that are known to be sound fill [-1, 1] with their range.
+
+    Raises: ValueError for other integers: nobody can tell which of them is the loudest.
+
+    >>> _as_float(np.array([-32768, 16384], dtype=np.int16)).tolist()
+    [-1.0, 0.5]
+    """
+    if samples.dtype.kind not in "iub":
+        return np.asarray(samples, dtype=np.float32)
+    if samples.dtype.kind == "i" and samples.dtype.itemsize in (2, 4):
+        return samples.astype(np.float32) / np.float32(1 << (8 * samples.dtype.itemsize - 1))
+    raise ValueError(
+        f"audio has samples of type {samples.dtype}, whose loudest value is not known; "
+        "give int16 or int32, or floats in -1 ... 1"
+    )
 
 
 def as_song(song):

@@ -119,3 +119,18 @@ def test_a_song_is_saved_to_a_new_folder_and_other_suffixes_are_refused(tmp_path
     assert Music.load(song.save(tmp_path / "new" / "a.wav")).duration == 1
     with pytest.raises(ValueError, match=r"suffix '\.m4a' of .* use \.wav \.flac \.ogg \.mp3"):
         song.save(tmp_path / "a.m4a")
+
+
+@pytest.mark.parametrize("kind", [np.int16, np.int32])
+def test_integer_samples_fill_the_range_as_files_do(tmp_path, kind):
+    whole = np.round(tone(22050) * np.iinfo(kind).max).astype(kind)
+    soundfile.write(tmp_path / "a.wav", whole, 22050, subtype=f"PCM_{8 * whole.itemsize}")
+    song, read = Music(whole, 22050), Music.load(tmp_path / "a.wav")
+    assert song.audio.dtype == np.float32 and song.peak == pytest.approx(0.5, abs=1e-3)
+    assert np.abs(song.audio - read.audio).max() < 1e-6
+
+
+@pytest.mark.parametrize("kind", [np.uint8, np.int8, np.int64, np.uint16, bool])
+def test_other_integers_are_refused(kind):
+    with pytest.raises(ValueError, match=rf"type {np.dtype(kind)}.*give int16 or int32, or floats"):
+        Music(np.zeros(100, dtype=kind), 22050)
