@@ -145,6 +145,27 @@ def test_bad_arguments_are_named(bad):
         choreograph(grid(0), **bad)
 
 
+@pytest.mark.parametrize(
+    ("bad", "message"),
+    [
+        ({"swap": [1, 0, 2]}, r"swap=\[1, 0, 2\] must be True .*False .*None"),
+        ({"swap": "102"}, r"swap='102' must be True"),
+        ({"seed": -1}, "seed=-1 must be an integer of at least 0"),
+        ({"seed": 1.5}, "seed=1.5 must be an integer"),
+        ({"dancers": 2.5}, "dancers=2.5 must be an integer"),
+        ({"meter": 3.5}, "meter=3.5 must be an integer"),
+        ({"genre": 3}, "genre=3 is unknown"),
+    ],
+)
+def test_wrong_kinds_of_arguments_are_named_with_the_fix(bad, message):
+    with pytest.raises(ValueError, match=message):
+        choreograph(grid(0), **bad)
+
+
+def test_a_genre_may_be_spelled_as_for_a_model():
+    assert choreograph(grid(0, seconds=3), genre="Hip-Hop")[1].genre == "hiphop"
+
+
 def test_bad_beats_genre_and_sections_are_named():
     with pytest.raises(ValueError, match="beats"):
         choreograph([0.0, 1.0, 0.5, 2.0])

@@ -94,7 +94,8 @@ def choreograph(
     beat: people breathe, slowly, or walk to another formation, and start again on the beat that
     comes back. A song may have no beat at all.
 
-    ``genre`` is one of `GENRES`; by default one that suits the tempo is drawn from the seed.
+    ``genre`` is one of `GENRES`, no matter its capitals, spaces and hyphens; by default one that
+    suits the tempo is drawn from the seed.
     ``sections`` is the song's structure, [(start second, stop second, label), ...] as in
     `SongTruth.sections`; by default one is drawn. ``swap``: True lets two dancers change places
     in the first travel and never again, False never, None now and then. ``meter`` is how many beats
@@ -105,15 +106,23 @@ def choreograph(
     Shapes: beats (k,) seconds, increasing -> Motion (n dancers, round(seconds * 30) frames),
     DanceTruth. ``seconds`` defaults to the time of the last beat.
     Raises: ValueError naming the argument when beats are a song or not increasing, when dancers is
-    not 1..5, when the genre is unknown, a section is not in order or the meter is not 1 or more.
+    not 1..5, when the seed is negative, swap is none of True, False and None, the genre is unknown,
+    a section is not in order or the meter is not 1 or more.
 
     >>> dance, truth = choreograph(np.arange(0.2, 8, 0.5), dancers=2, seed=1, genre="salsa")
     >>> dance.num_dancers, dance.num_frames, truth.contacts.shape, truth.genre
     (2, 231, torch.Size([2, 231, 4]), 'salsa')
     """
-    dancers = operator.index(dancers)
+    dancers, seed = _whole("dancers", dancers), _whole("seed", seed)
     if not 1 <= dancers <= MAX_DANCERS:
         raise ValueError(f"dancers={dancers} is not in 1..{MAX_DANCERS}")
+    if seed < 0:
+        raise ValueError(f"seed={seed} must be an integer of at least 0")
+    if not (swap is None or isinstance(swap, bool | np.bool_)):  # an order would count as True
+        raise ValueError(
+            f"swap={swap!r} must be True (two change places), False (never) or None (now and then);"
+            " which order they end in is drawn from the seed"
+        )
     if isinstance(beats, str | PathLike | Music):
         raise ValueError(f"beats={beats!r} is no list of times in seconds; give song.beats()")
     beats, meter = np.asarray(beats, dtype=np.float64), music.pop("meter", None)
@@ -145,6 +154,14 @@ def choreograph(
     return motion, _truth(motion, kind.name, score, parts, dance, grid, beats)
 
 
+def _whole(name: str, value) -> int:
+    """Raises: ValueError naming the argument for what is no integer."""
+    try:
+        return operator.index(value)
+    except TypeError:
+        raise ValueError(f"{name}={value!r} must be an integer") from None
+
+
 def _grid(beats: np.ndarray, seconds: float | None, meter: int | None) -> Grid:
     """Counts of a dance, after a look at the arguments."""
     if beats.ndim != 1 or not np.isfinite(beats).all() or not (np.diff(beats) > 0).all():
@@ -154,7 +171,7 @@ def _grid(beats: np.ndarray, seconds: float | None, meter: int | None) -> Grid:
     seconds = float(beats[-1]) if seconds is None else float(seconds)
     if not seconds > 0:
         raise ValueError(f"seconds={seconds} must be positive")
-    if meter is not None and operator.index(meter) < 1:
+    if meter is not None and _whole("meter", meter) < 1:
         raise ValueError(f"meter={meter} must be 1 or more beats a bar, or None")
     return make_grid(beats, max(1, round(seconds * FPS)), meter)
 

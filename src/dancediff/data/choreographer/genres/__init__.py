@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from dancediff.data.choreographer.moves import Genre, Groove, Move, Style
-from dancediff.genre import TEMPOS
+from dancediff.genre import TEMPOS, spelled
 
 
 def read_genre(name: str) -> Genre:
@@ -37,13 +37,14 @@ def draw_genre(name: str | None, tempo: float, rng: np.random.Generator) -> Genr
 
     Raises: ValueError naming the genre and those there are.
 
-    >>> draw_genre("salsa", 60, np.random.default_rng(0)).name
-    'salsa'
+    >>> draw_genre("Hip-Hop", 60, np.random.default_rng(0)).name
+    'hiphop'
     """
     if name is not None:
-        if name not in GENRES:
+        known = spelled(name, GENRES) if isinstance(name, str) else None
+        if known not in GENRES:
             raise ValueError(f"genre={name!r} is unknown; choose one of {', '.join(GENRES)}")
-        return GENRES[name]
+        return GENRES[known]
     misfit = {g.name: max(g.tempo[0] - tempo, tempo - g.tempo[1], 0) for g in GENRES.values()}
     best = min(misfit.values())
     fitting = [g for g in GENRES.values() if misfit[g.name] <= best]
