@@ -3,6 +3,7 @@ r"""`Music`: a song of any format, rate and length, and what a network hears of 
 Read first: notebook 02.
 """
 
+import warnings
 from dataclasses import dataclass, field
 from functools import cached_property
 from os import PathLike
@@ -14,6 +15,7 @@ from torch import Tensor
 
 from dancediff.atomic import atomic_write
 from dancediff.music.beat_tracking import TrackedBeats, beat_onset, track_beats
+from dancediff.music.cut_off import missing_share
 from dancediff.music.features import music_features
 from dancediff.music.librosa_import import import_librosa
 from dancediff.music.mono import mono_mix
@@ -85,10 +87,17 @@ class Music:
     def load(cls, path) -> "Music":
         """Read wav, flac, ogg or mp3, mono or stereo, any rate and length.
 
+        Of a file that was cut off, what is there is read, with a warning where its header tells of
+        more.
+
         Raises: ValueError naming the path and the fix when there is no such sound file.
         """
         import soundfile
 
+        if not isinstance(path, str | PathLike):
+            raise ValueError(
+                f"path is a {type(path).__name__}; give the path of a wav, flac, ogg or mp3 file"
+            )
         path = Path(path)
         if not path.exists():
             fix = "give a wav, flac, ogg or mp3 file"
@@ -113,6 +122,12 @@ class Music:
             ) from err
         if len(audio) == 0:
             raise ValueError(f"song {str(path)!r} holds no samples; give one with sound in it")
+        if lost := missing_share(path, facts.frames, len(audio)):
+            warnings.warn(
+                f"song {str(path)!r} is cut off: it has {len(audio) / rate:.1f} s, {lost:.0%} less "
+                "than its header tells; get the whole file, or go on with this part",
+                stacklevel=2,
+            )
         return cls(audio, rate, path.stem)
 
     def save(self, path) -> Path:

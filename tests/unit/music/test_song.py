@@ -134,3 +134,28 @@ def test_integer_samples_fill_the_range_as_files_do(tmp_path, kind):
 def test_other_integers_are_refused(kind):
     with pytest.raises(ValueError, match=rf"type {np.dtype(kind)}.*give int16 or int32, or floats"):
         Music(np.zeros(100, dtype=kind), 22050)
+
+
+@pytest.mark.parametrize("suffix", ["wav", "mp3"])
+def test_a_song_that_was_cut_off_says_so(tmp_path, suffix):
+    path = Music(tone(44100, 3), 44100).save(tmp_path / f"a.{suffix}")
+    assert Music.load(path).duration == pytest.approx(3, abs=0.1)  # warnings are errors
+    whole = path.read_bytes()
+    path.write_bytes(whole[: len(whole) // 2])
+    with pytest.warns(UserWarning, match=rf"a.{suffix}' is cut off: it has 1\.\d s, 5\d% less"):
+        assert Music.load(path).duration < 1.6
+
+
+def test_a_length_that_its_writer_did_not_know_is_no_cut(tmp_path):
+    path = Music(tone(44100, 1), 44100).save(tmp_path / "a.wav")
+    data = bytearray(path.read_bytes())
+    at = data.find(b"data")
+    data[4:8] = data[at + 4 : at + 8] = b"\xff" * 4
+    path.write_bytes(bytes(data))
+    assert Music.load(path).duration == 1
+
+
+@pytest.mark.parametrize("path", [None, 3])
+def test_what_is_no_path_is_named(path):
+    with pytest.raises(ValueError, match=rf"path is a {type(path).__name__}; give the path"):
+        Music.load(path)
