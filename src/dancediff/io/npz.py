@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from torch import Tensor
 
 from dancediff.arrays import COMPRESSED, read_arrays
 from dancediff.atomic import atomic_write
@@ -38,11 +39,47 @@ def save_npz(motion: Motion, path: Path) -> None:
         np.savez(file, **npz_arrays(motion))  # type: ignore[arg-type]
 
 
+def plain_facts(value, key: str = "meta"):
+    """Facts as JSON holds them: numbers and arrays of numpy and torch as numbers and lists.
+
+    Raises: ValueError naming the key of what no JSON holds, its type and the fix.
+
+    >>> plain_facts({"pace": np.float32(1.5), "order": torch.tensor([1, 0])})
+    {'pace': 1.5, 'order': [1, 0]}
+    """
+    if value is None or isinstance(value, str | bool | int | float):
+        return value
+    if isinstance(value, Tensor):
+        return plain_facts(value.detach().cpu().tolist(), key)
+    if isinstance(value, np.floating):  # a long double stays one in `tolist`
+        return float(value)
+    if isinstance(value, np.ndarray | np.generic):
+        plain = value.tolist()
+        if not isinstance(plain, np.generic):
+            return plain_facts(plain, key)
+    if isinstance(value, dict):
+        for name in value:
+            if not (name is None or isinstance(name, str | bool | int | float)):
+                raise ValueError(
+                    f"{key} has the key {name!r}, a {type(name).__name__}; make it a str"
+                )
+        return {name: plain_facts(one, f"{key}[{name!r}]") for name, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain_facts(one, f"{key}[{k}]") for k, one in enumerate(value)]
+    raise ValueError(
+        f"{key} is a {type(value).__name__}, which no file of a dance holds; make it a number, "
+        "a str, a list or a dict, or leave it out"
+    )
+
+
 def npz_arrays(motion: Motion) -> dict[str, np.ndarray]:
-    """What an .npz of a motion holds, in this order."""
+    """What an .npz of a motion holds, in this order.
+
+    Raises: ValueError as `plain_facts`.
+    """
     header = {
         "format": FORMAT,
-        "meta": motion.meta,
+        "meta": plain_facts(motion.meta),
         "names": motion.skeleton.names,
         "parents": motion.skeleton.parents,
     }

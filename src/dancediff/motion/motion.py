@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -156,14 +157,26 @@ class Motion:
 
     @classmethod
     def from_features(
-        cls, x: Tensor, fps: float = 30.0, meta: dict | None = None, *, name: str = "tcdiffpp"
+        cls,
+        x: Tensor | np.ndarray,
+        fps: float = 30.0,
+        meta: dict | None = None,
+        *,
+        name: str = "tcdiffpp",
     ) -> "Motion":
         """Inverse of `features` for x (n, f, d); contacts are cut to [0, 1].
 
         Joints that the vector leaves out are not turned.
-        Raises: ValueError for an unknown name, or another d than that name's.
+        Raises: ValueError for an unknown name, another d than that name's, or another shape.
         """
-        contact, root, pose = unpack(x.detach().cpu().float(), spec_named(name))
+        spec = spec_named(name)
+        if not isinstance(x, Tensor | np.ndarray):
+            raise ValueError(
+                f"x is a {type(x).__name__}; give a tensor or array (n, f, {spec.dim})"
+            )
+        if x.ndim != 3:
+            raise ValueError(f"x has shape {tuple(x.shape)}; expected (n, f, {spec.dim})")
+        contact, root, pose = unpack(_plain(x), spec)
         return cls(whole_pose(pose), root, fps, contact=contact.clamp(0, 1), meta=meta or {})
 
     @classmethod
@@ -214,12 +227,14 @@ class Motion:
     def side_by_side(cls, motions: Sequence["Motion"]) -> "Motion":
         """Dances of the same length as one, the first one's dancers first.
 
-        Raises: ValueError when lengths, frame rates or skeletons differ.
+        Raises: ValueError when there are none, or lengths, frame rates or skeletons differ.
 
         >>> solo = Motion(torch.eye(3).expand(1, 30, 24, 3, 3), torch.zeros(1, 30, 3))
         >>> Motion.side_by_side([solo, solo]).num_dancers
         2
         """
+        if len(motions) == 0:
+            raise ValueError("motions is empty; give one dance or more")
         first = motions[0]
         for other in motions[1:]:
             for name in ("num_frames", "fps"):
@@ -238,5 +253,5 @@ class Motion:
         )
 
 
-def _plain(x: Tensor) -> Tensor:
+def _plain(x: Tensor | np.ndarray) -> Tensor:
     return torch.as_tensor(x).detach().to("cpu", torch.float32)

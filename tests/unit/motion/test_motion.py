@@ -1,4 +1,5 @@
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -148,3 +149,39 @@ def test_a_part_knows_its_own_seams_and_no_order_of_the_whole():
 def test_a_part_begins_with_the_dance_at_the_earliest():
     motion = random_motion(f=60)
     assert torch.equal(motion.seconds(-1, 1).root, motion.frames(0, 30).root)
+
+
+def test_features_may_be_an_array():
+    motion = random_motion()
+    again = Motion.from_features(motion.features().numpy())
+    assert torch.allclose(again.joints(), motion.joints(), atol=1e-5)
+    with pytest.raises(ValueError, match=r"x is a str; give a tensor or array \(n, f, 151\)"):
+        Motion.from_features("dance.npz")
+    with pytest.raises(ValueError, match=r"x has shape \(12, 151\); expected \(n, f, 151\)"):
+        Motion.from_features(motion.features()[0])
+
+
+def test_no_dances_are_not_put_side_by_side():
+    with pytest.raises(ValueError, match="motions is empty; give one dance or more"):
+        Motion.side_by_side([])
+
+
+def test_facts_of_numpy_and_torch_are_saved(tmp_path):
+    facts = {"a": np.float32(3), "b": np.arange(2), "c": [torch.tensor(1.5)], "d": {"e": np.True_}}
+    motion = replace(random_motion(), meta=facts)
+    again = Motion.load(motion.save(tmp_path / "m.npz"))
+    assert again.meta == {"a": 3.0, "b": [0, 1], "c": [1.5], "d": {"e": True}}
+
+
+@pytest.mark.parametrize(
+    ("facts", "message"),
+    [
+        ({"a": {"b": {1, 2}}}, r"meta\['a'\]\['b'\] is a set.*make it a number, a str, a list"),
+        ({"when": np.datetime64("2020-01-01")}, r"meta\['when'\] is a date"),
+        ({(1, 2): "a"}, r"meta has the key \(1, 2\), a tuple; make it a str"),
+    ],
+)
+def test_facts_that_no_file_holds_are_named(tmp_path, facts, message):
+    with pytest.raises(ValueError, match=message):
+        replace(random_motion(), meta=facts).save(tmp_path / "m.npz")
+    assert list(tmp_path.iterdir()) == []
