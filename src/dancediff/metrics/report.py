@@ -17,11 +17,13 @@ from pathlib import Path
 import numpy as np
 
 from dancediff.atomic import write_text
+from dancediff.data.take import DanceTake
 from dancediff.metrics.dances import find_dances
 from dancediff.metrics.drift import Drift, mean_drift
 from dancediff.metrics.measure import SHORTEST_WINDOW, Measured
 from dancediff.metrics.measure_all import measure_all
 from dancediff.metrics.rows import DRAWS, LEVEL, METRICS, Row, table_rows
+from dancediff.motion.motion import Motion
 from dancediff.music.song import Music, as_song
 from dancediff.own import own_function
 
@@ -155,7 +157,7 @@ def evaluate(dance, song=None) -> Report:
     ``dance`` is a `Motion`, a `DanceTake` or a file; ``song`` a `Music`, a sound file, or times of
     beats in seconds. One dance has no interval.
 
-    Raises: ValueError as `evaluate_dances`, or for a list of dances.
+    Raises: ValueError as `evaluate_dances`, or for a list of dances and what is no dance.
 
     >>> from dancediff.data.choreographer import choreograph
     >>> beats = np.arange(0.5, 4, 0.5)
@@ -167,6 +169,10 @@ def evaluate(dance, song=None) -> Report:
         raise ValueError(
             f"dance is a {type(dance).__name__} of {len(dance)}; give one, or call "
             "dancediff.metrics.report.evaluate_dances for many"
+        )
+    if not isinstance(dance, str | PathLike | Motion | DanceTake):
+        raise ValueError(
+            f"dance is a {type(dance).__name__}; give a Motion, a DanceTake or the path of a dance"
         )
     report = evaluate_dances([dance], song=song)
     names = {metric.name for metric in METRICS if metric.compare}
@@ -208,8 +214,7 @@ def evaluate_dances(
     """
     sources = find_dances(dances)
     others = None if reference is None else find_dances(reference)
-    if window is not None and operator.index(window) < SHORTEST_WINDOW:
-        raise ValueError(f"window={window} must be at least {SHORTEST_WINDOW} frames")
+    _check_window(window)
     for name in metrics:
         own_function(name, "metric")
     how |= {"window": window, "progress": progress, "metrics": tuple(metrics)}
@@ -230,6 +235,16 @@ def evaluate_dances(
         notes=notes,
         drift=mean_drift(drifts) if drifts else None,
     )
+
+
+def _check_window(window) -> None:
+    """Raises: ValueError unless it is None, or whole frames and not too few."""
+    if window is None:
+        return
+    if not hasattr(window, "__index__"):
+        raise ValueError(f"window={window!r} must be an integer, a number of frames, or None")
+    if operator.index(window) < SHORTEST_WINDOW:
+        raise ValueError(f"window={window} must be at least {SHORTEST_WINDOW} frames")
 
 
 def _beats(song, count: int) -> list:

@@ -499,3 +499,15 @@ def test_a_ratio_with_nothing_in_the_first_window_has_a_reason():
     assert math.isnan(row.value) and "no ratio" in row.reason
     row = evaluate_dances([still, walking])["standing, last / first"]
     assert row.value == 1 and row.low == row.high == pytest.approx(1)  # of draws that have a ratio
+
+
+@pytest.mark.parametrize("dance", [None, 3])
+def test_what_is_no_dance_is_named(dance):
+    with pytest.raises(ValueError, match=rf"dance is a {type(dance).__name__}; give a Motion"):
+        evaluate(dance)
+
+
+def test_a_window_of_no_whole_frames_is_named():
+    dance = Motion(torch.eye(3).expand(1, 9, 24, 3, 3), torch.zeros(1, 9, 3))
+    with pytest.raises(ValueError, match=r"window=60\.0 must be an integer, .* or None"):
+        evaluate_dances([dance], window=60.0)
