@@ -57,9 +57,34 @@ def stored(path: Path) -> dict[str, str]:
 def read_book(path: Path) -> dict:
     """A notebook as a dict.
 
-    Raises: ValueError when the file holds no JSON.
+    Raises: ValueError naming the file when it holds no notebook.
     """
-    return json.loads(path.read_text(encoding="utf-8"))
+    try:
+        book = json.loads(path.read_text(encoding="utf-8"))
+    except ValueError as err:
+        raise ValueError(f"{path} holds no JSON ({err}); save it as a notebook again") from err
+    cells = book.get("cells") if isinstance(book, dict) else None
+    if not isinstance(cells, list) or not all(map(_is_cell, cells)):
+        raise ValueError(
+            f"{path} is JSON but no notebook of version 4, with a list of cells; save it as one"
+        )
+    return book
+
+
+def _is_cell(cell) -> bool:
+    """Whether it has what `checks` and `marks` look at; a source is a text or its lines."""
+    if not isinstance(cell, dict) or "cell_type" not in cell:
+        return False
+    outputs = cell.get("outputs", [])
+    if cell["cell_type"] != "code" or not isinstance(outputs, list):
+        return cell["cell_type"] != "code"
+    texts = [one.get("text", "") if isinstance(one, dict) else None for one in outputs]
+    return all(map(_is_text, [cell.get("source"), *texts]))
+
+
+def _is_text(text) -> bool:
+    lines = isinstance(text, list) and all(isinstance(line, str) for line in text)
+    return lines or isinstance(text, str)
 
 
 def grade(folder, read: Callable[[Path], dict[str, str]] = stored) -> list[dict]:
@@ -67,9 +92,12 @@ def grade(folder, read: Callable[[Path], dict[str, str]] = stored) -> list[dict]
 
     ``read`` finds the marks of one file. A row is {"file", "marks"}; a file that is no notebook has
     "failed", why, instead of marks.
-    Raises: FileNotFoundError when there is no such folder, ValueError when it has no notebook.
+    Raises: FileNotFoundError when there is no such folder, ValueError when it is a file or has no
+    notebook.
     """
     folder = Path(folder)
+    if folder.is_file():
+        raise ValueError(f"{folder} is a file; give its folder, {folder.parent}")
     if not folder.is_dir():
         raise FileNotFoundError(f"there is no folder {folder}")
     files = sorted(p for p in folder.rglob("*.ipynb") if ".ipynb_checkpoints" not in p.parts)

@@ -142,3 +142,25 @@ def test_a_stub_without_solution_is_named():
         grading.with_solutions(nbformat.v4.new_notebook(cells=[check]))
     with pytest.raises(ValueError, match=r"77\.7 has no solution"):
         grading.with_solutions(nbformat.v4.new_notebook(cells=[stub, check]))
+
+
+def test_a_file_in_place_of_its_folder_is_named(tmp_path, capsys):
+    (tmp_path / "01.ipynb").write_text('{"cells": []}')
+    assert nb.main(["grade", str(tmp_path / "01.ipynb")]) == 2
+    assert f"01.ipynb is a file; give its folder, {tmp_path}" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("[]", "is JSON but no notebook"),
+        ('{"a": 1}', "is JSON but no notebook"),
+        ('{"cells": [3]}', "is JSON but no notebook"),
+        ('{"cells": [{"cell_type": "code"}]}', "is JSON but no notebook"),
+        ("{", "holds no JSON"),
+    ],
+)
+def test_json_that_is_no_notebook_is_named(tmp_path, text, message):
+    (tmp_path / "odd.ipynb").write_text(text)
+    (row,) = grading.grade(tmp_path)
+    assert row["failed"].startswith("ValueError: ") and f"odd.ipynb {message}" in row["failed"]
