@@ -22,7 +22,8 @@ SAME = 1e-4  # metres by which written offsets may differ: a file has six digits
 def save_bvh(motion: Motion, path) -> Path:
     r"""Write one dancer as BVH: channels Z X Y, in centimetres.
 
-    The file appears whole or not at all. `load_bvh` gives the joints back within 1 mm.
+    The file appears whole or not at all. `load_bvh` gives the joints back within 1 mm, but not
+    ``meta``: BVH has no place to say that a dance is synthetic.
 
     Raises: ValueError for more than one dancer; pick one with ``motion.dancer(k)``.
     """

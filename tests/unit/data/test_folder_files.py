@@ -140,6 +140,19 @@ def test_exports_of_a_dance_that_nobody_danced_are_not_real(duo, tmp_path):
     assert kinds == made | {"danced": "real"}
 
 
+def test_the_report_says_that_a_bvh_cannot_say_who_danced_it(duo, tmp_path):
+    src, out = tmp_path / "src", tmp_path / "out"
+    src.mkdir()
+    duo.dancer(0).save(src / "tree.bvh")
+    assert main(["prepare", "folder", str(src), str(out)]) == 0
+    assert [entry.kind for entry in PreparedData(out)] == ["real"]
+    said = (out / "report.md").read_text(encoding="utf-8").splitlines()[-1]
+    assert said.startswith("A .bvh file cannot say who danced it") and "takes.toml" in said
+    (src / "takes.toml").write_text('[[take]]\nfiles = ["tree.bvh"]\nkind = "synthetic"\n')
+    assert main(["prepare", "folder", str(src), str(tmp_path / "again")]) == 0
+    assert "cannot say" not in (tmp_path / "again" / "report.md").read_text(encoding="utf-8")
+
+
 def test_names_or_a_table_tell_who_danced_together(duo, tmp_path):
     src = tmp_path
     (src / "sub").mkdir()

@@ -186,7 +186,11 @@ def _kind_of(path: Path, motion: Motion) -> str:
 
 
 def told_kind(path: Path) -> str:
-    """What a file of other programs' formats says of its motion; only our own exports say it."""
+    """What a file of other programs' formats says of its motion; only our own exports say it.
+
+    Of those a .bvh says nothing: BVH has no place for a mark, and a comment or another name of the
+    root breaks readers.
+    """
     synthetic = False
     if path.suffix.lower() == ".glb":
         content = path.read_bytes()

@@ -22,6 +22,12 @@ from dancediff.data.summary import Summary
 from dancediff.data.take import Job
 
 PICTURES, REPORT = "pictures", "report.md"
+UNMARKED = (".bvh", ".pkl", ".npy")  # formats without a place to say who danced
+_WHO = (
+    "A {} file cannot say who danced it: its take is called real unless `takes.toml` says "
+    "otherwise. Where a model or the choreographer made the motion, "
+    'write `kind = "synthetic"` there.'
+)
 
 
 def prepare_folder(
@@ -60,6 +66,8 @@ def prepare_folder(
 def report(entries: list[Entry], skipped: dict[str, str], files: dict) -> str:
     """The table of a folder's takes, in Markdown: repaired, refused, doubtful.
 
+    Below it stands of which files nobody can tell whether they are real.
+
     >>> print(report([], {"a": "a.bvh: it is cut off"}, {"a": ["a.bvh"]}).splitlines()[-1])
     | a | a.bvh |  | refused | a.bvh: it is cut off |  |
     """
@@ -85,4 +93,7 @@ def report(entries: list[Entry], skipped: dict[str, str], files: dict) -> str:
     for name, reason in sorted(skipped.items()):
         where = ", ".join(files.get(name, []))
         lines.append(f"| {name} | {where} |  | refused | {reason} |  |")
+    real = [file for e in entries if e.kind == "real" for file in e.notes.get("files", [])]
+    if mute := [end for end in UNMARKED if any(file.lower().endswith(end) for file in real)]:
+        lines += ["", _WHO.format(" or ".join(mute))]
     return "\n".join(lines) + "\n"
