@@ -48,6 +48,13 @@ class Convert:
         check_folder(target.parent, "the folder of")
         song = None if self.song is None else song_named(self.song)
         dance = Motion.load(*sources)
+        # of a group files beside the target are written, and those of older dancers removed
+        lost = {file.resolve() for file in io.replaced_by(target, dance.num_dancers)}
+        if read := [str(source) for source in sources if source.resolve() in lost]:
+            raise ValueError(
+                f"to write {str(target)!r} would replace or remove {', '.join(map(repr, read))}, "
+                "read here; name another file last"
+            )
         target.parent.mkdir(parents=True, exist_ok=True)
         written = dance.save(target, song, body=self.body)
         facts = {"written": written, "dancers": dance.num_dancers, "frames": dance.num_frames}

@@ -45,15 +45,32 @@ def save(motion: Motion, path, song=None, *, body: str = "mannequin") -> Path:
     if kind not in PER_DANCER or motion.num_dancers == 1:
         write(motion, path)
         return path
-    stem = path.name.removesuffix(kind)
-    digits = len(str(motion.num_dancers))  # 01 ... 10: by name they lie in their order
-    numbered = [
-        path.with_name(f"{stem}.{k + 1:0{digits}d}{kind}") for k in range(motion.num_dancers)
-    ]
+    numbered = files_of(path, motion.num_dancers)
     for k, name in enumerate(numbered):
         write(motion.dancer(k), name)
     remove_other_dancers(path, numbered)
     return numbered[0]
+
+
+def files_of(path: Path, dancers: int) -> list[Path]:
+    """The files that `save` writes for so many dancers.
+
+    >>> [file.name for file in files_of(Path("a.bvh"), 2)]
+    ['a.1.bvh', 'a.2.bvh']
+    """
+    kind = suffix_of(path)
+    if kind not in PER_DANCER or dancers == 1:
+        return [path]
+    stem = path.name.removesuffix(kind)
+    digits = len(str(dancers))  # 01 ... 10: by name they lie in their order
+    return [path.with_name(f"{stem}.{k + 1:0{digits}d}{kind}") for k in range(dancers)]
+
+
+def replaced_by(path: Path, dancers: int) -> list[Path]:
+    """The files that are lost when `save` writes so many dancers: overwritten or removed."""
+    written = files_of(path, dancers)
+    others = [] if written == [path] else _other_dancers(path, written)
+    return [file for file in written if file.exists()] + others
 
 
 def remove_other_dancers(path: Path, written: Collection[Path]) -> None:
@@ -61,12 +78,19 @@ def remove_other_dancers(path: Path, written: Collection[Path]) -> None:
 
     Beside those ``written`` now they would count as dancers of the new dance.
     """
+    for other in _other_dancers(path, written):
+        other.unlink()
+
+
+def _other_dancers(path: Path, written: Collection[Path]) -> list[Path]:
     kind = suffix_of(path)
     stem = path.name.removesuffix(kind)
     own = re.compile(rf"{re.escape(stem)}(\.\d+)?{re.escape(kind)}")
-    for other in path.parent.iterdir():
-        if own.fullmatch(other.name) and other not in written and other.is_file():
-            other.unlink()
+    return [
+        other
+        for other in (path.parent.iterdir() if path.parent.is_dir() else ())
+        if own.fullmatch(other.name) and other not in written and other.is_file()
+    ]
 
 
 def load(path, *more) -> Motion:

@@ -81,6 +81,25 @@ def test_a_forgotten_target_costs_no_dance(duet, tmp_path, capsys):
     assert [file.read_bytes() for file in sorted(tmp_path.iterdir())] == before
 
 
+@pytest.mark.parametrize(
+    ("sources", "target"),
+    [
+        (["s.1.bvh", "s.3.bvh"], "s.bvh"),  # s.1 would be overwritten, s.3 removed
+        (["s.3.bvh", "s.2.bvh"], "sub/../s.bvh"),
+        (["a.glb", "s.1.bvh"], "a.glb"),
+    ],
+)
+def test_no_dance_that_is_read_is_replaced_or_removed(duet, sources, target, tmp_path, capsys):
+    for name in ("s.1.bvh", "s.2.bvh", "s.3.bvh", "a.glb"):
+        Motion.load(duet).dancer(0).save(tmp_path / name)
+    (tmp_path / "sub").mkdir()
+    before = {file: file.read_bytes() for file in tmp_path.glob("*.*")}
+    assert main(["convert", *(str(tmp_path / name) for name in (*sources, target))]) == 2
+    said = capsys.readouterr().err
+    assert "would replace or remove" in said and "name another file last" in said
+    assert {file: file.read_bytes() for file in tmp_path.glob("*.*")} == before
+
+
 def test_a_damaged_dance_is_refused(duet, tmp_path, capsys):
     (tmp_path / "half.npz").write_bytes(duet.read_bytes()[:500])
     assert main(["convert", str(tmp_path / "half.npz"), str(tmp_path / "dance.glb")]) == 2
