@@ -50,8 +50,7 @@ class Evaluate:
 
         if not self.motion:
             raise ValueError("name dances or folders of them; see `dancediff evaluate --help`")
-        for name in ("out", "drift"):
-            self._check_file(name, getattr(self, name))
+        self._check_files()
         if self.keep is not None:
             check_folder(self.keep, "--keep")
         song = hub.packaged_song() if self.song in ("packaged", hub.SONG) else self.song
@@ -68,13 +67,16 @@ class Evaluate:
             backend=self.backend,
             scheduler=self.scheduler,
         )
+        # folders are made now, not before: where nothing could be measured none is left
         if self.out is not None:
+            self.out.parent.mkdir(parents=True, exist_ok=True)
             report.save(self.out)
         lines = [str(report)]
         if self.drift is not None and report.drift is not None:
             lines += ["", "mean over dances, window by window:", str(report.drift)]
         tell(self.json, report.facts(), lines)
         if self.drift is not None and report.drift is not None:
+            self.drift.parent.mkdir(parents=True, exist_ok=True)
             self._draw(report.drift, self.drift)
         if report.is_empty:
             why = next(row.reason for row in report.rows)
@@ -100,11 +102,27 @@ class Evaluate:
         save_figure(figure, path)
         close(figure)
 
-    @staticmethod
-    def _check_file(name: str, path: Path | None) -> None:
-        if path is None:
-            return
-        if path.is_dir():
-            raise ValueError(f"--{name} {str(path)!r} is a folder; name a file in it")
-        check_folder(path.parent, f"--{name}")
-        path.parent.mkdir(parents=True, exist_ok=True)
+    def _check_files(self) -> None:
+        """Refuse files that cannot be written, or that are read here."""
+        given = {"out": self.out, "drift": self.drift}
+        files = {name: path for name, path in given.items() if path is not None}
+        for name, path in files.items():
+            if path.is_dir():
+                raise ValueError(f"--{name} {str(path)!r} is a folder; name a file in it")
+            check_folder(path.parent, f"--{name}")
+        if self.drift is not None and self.drift.suffix.lower() != ".png":
+            raise ValueError(f"--drift {str(self.drift)!r} is a picture; name a file in .png")
+        read = self._read() if files else set()
+        for name, path in files.items():
+            if path.resolve() in read:
+                raise ValueError(
+                    f"--{name} {str(path)!r} is read here and would be replaced; name another file"
+                )
+
+    def _read(self) -> set[Path]:
+        """The files that dances, the reference and the song come from."""
+        from dancediff.metrics.dances import find_dances
+
+        sources = [*self.motion] if self.reference is None else [*self.motion, self.reference]
+        read = {source.resolve() for source in find_dances(sources) if isinstance(source, Path)}
+        return read if self.song is None else read | {Path(self.song).resolve()}
