@@ -35,3 +35,8 @@ class Gallery:
         lines += [f"  no dance: {name}: {why}" for name, why in made.failed.items()]
         facts = {"index": made.index, "dances": made.dances, "failed": made.failed}
         tell(self.json, facts, lines)
+        if not made.dances:
+            raise ValueError(
+                f"not one dance in {str(self.folder)!r} could be read, see above; name a folder "
+                "that holds some"
+            )

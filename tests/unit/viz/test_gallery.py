@@ -62,3 +62,10 @@ def test_the_command_says_what_it_made(folder, capsys):
     assert main(["gallery", str(folder)]) == 0
     out = capsys.readouterr().out
     assert "2 dances" in out and "broken.npz" in out and "index.html" in out
+
+
+def test_a_gallery_of_no_dance_is_no_success(tmp_path, capsys):
+    (tmp_path / "broken.npz").write_bytes(b"PK nonsense")
+    assert main(["gallery", str(tmp_path)]) == 2
+    found = capsys.readouterr()
+    assert "no dance: broken.npz" in found.out and "not one dance in" in found.err
