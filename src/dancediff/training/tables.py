@@ -20,7 +20,8 @@ def read_toml(path) -> dict:
     """
     path = Path(path)
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        # with a mark in front, as editors on Windows write it, or without
+        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except FileNotFoundError as err:
         raise ValueError(f"config {str(path)!r} does not exist; see configs/") from err
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as err:

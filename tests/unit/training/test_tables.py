@@ -4,6 +4,7 @@ import pytest
 
 from dancediff.training.lodge import check_lodge_tables
 from dancediff.training.run import check_tables
+from dancediff.training.tables import read_training
 
 
 @pytest.mark.parametrize(
@@ -81,3 +82,9 @@ def test_whole_numbers_are_numbers_and_lists_become_tuples():
     tables = check_tables({"train": {"lr": 1, "decay": 0}, "model": {"class": "EDGE"}}, "")
     assert tables["train"] == {"lr": 1, "decay": 0}
     assert tables["data"] == {}
+
+
+def test_a_config_may_begin_with_the_mark_of_an_editor_on_windows(tmp_path):
+    path = tmp_path / "a.toml"
+    path.write_text("[model]\n[train]\nsteps = 5\n", encoding="utf-8-sig")
+    assert read_training(path) == {"model": {}, "train": {"steps": 5}}
