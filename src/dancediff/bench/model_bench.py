@@ -28,7 +28,7 @@ from dancediff.bench.baselines import BASELINES
 from dancediff.bench.budget import Run, last_line
 from dancediff.bench.held_out import MOST, SEGMENT, Window, chosen, windows
 from dancediff.bench.scores import danced, reference_of, scores_of
-from dancediff.bench.stages import StagedRun, stages_of
+from dancediff.bench.stages import StagedRun, check_config, stages_of
 from dancediff.data.choreographed import choreograph_jobs
 from dancediff.data.prepare import prepare
 from dancediff.extensions.genre_condition import genres_of
@@ -129,8 +129,11 @@ class ModelBench:
     def points(self) -> Iterator[dict]:
         """Every point as soon as it is there, seed by seed: all systems have one before any two.
 
-        Raises: ValueError for data that no dance can be scored with, before anything is trained.
+        Raises: ValueError for a config that does not fit, before anything is made, and for data
+        that no dance can be scored with, before anything is trained.
         """
+        for config in self.configs:
+            check_config(config)
         self.check_data()
         for seed in self.seeds:
             for config in self.configs:

@@ -25,8 +25,13 @@ from dancediff.bench.budget import (
     steps_left,
     write_config,
 )
-from dancediff.training.autoregressive import MODELS, is_autoregressive
-from dancediff.training.lodge import STAGES, is_lodge
+from dancediff.training.autoregressive import (
+    MODELS,
+    check_autoregressive_tables,
+    is_autoregressive,
+)
+from dancediff.training.lodge import STAGES, check_lodge_tables, is_lodge
+from dancediff.training.run import check_tables
 from dancediff.training.tables import read_training
 
 LEFT = "left.json"  # in the folder of a stage: how its rate falls, once that is known
@@ -90,6 +95,24 @@ def stages_of(tables: dict) -> tuple[str, ...]:
         model_class, _ = MODELS[tables["model"]["class"]]
         return model_class.stages
     return ()
+
+
+def check_config(path: Path) -> None:
+    """Refuse a training config that does not fit, before any work is done.
+
+    Raises: ValueError naming the file, the table and the key.
+    """
+    tables, source = read_training(path), repr(str(path))
+    if is_lodge(tables):
+        check_lodge_tables(tables, source)
+    elif is_autoregressive(tables):
+        check_autoregressive_tables(tables, source)
+    else:
+        check_tables(tables, source)
+    try:
+        stage_shares(tables)
+    except ValueError as err:
+        raise ValueError(f"{source}: {err}") from err
 
 
 def stage_shares(tables: dict) -> dict[str, float]:

@@ -1,6 +1,7 @@
 """The bench of systems with tiny networks: one command trains, dances, scores, writes, goes on."""
 
 import json
+from pathlib import Path
 
 import pytest
 import torch
@@ -339,3 +340,21 @@ def test_one_seed_keeps_its_bootstrap_interval_and_no_number_is_none():
     assert (row["scores"]["GMR"]["low"], row["scores"]["GMR"]["high"]) == (0.5, 2.0)
     assert row["scores"]["BAS"]["value"] is None
     assert row["scores"]["million weights"]["value"] == 1.0
+
+
+def test_a_bad_config_is_told_by_its_own_name_before_anything_is_made(configs, tmp_path, capsys):
+    typo = tmp_path / "typo.toml"
+    typo.write_text('[model]\nclass = "EDGE"\n[train]\nstepz = 5\n', encoding="utf-8")
+    stages = tmp_path / "stages.toml"
+    stages.write_text('[model]\nclass = "CoDancers"\n[train]\nwarmup = 1\n', encoding="utf-8")
+    out = tmp_path / "out"
+    for config, words in (
+        (typo, f"{str(typo)!r}: 'train' has no 'stepz'"),
+        (stages, "steps"),
+        ("ablate_tiny", "there is no table 'held_out'"),
+    ):
+        args = [str(configs[0]), str(config), "--out", str(out)]
+        assert main(["bench-models", *args]) == 2
+        said = capsys.readouterr().err
+        assert words in said and Path(str(config)).stem in said
+        assert not out.exists()
