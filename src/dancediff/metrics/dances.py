@@ -6,7 +6,9 @@ Symbols
     beats   times of the music's beats, seconds   (k,)
 """
 
+import contextlib
 import json
+import os
 from pathlib import Path
 from typing import NamedTuple
 
@@ -78,6 +80,35 @@ def read_dance(source: Source, name: str = "dance") -> Dance:
     # `dancediff generate` calls all its files "dance"; of many each has a folder of its own
     name = source.parent.name if source.stem == "dance" else source.stem
     return Dance(name, kind, motion, beats, genre)
+
+
+def told_apart(names: list[str], paths: list[Path]) -> list[str]:
+    """The names of files; those that two or more share become paths, without suffix if that does.
+
+    >>> told_apart(["one", "one", "b"], [Path("one.npz"), Path("sub/one.npz"), Path("b.npz")])
+    ['one', 'sub/one', 'b']
+    """
+    alike: dict[str, list[int]] = {}
+    for k, name in enumerate(names):
+        alike.setdefault(name, []).append(k)
+    found = list(names)
+    for some in alike.values():
+        if len(some) > 1:
+            for k, name in zip(some, _relative([paths[k].absolute() for k in some]), strict=True):
+                found[k] = name
+    return found
+
+
+def _relative(paths: list[Path]) -> list[str]:
+    """Paths from where they part, without suffix unless two would be equal."""
+    with contextlib.suppress(ValueError):  # on Windows, of several drives
+        top = os.path.commonpath([path.parent for path in paths])
+        paths = [path.relative_to(top) for path in paths]
+    short = [
+        path.parent if path.stem == "dance" and path.parent.name else path.with_suffix("")
+        for path in paths
+    ]
+    return [path.as_posix() for path in (short if len({*short}) == len(short) else paths)]
 
 
 def _kind(meta: dict) -> str:

@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 
 from dancediff.backends import run_jobs
-from dancediff.metrics.dances import Source
+from dancediff.metrics.dances import Source, told_apart
 from dancediff.metrics.kept import keep, kept_path, read_kept
 from dancediff.metrics.measure import Measured, measure
 
@@ -62,6 +62,11 @@ def measure_all(
     if not found:
         name, why = next(iter(skipped.items()))
         raise ValueError(f"none of the {len(skipped)} {label} can be read; {name}: {why}")
+    read = [k for k in range(len(sources)) if isinstance(measured[k], Measured)]
+    of_files = [(measured[k], path) for k in read if isinstance(path := sources[k], Path)]
+    names = told_apart([one.name for one, _ in of_files], [path for _, path in of_files])
+    for (one, _), name in zip(of_files, names, strict=True):
+        one.name = name  # what is kept of it has its own name, whatever it is measured beside
     return found, skipped
 
 

@@ -5,6 +5,7 @@ import json
 import math
 import os
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,7 +21,7 @@ from dancediff.metrics import rows as rows_module
 from dancediff.metrics.bootstrap import bootstrap_interval
 from dancediff.metrics.collision import tif
 from dancediff.metrics.corruption import freeze
-from dancediff.metrics.dances import find_dances
+from dancediff.metrics.dances import find_dances, told_apart
 from dancediff.metrics.fidelity import diversity, fid
 from dancediff.metrics.geometric import geometric_features
 from dancediff.metrics.group import gmc, gmr, group_features
@@ -511,3 +512,13 @@ def test_a_window_of_no_whole_frames_is_named():
     dance = Motion(torch.eye(3).expand(1, 9, 24, 3, 3), torch.zeros(1, 9, 3))
     with pytest.raises(ValueError, match=r"window=60\.0 must be an integer, .* or None"):
         evaluate_dances([dance], window=60.0)
+
+
+def test_dances_of_one_name_are_told_apart_by_their_folders(dances, tmp_path):
+    files = ["one/dance.npz", "sub/one/dance.npz", "two/dance.npz"]
+    for dance, name in zip(dances, files, strict=False):
+        dance.save(tmp_path / name)
+    names = evaluate_dances([tmp_path]).dances["names"]
+    assert sorted(name for some in names.values() for name in some) == ["one", "sub/one", "two"]
+    paths = [Path("a.npz"), Path("a.glb"), Path("a/dance.npz")]
+    assert told_apart(["a"] * 3, paths) == ["a.npz", "a.glb", "a/dance.npz"]
