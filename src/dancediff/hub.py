@@ -27,7 +27,7 @@ from dancediff.atomic import save_tensors, tensor_name, write_text
 from dancediff.extensions.build import build, extensions_of, paper_class
 from dancediff.extensions.genre_condition import genres_of
 from dancediff.extensions.own_network import class_name, own_network
-from dancediff.generation.pipeline import Network, Pipeline, pipeline_of
+from dancediff.generation.pipeline import Network, Pipeline, pipeline_of, unusable
 from dancediff.music.song import Music
 from dancediff.nn.sizes import check_sizes
 from dancediff.own import is_own
@@ -114,6 +114,11 @@ def model_folder(name) -> Path:
         raise ValueError(f"model {name!r} is no name; {_choices()}")
     folder = ASSETS / "models" / str(name) if str(name) in packaged_models() else Path(name)
     if not (folder / "config.json").is_file():
+        if (folder / "model" / "config.json").is_file():  # the folder of a training
+            raise ValueError(
+                f"model {str(name)!r} is no model folder, but holds one; did you mean "
+                f"{str(folder / 'model')!r}?"
+            )
         raise ValueError(
             f"model {str(name)!r} is neither packaged nor a model folder; {_choices()}"
         )
@@ -148,7 +153,7 @@ def load(name, *, device: str = "cpu", own: str | type | None = None) -> Pipelin
     try:
         return pipeline_of(model.to(device).eval(), folder.name)
     except (RuntimeError, AssertionError, TypeError) as err:
-        raise ValueError(f"device={device!r} cannot be used here: {err}; choose 'cpu'") from err
+        raise unusable(device, err) from err
 
 
 class _Unfit(ValueError):

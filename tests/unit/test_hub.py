@@ -7,6 +7,7 @@ from safetensors.torch import load_file, save_file
 
 from dancediff import hub
 from dancediff.extensions.build import build
+from dancediff.generation.pipeline import usable_device
 from dancediff.motion.representation import Normalizer
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 
@@ -173,3 +174,19 @@ def test_packaged_model_is_small_and_has_a_card():
     card = (folder / "card.md").read_text(encoding="utf-8")
     for word in ("synthetic", "steps", "seed", "time"):
         assert word in card.lower()
+
+
+def test_the_folder_of_a_training_leads_to_its_model(model, tmp_path):
+    hub.save_model(model, tmp_path / "try" / "model")
+    with pytest.raises(ValueError, match=r"did you mean '.*try.model'\?"):
+        hub.load(tmp_path / "try")
+
+
+@pytest.mark.parametrize("device", ["cuda:99", torch.device("cuda:99")])
+def test_a_device_that_is_not_here_is_called_by_its_name(device, model, tmp_path):
+    hub.save_model(model, tmp_path / "tiny")
+    words = "^device='cuda:99' cannot be used here: .*; choose 'cpu'$"
+    with pytest.raises(ValueError, match=f"(?s){words}"):
+        usable_device(device)
+    with pytest.raises(ValueError, match=f"(?s){words}"):
+        hub.load(tmp_path / "tiny", device=device)

@@ -330,8 +330,18 @@ def usable_device(device) -> torch.device:
     device(type='cpu')
     """
     try:
-        device = torch.device(device)
-        torch.empty(0, dtype=torch.float64, device=device)
+        found = torch.device(device)
+        torch.empty(0, dtype=torch.float64, device=found)
     except (RuntimeError, AssertionError, TypeError) as error:
-        raise ValueError(f"device={device!r} cannot be used here: {error}") from None
-    return device
+        raise unusable(device, error) from None
+    return found
+
+
+def unusable(device, why: Exception) -> ValueError:
+    """The error for a device that this machine or this torch lacks.
+
+    >>> unusable(torch.device("cuda"), RuntimeError("no driver"))
+    ValueError("device='cuda' cannot be used here: no driver; choose 'cpu'")
+    """
+    name = str(device) if isinstance(device, torch.device) else device
+    return ValueError(f"device={name!r} cannot be used here: {why}; choose 'cpu'")
