@@ -19,7 +19,7 @@ from dancediff.cli.files import (
     song_named,
     tell,
 )
-from dancediff.cli.options import FIELDS, command_option
+from dancediff.cli.options import FIELDS, command_option, given
 
 
 @dataclass
@@ -59,7 +59,7 @@ class _Generate:
             )
         formats = check_formats(self.formats)
         check_folder(self.out)
-        options = {name: value for name in FIELDS if (value := getattr(self, name)) is not None}
+        options = given(self)
         how = {name: getattr(self, name) for name in ("workers", "backend", "scheduler")}
         how = {name: value for name, value in how.items() if value is not None}
         if how or are_many(self.songs):

@@ -4,6 +4,7 @@ Read first: `dancediff.generation.request` · `dancediff.generation.option`.
 """
 
 from dataclasses import Field, field, fields
+from types import NoneType
 from typing import Annotated, Any, Literal, get_args, get_origin
 
 import tyro
@@ -14,6 +15,7 @@ from dancediff.generation.presets import PRESETS
 from dancediff.generation.request import REQUESTS, default_of
 from dancediff.own import is_own
 
+LEFT_OUT = ""  # what an option is that was not given, where None is a value
 NOT_HERE = ("start", "end", "constraints", "seed_motion")  # more than a word can say
 WORDS = {bool: "True|False", int: "INT", float: "FLOAT", str: "STR", tuple[int, ...]: "INT INT ..."}
 OTHER_TYPES: dict[str, Any] = {
@@ -38,16 +40,38 @@ def kind_of(one: Field) -> Any:
     return known or next(kind for kind in (bool, int, float, str) if kind in kinds_of(one))
 
 
+def takes_none(one: Field) -> bool:
+    """Whether None is a value beside its default, so that "None" must be told from nothing given.
+
+    >>> takes_none(FIELDS["at_once"]), takes_none(FIELDS["swap"])
+    (True, False)
+    """
+    return NoneType in kinds_of(one) and one.default is not None
+
+
+def given(command) -> dict[str, Any]:
+    """The options of requests that were given in a command."""
+    values = {name: getattr(command, name) for name in FIELDS}
+    return {
+        name: value
+        for name, value in values.items()
+        if value != (LEFT_OUT if takes_none(FIELDS[name]) else None)
+    }
+
+
 def command_option(one: Field) -> tuple[str, Any, Any]:
-    """A field of the command: None unless it is given, so that the preset can decide."""
+    """A field of the command: None, or `LEFT_OUT`, unless it is given: the preset can decide."""
     kind = kind_of(one)
     of = WORDS.get(kind) or "|".join(map(str, get_args(kind)))
     if one.metadata["own"]:  # the request checks it
         kind, of = str, f"{of}|MODULE:FUNCTION"
+    default = None
+    if takes_none(one):
+        kind, of, default = kind | Literal[LEFT_OUT], f"{of}|None", LEFT_OUT
     shown = tyro.conf.arg(
         help=one.metadata["help"], metavar=of, help_behavior_hint=_defaults(one.name)
     )
-    return one.name, Annotated[kind | None, shown], field(default=None)
+    return one.name, Annotated[kind | None, shown], field(default=default)
 
 
 def in_words(kind) -> str:
@@ -75,6 +99,8 @@ def read_option(name: str, text: str):
     kind = kind_of(FIELDS[name])
     if FIELDS[name].metadata["own"] and is_own(text):
         return text
+    if text == "None" and takes_none(FIELDS[name]):
+        return None
     try:
         if kind is bool:
             return {"true": True, "false": False}[text.lower()]

@@ -12,9 +12,10 @@ import pytest
 import soundfile
 
 from dancediff import __version__, hub
-from dancediff.cli import main
+from dancediff.cli import _parse, main
 from dancediff.cli.commands import COMMANDS
 from dancediff.cli.files import write_all
+from dancediff.cli.options import given
 from dancediff.generation.pipeline import pipeline_of
 from tiny_lodge import tiny_lodge
 from tiny_tcdiffpp import tiny_tcdiffpp
@@ -226,6 +227,39 @@ def test_evaluate_names_the_option_whose_folder_is_a_file(option, tmp_path, caps
     (tmp_path / "a").write_text("")
     assert main(["evaluate", "dance.npz", option, str(tmp_path / "a" / "b")]) == 2
     assert f"{option} {str(tmp_path / 'a')!r}" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["a.npz", "--out", "a.npz"], "--out 'a.npz' is read here"),
+        ([".", "--out", "sub/../a.npz"], "--out 'sub/../a.npz' is read here"),
+        (["sub/b.npz", "--reference", "a.npz", "--out", "a.npz"], "--out 'a.npz' is read here"),
+        (["sub/b.npz", "--song", "a.png", "--drift", "a.png"], "--drift 'a.png' is read here"),
+        (["a.npz", "--drift", "d.jpg"], "--drift 'd.jpg' is a picture; name a file in .png"),
+        (["nosuch.npz", "--out", "new/r.json"], "'nosuch.npz' does not exist"),
+        (["nosuch.npz", "--drift", "new/d.png"], "'nosuch.npz' does not exist"),
+        (["a.npz", "--out", "new/r.json"], "none of the 1 dances can be read"),
+    ],
+)
+def test_evaluate_replaces_nothing_it_reads_and_leaves_nothing(
+    words, said, tmp_path, capsys, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "sub").mkdir()
+    for name in ("a.npz", "sub/b.npz", "a.png"):
+        (tmp_path / name).write_text("kept")
+    before = sorted(tmp_path.rglob("*"))
+    assert main(["evaluate", *words]) == 2
+    assert said in capsys.readouterr().err
+    assert sorted(tmp_path.rglob("*")) == before
+    assert all(path.read_text() == "kept" for path in before if path.is_file())
+
+
+def test_none_is_told_from_an_option_that_is_not_given():
+    for words, expected in ([], {}), (["--at-once", "None"], {"at_once": None}):
+        assert given(_parse(["generate", "song.wav", *words])) == expected
+    assert given(_parse(["generate", "song.wav", "--at-once", "4"])) == {"at_once": 4}
 
 
 def test_the_doctor_reports_a_broken_torch(capsys, monkeypatch):
