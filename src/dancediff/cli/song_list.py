@@ -11,6 +11,7 @@ Manifest
 import csv
 import io
 import re
+import warnings
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -20,6 +21,8 @@ from dancediff.cli.options import FIELDS, read_option
 from dancediff.data.song_folder import SUFFIXES
 from dancediff.hub import SONG
 
+OTHERS = (".aif", ".aiff", ".m4a", ".aac", ".wma", ".opus")  # sounds that are not looked for
+NAMED = 3  # of those that are left out
 PACKAGED = ("packaged", SONG)
 
 
@@ -76,13 +79,24 @@ def _is_word(path: Path) -> bool:
 
 
 def _in_folder(folder: Path) -> list[tuple[str, Path]]:
-    """Songs of a folder and the folders in it; hidden ones do not count."""
-    files = [
+    """Songs of a folder and the folders in it; hidden ones do not count.
+
+    Warns: of sound files in other formats, which are left out.
+    """
+    found = [
         path.relative_to(folder)
         for path in sorted(folder.rglob("*"))
-        if path.suffix.lower() in SUFFIXES and path.is_file()
+        if path.suffix.lower() in (*SUFFIXES, *OTHERS) and path.is_file()
     ]
-    files = [path for path in files if not any(part.startswith(".") for part in path.parts)]
+    found = [path for path in found if not any(part.startswith(".") for part in path.parts)]
+    files = [path for path in found if path.suffix.lower() in SUFFIXES]
+    if left := [path.as_posix() for path in found if path not in files]:
+        names = ", ".join(left[:NAMED]) + (" and so on" if len(left) > NAMED else "")
+        warnings.warn(
+            f"{str(folder)!r} holds sound files that are not read: {len(left)} ({names}); convert "
+            "them to wav, flac, ogg or mp3",
+            stacklevel=2,
+        )
     if not files:
         raise ValueError(f"{str(folder)!r} holds no wav, flac, ogg or mp3 file, nor do its folders")
     return [(path.with_suffix("").as_posix(), folder / path) for path in files]

@@ -112,3 +112,15 @@ def test_every_option_can_stand_in_a_cell(name):
         read_option(name, "€")
     except ValueError as err:
         assert str(err).startswith(f"{name} '€': give ") and "another value" not in str(err)
+
+
+def test_sounds_of_other_formats_are_named(tmp_path):
+    touch(tmp_path, "a.wav", "b.aiff", "c/d.M4A", ".old/e.m4a", "notes.txt")
+    with pytest.warns(UserWarning, match=r"not read: 2 \(b.aiff, c/d.M4A\); convert them to wav"):
+        assert names(tmp_path) == ["a"]
+
+
+def test_all_segments_at_once_can_be_asked_for_in_a_cell():
+    assert read_option("at_once", "None") is None and read_option("at_once", "4") == 4
+    with pytest.raises(ValueError, match="dancers 'None': give a whole number"):
+        read_option("dancers", "None")
