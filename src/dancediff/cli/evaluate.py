@@ -1,4 +1,7 @@
-"""`dancediff evaluate`: every metric of some dances as a table."""
+"""`dancediff evaluate`: every metric of some dances as a table.
+
+Read first: `dancediff.cli.files` · docs/metrics_report.md.
+"""
 
 from dataclasses import dataclass
 from pathlib import Path

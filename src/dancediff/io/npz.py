@@ -1,5 +1,7 @@
 r"""All of a `Motion` in one uncompressed .npz.
 
+Read first: `dancediff.motion.motion` · docs/export.md.
+
 Symbols (axes: n dancers · f frames · j joints)
     rot6d    rotations of the joints, six numbers each       (n, f, j, 6)
     root     pelvis positions, metres, y up                  (n, f, 3)
