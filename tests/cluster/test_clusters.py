@@ -101,19 +101,28 @@ def test_a_cluster_of_this_machine_gives_the_same_bytes(folder, backend):
     danced(folder, backend, "--backend", backend, "--workers", "2")
 
 
-def test_prepare_and_evaluate_give_the_same_too(folder, backend):
-    found = {}
-    for name, how in (("one", []), (backend, ["--backend", backend])):
-        out, workers = folder / f"takes_{backend}_{name}", ["--workers", "2" if how else "1"]
-        prepare = ["prepare", "choreograph", "3", str(out), "--seconds", "5", "--json"]
-        done = run(folder, "-m", "dancediff.cli", *prepare, *workers, *how)
-        assert done.returncode == 0, done.stderr
-        done = run(folder, "-m", "dancediff.cli", "evaluate", str(out), "--json", *workers, *how)
-        assert done.returncode == 0, done.stderr
-        takes = {k: v for k, v in content(out).items() if not k.startswith("cache")}
-        found[name] = takes, done.stdout.splitlines()[-1]
-    assert len(found["one"][0]) == 4  # three takes and the index
-    assert found["one"] == found[backend]
+@pytest.fixture(scope="module")
+def of_one(folder):
+    """Takes and scores of one process, without a cluster."""
+    return prepared_and_evaluated(folder, "one", "--workers", "1")
+
+
+def prepared_and_evaluated(folder, name, *how):
+    """Three takes and their index, by file, and what `evaluate` says of them."""
+    out = folder / f"takes_{name}"
+    prepare = ["prepare", "choreograph", "3", str(out), "--seconds", "5", "--json"]
+    done = run(folder, "-m", "dancediff.cli", *prepare, *how)
+    assert done.returncode == 0, done.stderr
+    done = run(folder, "-m", "dancediff.cli", "evaluate", str(out), "--json", *how)
+    assert done.returncode == 0, done.stderr
+    takes = {k: v for k, v in content(out).items() if not k.startswith("cache")}
+    return takes, done.stdout.splitlines()[-1]
+
+
+def test_prepare_and_evaluate_give_the_same_too(folder, backend, of_one):
+    found = prepared_and_evaluated(folder, backend, "--workers", "2", "--backend", backend)
+    assert len(of_one[0]) == 4  # three takes and the index
+    assert found == of_one
 
 
 def test_a_killed_worker_costs_only_its_job(tmp_path, backend):

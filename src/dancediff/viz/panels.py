@@ -286,7 +286,7 @@ def style_controls(model, *, genre: str = BY_TEMPO) -> dict:
 
     >>> import dancediff as dd
     >>> list(style_controls(dd.load("lodge")))
-    ['genre']
+    ['genre', 'energy']
     """
     controls, names = {}, genres_of(model.model)
     if names:

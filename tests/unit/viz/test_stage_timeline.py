@@ -47,6 +47,6 @@ def test_conductor_is_told_whom_it_moves():
 def test_conductor_sends_nothing_while_it_plays():
     """What is saved goes to the kernel: that may happen when a button is pressed, never before."""
     code = (FOLDER / "conductor.js").read_text(encoding="utf-8")
-    tick = code[code.index("function tick()") : code.index('play.on("change:value"')]
+    tick = code[code.index("function tick()") : code.index('on(play, "change:value"')]
     show = code[code.index("function show(") : code.index("function start()")]
     assert "save_changes" not in tick + show and ".send(" not in code
