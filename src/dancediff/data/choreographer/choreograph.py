@@ -113,16 +113,7 @@ def choreograph(
     >>> dance.num_dancers, dance.num_frames, truth.contacts.shape, truth.genre
     (2, 231, torch.Size([2, 231, 4]), 'salsa')
     """
-    dancers, seed = _whole("dancers", dancers), _whole("seed", seed)
-    if not 1 <= dancers <= MAX_DANCERS:
-        raise ValueError(f"dancers={dancers} is not in 1..{MAX_DANCERS}")
-    if seed < 0:
-        raise ValueError(f"seed={seed} must be an integer of at least 0")
-    if not (swap is None or isinstance(swap, bool | np.bool_)):  # an order would count as True
-        raise ValueError(
-            f"swap={swap!r} must be True (two change places), False (never) or None (now and then);"
-            " which order they end in is drawn from the seed"
-        )
+    dancers, seed = _checked(dancers, seed, swap)
     if isinstance(beats, str | PathLike | Music):
         raise ValueError(f"beats={beats!r} is no list of times in seconds; give song.beats()")
     beats, meter = np.asarray(beats, dtype=np.float64), music.pop("meter", None)
@@ -152,6 +143,24 @@ def choreograph(
     meta = {"source": "choreographer", "seed": int(seed), "genre": kind.name, "synthetic": True}
     motion = Motion(pose, root, FPS, contact=contacts, meta=meta)
     return motion, _truth(motion, kind.name, score, parts, dance, grid, beats)
+
+
+def _checked(dancers, seed, swap) -> tuple[int, int]:
+    """Dancers and seed as int.
+
+    Raises: ValueError naming the argument.
+    """
+    dancers, seed = _whole("dancers", dancers), _whole("seed", seed)
+    if not 1 <= dancers <= MAX_DANCERS:
+        raise ValueError(f"dancers={dancers} is not in 1..{MAX_DANCERS}")
+    if seed < 0:
+        raise ValueError(f"seed={seed} must be an integer of at least 0")
+    if not (swap is None or isinstance(swap, bool | np.bool_)):  # an order would count as True
+        raise ValueError(
+            f"swap={swap!r} must be True (two change places), False (never) or None (now and then);"
+            " which order they end in is drawn from the seed"
+        )
+    return dancers, seed
 
 
 def _whole(name: str, value) -> int:
