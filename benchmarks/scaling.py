@@ -15,7 +15,8 @@ whose strength is searched for each on other songs. Budgets are minutes of proce
 threads, so what else the machine does changes nothing.
 
 Everything is kept in --out, and a run that was stopped goes on: trainings from their checkpoints,
-dances with the next one. The points go to docs/results/scaling.json and a figure.
+dances with the next one. Means over seeds go to docs/results/scaling.json, every point to
+scaling_points.json beside it, and both to a figure.
 
 Symbols (axes: b windows · n dancers · f frames)
     spent    processor time of a training, seconds
@@ -155,27 +156,28 @@ class Scaling:
         return reference_of(self.other, workers=self.workers)
 
     def write(self, points: list[dict]) -> None:
-        """The points as a table of the pages: a row each and length."""
-        rows = [
-            [
-                *(p["config"], p["seed"], round(p["minutes"]), round(p["spent"]), p["windows"]),
-                *(int(frames), p["autoguidance"]),
-                *(rounded(scores[metric]) for metric in METRICS),
-            ]
-            for p in points
-            for frames, scores in p["scores"].items()
-        ]
-        table = {
-            "about": "Quality against computing: bare networks, not told the genre; autoguidance "
-            "chosen for each on other songs.",
+        """Two tables: a row for every point and length, and for the page the means over seeds."""
+        about = (
+            "Quality against computing: bare networks, not told the genre; autoguidance chosen "
+            "for each on other songs."
+        )
+        every = {
+            "about": f"{about} Every training and budget.",
             "data": "synthetic",
             "intervals": "95 % bootstrap intervals over dances",
             "command": self.command(),
             "columns": ["config", "seed", "minutes", "seconds spent", "dancer windows", "frames",
                         "autoguidance", *METRICS],
-            "rows": rows,
+            "rows": [row for p in points for row in rows_of(p)],
         }  # fmt: skip
-        write_table(self.results, table)
+        write_table(self.results.with_stem(f"{self.results.stem}_points"), every)
+        page = every | {
+            "about": f"{about} Means over seeds.",
+            "intervals": "smallest and largest of the seeds",
+            "columns": ["config", "minutes", "frames", "seeds", "dancer windows", *METRICS],
+            "rows": over_seeds(points),
+        }
+        write_table(self.results, page)
 
     def command(self) -> str:
         """What was called; folders as in the docstring of this file."""
@@ -187,6 +189,38 @@ class Scaling:
             ["python benchmarks/scaling.py", *map(str, self.configs), folders]
             + [f"--{name} {value}" for name, value in options.items()]
         )
+
+
+def rows_of(point: dict) -> list[list]:
+    """A model's row for each length."""
+    head = [point["config"], point["seed"], round(point["minutes"]), round(point["spent"])]
+    return [
+        [*head, point["windows"], int(frames), point["autoguidance"]]
+        + [rounded(scores[metric]) for metric in METRICS]
+        for frames, scores in point["scores"].items()
+    ]
+
+
+def over_seeds(points: list[dict]) -> list[list]:
+    """A row for each config, budget and length: means, beside the smallest and the largest.
+
+    >>> two = [{"config": "a", "minutes": 1.0, "seed": s, "windows": 10 + 2 * s,
+    ...         "scores": {"150": {m: [2.0 + s, None, None] for m in METRICS}}} for s in (0, 1)]
+    >>> over_seeds(two)[0][:7]
+    ['a', 1, 150, 2, 11, [2.5, 2.0, 3.0], [2.5, 2.0, 3.0]]
+    """
+    rows = []
+    for name, minutes in dict.fromkeys((p["config"], p["minutes"]) for p in points):
+        same = [p for p in points if (p["config"], p["minutes"]) == (name, minutes)]
+        windows = round(np.mean([p["windows"] for p in same]))
+        for frames in same[0]["scores"]:
+            cells = []
+            for metric in METRICS:
+                values = [p["scores"][frames][metric][0] for p in same]
+                ends = [min(values), max(values)] if len(same) > 1 else [None, None]
+                cells.append(rounded([np.mean(values), *ends]))
+            rows.append([name, round(minutes), int(frames), len(same), windows, *cells])
+    return rows
 
 
 def rounded(cell: list):

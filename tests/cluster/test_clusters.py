@@ -101,30 +101,6 @@ def test_a_cluster_of_this_machine_gives_the_same_bytes(folder, backend):
     danced(folder, backend, "--backend", backend, "--workers", "2")
 
 
-@pytest.fixture(scope="module")
-def of_one(folder):
-    """Takes and scores of one process, without a cluster."""
-    return prepared_and_evaluated(folder, "one", "--workers", "1")
-
-
-def prepared_and_evaluated(folder, name, *how):
-    """Three takes and their index, by file, and what `evaluate` says of them."""
-    out = folder / f"takes_{name}"
-    prepare = ["prepare", "choreograph", "3", str(out), "--seconds", "5", "--json"]
-    done = run(folder, "-m", "dancediff.cli", *prepare, *how)
-    assert done.returncode == 0, done.stderr
-    done = run(folder, "-m", "dancediff.cli", "evaluate", str(out), "--json", *how)
-    assert done.returncode == 0, done.stderr
-    takes = {k: v for k, v in content(out).items() if not k.startswith("cache")}
-    return takes, done.stdout.splitlines()[-1]
-
-
-def test_prepare_and_evaluate_give_the_same_too(folder, backend, of_one):
-    found = prepared_and_evaluated(folder, backend, "--workers", "2", "--backend", backend)
-    assert len(of_one[0]) == 4  # three takes and the index
-    assert found == of_one
-
-
 def test_a_killed_worker_costs_only_its_job(tmp_path, backend):
     done = run(tmp_path, str(HERE / "deadly.py"), backend, str(tmp_path))
     assert done.returncode == 0, done.stderr
@@ -182,7 +158,38 @@ def wait_for(log: Path, words: str, seconds: float = 90) -> None:
     raise AssertionError(f"no {words!r} in {log.read_text()}")
 
 
-def test_a_dask_cluster_that_runs_is_found_and_may_lose_a_machine(folder, tmp_path):
+def prepared_and_evaluated(folder, name, prepare, evaluate, **environment):
+    """Three takes and their index, by file, and what `evaluate` says of them."""
+    out = folder / f"takes_{name}"
+    words = ["prepare", "choreograph", "3", str(out), "--seconds", "5", "--json", *prepare]
+    done = run(folder, "-m", "dancediff.cli", *words)
+    assert done.returncode == 0, done.stderr
+    words = ["evaluate", str(out), "--json", *evaluate]
+    done = run(folder, "-m", "dancediff.cli", *words, **environment)
+    assert done.returncode == 0, done.stderr
+    takes = {k: v for k, v in content(out).items() if not k.startswith("cache")}
+    return takes, done.stdout.splitlines()[-1]
+
+
+@pytest.fixture(scope="module")
+def of_one(folder):
+    """Takes and scores of one process, without a cluster."""
+    found = prepared_and_evaluated(folder, "one", ["--workers", "1"], ["--workers", "1"])
+    assert len(found[0]) == 4  # three takes and the index
+    return found
+
+
+def finds_the_cluster(folder, of_one, backend, address):
+    """One command is told where the cluster is, the next finds it in the environment."""
+    how = ["--backend", backend]
+    variable = {"dask": "DASK_SCHEDULER_ADDRESS", "ray": "RAY_ADDRESS"}[backend]
+    found = prepared_and_evaluated(
+        folder, backend, [*how, "--scheduler", address], how, **{variable: address}
+    )
+    assert found == of_one
+
+
+def test_a_dask_cluster_that_runs_is_found_and_may_lose_a_machine(folder, of_one, tmp_path):
     if not REQUIRED:
         pytest.importorskip("distributed")
     port, log = free_port(), tmp_path / "log"
@@ -191,14 +198,12 @@ def test_a_dask_cluster_that_runs_is_found_and_may_lose_a_machine(folder, tmp_pa
     work = (*work, "--local-directory", str(tmp_path))
     head = ("dask", "scheduler", "--host", "127.0.0.1", "--port", str(port), "--no-dashboard")
     with running(head, work, work, log=log) as (_, *machines):
-        danced(folder, "dask_address", "--backend", "dask", "--scheduler", address)
-        environment = {"DASK_SCHEDULER_ADDRESS": address}
-        danced(folder, "dask_environment", "--backend", "dask", **environment)
+        finds_the_cluster(folder, of_one, "dask", address)
         os.killpg(machines[0].pid, signal.SIGKILL)  # as if it lost its power
         danced(folder, "dask_one_left", "--backend", "dask", "--scheduler", address)
 
 
-def test_a_ray_cluster_that_runs_is_found(folder, tmp_path):
+def test_a_ray_cluster_that_runs_is_found(folder, of_one, tmp_path):
     if not REQUIRED:
         pytest.importorskip("ray")
     port, log = free_port(), tmp_path / "log"
@@ -206,9 +211,7 @@ def test_a_ray_cluster_that_runs_is_found(folder, tmp_path):
     head = (*head, "--node-ip-address", "127.0.0.1", "--include-dashboard", "false")
     with running(head, log=log):
         wait_for(log, "Ray runtime started")
-        address = f"127.0.0.1:{port}"
-        danced(folder, "ray_address", "--backend", "ray", "--scheduler", address)
-        danced(folder, "ray_environment", "--backend", "ray", RAY_ADDRESS=address)
+        finds_the_cluster(folder, of_one, "ray", f"127.0.0.1:{port}")
 
 
 def test_a_connected_dask_client_is_taken_and_survives_what_a_job_raises():

@@ -115,6 +115,8 @@ class Evaluate:
             check_folder(path.parent, f"--{name}")
         if self.drift is not None and self.drift.suffix.lower() != ".png":
             raise ValueError(f"--drift {str(self.drift)!r} is a picture; name a file in .png")
+        if len({path.resolve() for path in files.values()}) < len(files):
+            raise ValueError(f"--out and --drift are both {str(self.out)!r}; name two files")
         read = self._read() if files else set()
         for name, path in files.items():
             if path.resolve() in read:

@@ -1,5 +1,6 @@
 """benchmarks/scaling.py with budgets of a second: trainings, branches, dances, table, figure."""
 
+import doctest
 import json
 import sys
 
@@ -78,9 +79,9 @@ def test_branches_leave_one_run_and_end_with_their_budget(config, takes, tmp_pat
 
 def test_what_was_spent_is_known_after_a_pause(config, takes, tmp_path):
     run = bench.Run(config, 0, tmp_path / "run", None, takes)
-    run.stable(0.3)
+    run.stable(0.3 / SECONDS)
     first = bench.last_line(run.folder)
-    run.stable(0.6)
+    run.stable(0.6 / SECONDS)
     second = bench.last_line(run.folder)
     assert second["spent"] > first["spent"] >= 0.3
     assert second["step"] > first["step"]
@@ -91,7 +92,7 @@ def test_what_was_spent_is_known_after_a_pause(config, takes, tmp_path):
 
 
 def test_the_bar_of_a_budget_counts_minutes_not_ten_million_steps(config, takes, tmp_path, capsys):
-    bench.Run(config, 0, tmp_path / "run", None, takes).stable(0.3)
+    bench.Run(config, 0, tmp_path / "run", None, takes).stable(0.3 / SECONDS)
     shown = capsys.readouterr().err
     assert "training, 0.0 min of computing" in shown
     assert "10000000" not in shown
@@ -109,13 +110,17 @@ def test_points_are_scored_searched_written_and_drawn(takes, held, tmp_path, mon
     options = {"minutes": (0.3 / SECONDS,), "seeds": (0,), "frames": (170,), "count": 4}
     options |= {"tuned": 3, "autoguidance": (1.0, 2.0), "sampling": sampling, "workers": 1}
     bench.Scaling(tuple(configs), held, held, held, **options).run()
-    table = json.loads((tmp_path / "docs/results/scaling.json").read_text(encoding="utf-8"))
+    results = tmp_path / "docs/results"
+    page = json.loads((results / "scaling.json").read_text(encoding="utf-8"))
+    assert [row[:4] for row in page["rows"]] == [[c.stem, 0, 170, 1] for c in configs]
+    table = json.loads((results / "scaling_points.json").read_text(encoding="utf-8"))
     assert len(table["rows"]) == 2
     rows = [dict(zip(table["columns"], row, strict=True)) for row in table["rows"]]
     assert {row["config"] for row in rows} == {"TCDiffPP", "EDGE"}
     assert all(isinstance(row["FID_k"], list) and row["FID_k"][0] > 0 for row in rows)
     assert all(0 <= row["orders kept"] <= 1 for row in rows)
     assert all(row["autoguidance"] in (1.0, 2.0) for row in rows)
+    assert [row[5] for row in page["rows"]] == [row["FID_k"][0] for row in rows]  # of one seed
     assert (tmp_path / "docs/images/scaling.png").stat().st_size > 10_000
     point = json.loads(next(tmp_path.rglob("point.json")).read_text(encoding="utf-8"))
     assert set(point["searched"]) == {"1.0", "2.0"}
@@ -128,6 +133,10 @@ def test_first_seed_alone_goes_beyond_many_seeds():
     scaling = bench.Scaling((), None, None, None)
     assert scaling.budgets(0) == scaling.minutes
     assert scaling.budgets(1) == (15, 30, 60)
+
+
+def test_means_over_seeds():
+    assert doctest.testmod(bench).failed == 0
 
 
 def test_cells():

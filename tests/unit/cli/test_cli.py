@@ -237,6 +237,7 @@ def test_evaluate_names_the_option_whose_folder_is_a_file(option, tmp_path, caps
         (["sub/b.npz", "--reference", "a.npz", "--out", "a.npz"], "--out 'a.npz' is read here"),
         (["sub/b.npz", "--song", "a.png", "--drift", "a.png"], "--drift 'a.png' is read here"),
         (["a.npz", "--drift", "d.jpg"], "--drift 'd.jpg' is a picture; name a file in .png"),
+        (["a.npz", "--out", "d.png", "--drift", "./d.png"], "--out and --drift are both 'd.png'"),
         (["nosuch.npz", "--out", "new/r.json"], "'nosuch.npz' does not exist"),
         (["nosuch.npz", "--drift", "new/d.png"], "'nosuch.npz' does not exist"),
         (["a.npz", "--out", "new/r.json"], "none of the 1 dances can be read"),
