@@ -7,6 +7,7 @@ Symbols (axes: f frames · j joints)
 """
 
 import numpy as np
+import torch
 from scipy.ndimage import gaussian_filter1d
 from torch import Tensor
 
@@ -15,12 +16,13 @@ def mean_speed(joints: Tensor) -> np.ndarray:
     """Mean speed of all joints in each frame, in metres a frame; (f, j, 3) -> (f,).
 
     Central differences, so that the curve is not half a frame early.
+    Raises: ValueError for the joints of a group, (n, f, j, 3).
 
     >>> import torch
     >>> mean_speed(torch.zeros(4, 24, 3)).tolist()
     [0.0, 0.0, 0.0, 0.0]
     """
-    x = joints.detach().double().cpu().numpy()
+    x = _places(joints)
     if len(x) < 2:
         return np.zeros(len(x))
     return np.linalg.norm(np.gradient(x, axis=0), axis=-1).mean(-1)
@@ -66,8 +68,21 @@ def kinematic_energy(joints: Tensor, *, fps: float = 30.0, sigma: float = 0.25) 
     >>> kinematic_energy(walk)[45].round(3).item()
     0.5
     """
-    x = joints.detach().double().cpu().numpy()
+    x = _places(joints)
     if len(x) < 2:
         return np.zeros(len(x))
     v = np.gradient(x, axis=0) * fps  # (f, j, 3) metres a second
     return gaussian_filter1d((v**2).sum(-1).mean(-1) / 2, sigma * fps, mode="nearest")
+
+
+def _places(joints: Tensor) -> np.ndarray:
+    """The joints of one dancer in double precision; of a group, speeds would be those between two.
+
+    Raises: ValueError for another shape than (f, j, 3).
+    """
+    x = torch.as_tensor(joints).detach().double().cpu().numpy()
+    if x.ndim != 3:
+        raise ValueError(
+            f"joints has shape {x.shape}; expected those of one dancer, (f, j, 3): joints[k]"
+        )
+    return x

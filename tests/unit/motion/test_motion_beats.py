@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 import torch
 
 from dancediff.motion.beats import kinematic_energy, mean_speed, motion_beats
@@ -33,3 +34,11 @@ def test_a_rest_within_a_big_movement_has_more_energy_than_one_within_a_small():
     joints = (torch.cos(angle) * size)[:, None, None] * torch.ones(240, 24, 3)
     energy = kinematic_energy(joints)
     assert np.isclose(energy[180] / energy[60], 0.09, rtol=0.01)
+
+
+def test_a_group_is_refused_since_its_axis_of_dancers_is_no_time():
+    group = torch.randn(3, 60, 24, 3)
+    for call in (mean_speed, motion_beats, kinematic_energy):
+        with pytest.raises(ValueError, match=r"shape \(3, 60, 24, 3\).* one dancer"):
+            call(group)
+    assert np.array_equal(mean_speed(group[0].numpy()), mean_speed(group[0]))
