@@ -103,7 +103,7 @@ def win_rate(wins, pairs, raters) -> WinRate:
     Source: two-way clustering of Cameron, Gelbach and Miller 2011.
 
     Shapes: wins (V,), pairs (V,), raters (V,).
-    Raises: ValueError when there is no vote, or the three differ in length.
+    Raises: ValueError when there is no vote, the three differ in length, or a win is not in 0..1.
 
     >>> rate = win_rate([1, 1, 1, 0], ["a", "b", "c", "d"], ["x", "x", "x", "x"])
     >>> rate.value, rate.votes, round(rate.effective)
@@ -114,7 +114,10 @@ def win_rate(wins, pairs, raters) -> WinRate:
             f"{len(wins)} wins, {len(pairs)} pairs, {len(raters)} raters: give one of each for "
             "every vote, and at least one vote"
         )
-    p, votes = float(np.mean(wins)), len(wins)
+    wins = np.asarray(wins, dtype=float)
+    if not ((wins >= 0) & (wins <= 1)).all():  # who codes the two choices as 1 and 2
+        raise ValueError(f"wins has {wins.max():g}; give 1 for a win, 0 for none, 0.5 for a tie")
+    p, votes = float(wins.mean()), len(wins)
     worth = [n for n in (effective_votes(wins, by) for by in (pairs, raters)) if not math.isnan(n)]
     both = len(worth) == 2
     effective = 1 / (sum(1 / n for n in worth) - both / votes) if worth else 1.0

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+import torch
 
 from dancediff.metrics.preference import effective_votes, wilson_interval, win_rate
 
@@ -72,5 +73,12 @@ def test_lists_that_do_not_fit_are_refused():
         win_rate([1], ["a", "b"], ["x"])
     with pytest.raises(ValueError, match="at least one vote"):
         win_rate([], [], [])
+    with pytest.raises(ValueError, match="wins has 2; give 1 for a win"):
+        win_rate([1, 2], ["a", "b"], ["x", "y"])
     with pytest.raises(ValueError, match=r"p=1\.5"):
         wilson_interval(1.5, 3)
+
+
+def test_votes_may_be_a_tensor_and_ties_are_halves():
+    votes, by = [1.0, 0.5, 0.0], (list("abc"), list("xyx"))
+    assert win_rate(torch.tensor(votes), *by) == win_rate(votes, *by)
