@@ -16,12 +16,12 @@ def as_group(joints: Tensor, fps: float, *, least: int, dancers: int = 1) -> Ten
     ``least`` is the smallest number of frames, ``dancers`` of dancers, that the metric needs.
 
     Shapes: joints (n, f, j, 3) or (f, j, 3), j = 22 or 24, metres -> (n, f, j, 3) float64.
-    Raises: ValueError naming what does not fit: shape, length, dancers, NaN, frame rate.
+    Raises: ValueError naming what does not fit: type, shape, length, dancers, NaN, frame rate.
 
     >>> as_group(torch.zeros(9, 24, 3), 30.0, least=2).shape
     torch.Size([1, 9, 24, 3])
     """
-    joints = torch.as_tensor(joints).detach().to("cpu", torch.float64)
+    joints = _tensor(joints).detach().to("cpu", torch.float64)
     shape = tuple(joints.shape)
     if joints.ndim not in (3, 4) or shape[-2] not in BODY_JOINTS or shape[-1] != 3:
         raise ValueError(f"joints has shape {shape}; expected (n, f, 24, 3) or (f, 24, 3)")
@@ -43,9 +43,20 @@ def as_dancers(joints: Tensor, fps: float, *, least: int) -> tuple[Tensor, torch
 
     Shapes: joints (..., f, j, 3) -> (n, f, j, 3) float64, size of (...).
     """
-    joints = torch.as_tensor(joints)
+    joints = _tensor(joints)
     many = joints.flatten(0, -4) if joints.ndim > 4 else joints
     return as_group(many, fps, least=least), joints.shape[:-3]
+
+
+def _tensor(joints) -> Tensor:
+    """Joints as a tensor, wherever they come from; a dance itself is named as what it is."""
+    try:
+        return torch.as_tensor(joints)
+    except (TypeError, RuntimeError) as err:
+        raise ValueError(
+            f"joints is a {type(joints).__name__}; give positions (n, f, 24, 3), of a Motion those "
+            "of motion.joints()"
+        ) from err
 
 
 def check_compat(compat: str | None, known: tuple[str, ...], metric: str) -> None:

@@ -102,7 +102,12 @@ def _variant(compat: str | None, fps: float):
 
 def _beats(beats, end: float) -> np.ndarray:
     """The beats up to ``end`` seconds, checked."""
-    beats = np.asarray(beats, dtype=np.float64)
+    try:
+        beats = np.asarray(beats, dtype=np.float64)
+    except (TypeError, ValueError) as err:
+        raise ValueError(
+            f"beats is a {type(beats).__name__}; give times in seconds (k,), such as song.beats()"
+        ) from err
     if beats.ndim != 1 or not np.isfinite(beats).all():
         raise ValueError(f"beats has shape {beats.shape}; expected (k,) finite times in seconds")
     inside = beats[(beats >= 0) & (beats < end)]

@@ -163,7 +163,7 @@ def test_a_solo_and_a_group_of_copies_score_the_same(metric, joints):
     assert metric(copies) == pytest.approx(metric(joints[0]), rel=1e-9)
 
 
-def test_bad_input_is_named(joints):
+def test_bad_input_is_named(joints, dance):
     nan = joints.clone()
     nan[0, 3, 4, 1] = float("nan")
     for words, call in [
@@ -172,6 +172,8 @@ def test_bad_input_is_named(joints):
         ("NaN", lambda: pfc(nan)),
         ("NaN", lambda: fsr(nan)),
         (r"shape \(2, 180, 24\)", lambda: pfc(joints[..., 0])),
+        (r"joints is a Motion; .* motion.joints\(\)", lambda: pfc(dance)),
+        ("joints is a NoneType", lambda: fsr(None)),
         ("use None or 'edge'", lambda: pfc(joints, compat="lodge")),
         ("use None or 'lodge'", lambda: fsr(joints, compat="aist")),
         ("threshold=0", lambda: fsr(joints, threshold=0)),

@@ -9,8 +9,10 @@ from dancediff.data.choreographer import choreograph
 from dancediff.metrics.corruption import jitter, shift_beats
 from dancediff.metrics.rhythm import beat_alignment, closeness
 from dancediff.motion.beats import motion_beats
+from dancediff.music.song import Music
 
 BEATS = np.arange(0.3, 8, 0.5)
+SONG = Music(np.zeros(9), 9)
 
 
 @pytest.fixture(scope="module")
@@ -173,6 +175,7 @@ def test_bad_input_is_named(joints):
         ("NaN", lambda: beat_alignment(nan, BEATS)),
         (r"shape \(3, 240, 5, 3\)", lambda: beat_alignment(joints[:, :, :5], BEATS)),
         ("beats has 0 times", lambda: beat_alignment(joints, [])),
+        (r"beats is a Music; .* song.beats\(\)", lambda: beat_alignment(joints, SONG)),
         ("none of them within", lambda: beat_alignment(joints, [99.0])),
         ("finite", lambda: beat_alignment(joints, [1.0, float("nan")])),
         ("fps", lambda: beat_alignment(joints, BEATS, fps=0)),
