@@ -131,8 +131,9 @@ class Motion:
         return replace(self, pose=pose, root=root, contact=contact, meta=meta)
 
     def seconds(self, start: float, stop: float) -> "Motion":
-        """The part between two times; what lies before the dance is left out."""
-        return self.frames(round(max(start, 0) * self.fps), round(max(stop, 0) * self.fps))
+        """The part between two times; what lies before or behind the dance is left out."""
+        stop = min(max(stop, 0), self.duration)
+        return self.frames(round(max(start, 0) * self.fps), round(stop * self.fps))
 
     def dancer(self, k: int) -> "Motion":
         """One dancer as a solo.

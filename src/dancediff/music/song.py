@@ -181,12 +181,12 @@ class Music:
         return librosa.resample(y, orig_sr=self.rate, target_sr=rate, res_type="soxr_hq")
 
     def slice(self, start: float, stop: float) -> "Music":
-        """The part between two times in seconds.
+        """The part between two times in seconds; what lies before or behind the song is left out.
 
         Raises: ValueError when nothing of the song lies between them.
         """
-        a, b = max(0, round(start * self.rate)), round(stop * self.rate)
-        if a >= min(b, len(self.audio)):
+        a, b = (round(min(max(at, 0), self.duration) * self.rate) for at in (start, stop))
+        if a >= b:
             raise ValueError(
                 f"slice({start}, {stop}) is empty; song {self.name!r} lasts {self.duration:.2f} s"
             )

@@ -149,6 +149,7 @@ def test_a_part_knows_its_own_seams_and_no_order_of_the_whole():
 def test_a_part_begins_with_the_dance_at_the_earliest():
     motion = random_motion(f=60)
     assert torch.equal(motion.seconds(-1, 1).root, motion.frames(0, 30).root)
+    assert torch.equal(motion.seconds(0.5, float("inf")).root, motion.root[:, 15:])
 
 
 def test_features_may_be_an_array():

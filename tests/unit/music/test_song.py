@@ -40,6 +40,7 @@ def test_num_frames_is_the_number_of_feature_rows(samples):
 def test_slice(tmp_path):
     song = Music(tone(10000, 2), 10000)
     assert song.slice(0.5, 1.0).duration == pytest.approx(0.5)
+    assert song.slice(-1, float("inf")).duration == song.duration
     with pytest.raises(ValueError, match=r"lasts 2\.00"):
         song.slice(3, 4)
 
