@@ -23,6 +23,7 @@ def mirror_features(x: Tensor, spec: MotionSpec = TCDIFFPP) -> Tensor:
     Exact on a symmetric skeleton; SMPL-24 is symmetric to about 2 cm, so feet move by that much.
 
     Shapes: x (..., d) not normalised -> (..., d).
+    Raises: ValueError for another d than that of ``spec``.
 
     >>> x = torch.randn(5, 151)
     >>> torch.equal(mirror_features(mirror_features(x)), x)
@@ -31,6 +32,7 @@ def mirror_features(x: Tensor, spec: MotionSpec = TCDIFFPP) -> Tensor:
     >>> mirror_features(torch.randn(5, 139), LODGE).shape                  # without the hands
     torch.Size([5, 139])
     """
+    spec.check(x)
     swap = list(range(spec.num_joints))
     for a, b in _PAIRS:
         if b < spec.num_joints:

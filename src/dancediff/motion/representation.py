@@ -60,6 +60,14 @@ class MotionSpec:
         """Length of the vector."""
         return 7 + 6 * self.num_joints
 
+    def check(self, x: Tensor) -> None:
+        """Refuse vectors of another length.
+
+        Raises: ValueError naming both lengths.
+        """
+        if x.shape[-1] != self.dim:
+            raise ValueError(f"x has {x.shape[-1]} features a frame; {self.name} needs {self.dim}")
+
     def joint_channels(self, joints) -> list[int]:
         """Channels of the 6-D rotations of some joints.
 
@@ -107,8 +115,7 @@ def unpack(x: Tensor, spec: MotionSpec = TCDIFFPP) -> tuple[Tensor, Tensor, Tens
     >>> pose.shape
     torch.Size([2, 9, 24, 3, 3])
     """
-    if x.shape[-1] != spec.dim:
-        raise ValueError(f"x has {x.shape[-1]} features a frame; {spec.name} needs {spec.dim}")
+    spec.check(x)
     rot6d = x[..., spec.rot6d].unflatten(-1, (spec.num_joints, 6))
     return x[..., spec.contact], x[..., spec.root], rot6d_to_matrix(rot6d)
 
@@ -198,8 +205,12 @@ class Normalizer(nn.Module):
 
         ``min_span`` widens narrower ranges about their middle: without it a matrix entry that
         only ever moves between 0.996 and 1 weighs as much in a loss as a knee.
+
+        Raises: ValueError for no row, or values that are not finite: one of them hides all others.
         """
         flat = x.reshape(-1, x.shape[-1])
+        if not (len(flat) and flat.isfinite().all()):
+            raise ValueError(f"x {tuple(x.shape)} has no row, or NaN or infinite values; repair it")
         low, high = flat.amin(0), flat.amax(0)
         wider = ((min_span - (high - low)) / 2).clamp_min(0) * (high - low > 1e-6)
         return cls(low - wider, high + wider)

@@ -218,8 +218,15 @@ class MusicNormalizer(nn.Module):
 
     @classmethod
     def fit(cls, songs: list[Tensor]) -> "MusicNormalizer":
-        """Mean and standard deviation of each column over all frames of all songs."""
+        """Mean and standard deviation of each column over all frames of all songs.
+
+        Raises: ValueError for no song, or values that are not finite.
+        """
+        if isinstance(songs, Tensor) or not len(songs):
+            raise ValueError("songs must be a list of one or more features (f, 35), one a song")
         M = torch.cat(songs)
+        if not M.isfinite().all():
+            raise ValueError("songs has NaN or infinite values; leave such a song out")
         mean, std = M.mean(0), M.std(0, correction=int(len(M) > 1)).clamp_min(1e-3)
         mean[PEAKS.start :], std[PEAKS.start :] = 0, 1
         return cls(mean, std)

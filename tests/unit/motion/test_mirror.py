@@ -1,5 +1,6 @@
 from dataclasses import replace
 
+import pytest
 import torch
 
 from dancediff.motion.mirror import _PAIRS, mirror_features
@@ -38,3 +39,5 @@ def test_without_hands_everything_else_is_mirrored_alike():
     x = pack(torch.rand(5, 4, generator=generator), torch.randn(5, 3, generator=generator), pose)
     short = x[:, : LODGE.dim]
     assert torch.equal(mirror_features(short, LODGE), mirror_features(x)[:, : LODGE.dim])
+    with pytest.raises(ValueError, match="139 features a frame; tcdiffpp needs 151"):
+        mirror_features(short)

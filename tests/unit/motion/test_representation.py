@@ -81,3 +81,9 @@ def test_unknown_vectors_are_named():
         spec_named("edge")
     with pytest.raises(ValueError, match=r"151 features.*lodge"):
         unpack(torch.zeros(2, 151), LODGE)
+
+
+def test_a_normaliser_is_not_fitted_to_what_is_broken():
+    for x in (torch.zeros(0, 151), torch.tensor([[0.0, float("nan")]])):
+        with pytest.raises(ValueError, match=r"x \(.* no row, or NaN"):
+            Normalizer.fit(x)

@@ -144,3 +144,12 @@ def test_pitches_are_those_of_the_whole_spectrum(song, hiss):
     np.testing.assert_array_equal(loud, strength[pitch > 0])
     own, _ = librosa.piptrack(S=S[:535], sr=SAMPLE_RATE * 1068 / 2048, n_fft=1068)
     assert (hiss > 0) == (np.count_nonzero(own) > len(found)), "hiss hides soft pitches"
+
+
+def test_a_normaliser_of_music_is_fitted_to_a_list_of_songs():
+    M = torch.zeros(9, 35)
+    for songs in ([], M):
+        with pytest.raises(ValueError, match="songs must be a list"):
+            MusicNormalizer.fit(songs)
+    with pytest.raises(ValueError, match="songs has NaN"):
+        MusicNormalizer.fit([M, M * float("nan")])
