@@ -127,6 +127,9 @@ def test_the_same_seed_breathes_alike():
 
 
 def test_missing_length_and_a_wrong_meter_are_named():
+    for seconds in (-1, 0.034, float("nan")):
+        with pytest.raises(ValueError, match=f"seconds={seconds}.* two frames"):
+            choreograph([0.5, 1.0], seconds=seconds)
     with pytest.raises(ValueError, match="seconds=None"):
         choreograph([])
     with pytest.raises(ValueError, match="meter=0"):

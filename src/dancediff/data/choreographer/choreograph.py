@@ -106,8 +106,8 @@ def choreograph(
     Shapes: beats (k,) seconds, increasing -> Motion (n dancers, round(seconds * 30) frames),
     DanceTruth. ``seconds`` defaults to the time of the last beat.
     Raises: ValueError naming the argument when beats are a song or not increasing, when dancers is
-    not 1..5, when the seed is negative, swap is none of True, False and None, the genre is unknown,
-    a section is not in order or the meter is not 1 or more.
+    not 1..5, seconds hold no two frames, the seed is negative, swap is none of True, False and None,
+    the genre is unknown, a section is not in order or the meter is not 1 or more.
 
     >>> dance, truth = choreograph(np.arange(0.2, 8, 0.5), dancers=2, seed=1, genre="salsa")
     >>> dance.num_dancers, dance.num_frames, truth.contacts.shape, truth.genre
@@ -178,11 +178,11 @@ def _grid(beats: np.ndarray, seconds: float | None, meter: int | None) -> Grid:
     if seconds is None and len(beats) == 0:
         raise ValueError("seconds=None ends with the last beat, but beats are empty; give seconds")
     seconds = float(beats[-1]) if seconds is None else float(seconds)
-    if not seconds > 0:
-        raise ValueError(f"seconds={seconds} must be positive")
+    if not seconds * FPS >= 1.5:
+        raise ValueError(f"seconds={seconds} must hold two frames, {2 / FPS:.2f} s, or more")
     if meter is not None and _whole("meter", meter) < 1:
         raise ValueError(f"meter={meter} must be 1 or more beats a bar, or None")
-    return make_grid(beats, max(1, round(seconds * FPS)), meter)
+    return make_grid(beats, round(seconds * FPS), meter)
 
 
 def _curve(energy, num_frames: int) -> np.ndarray:
