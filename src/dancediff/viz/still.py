@@ -36,6 +36,8 @@ def dance_png(motion: Motion, song=None) -> bytes:
 def dance_html(motion: Motion) -> str:
     """What a notebook shows of a dance: some moments, and below them its one line."""
     line = escape(repr(motion))
+    if not motion.joints().isfinite().all():
+        return f"<code>{line}</code> with numbers that are not finite, which no picture shows"
     return f"{_image(dance_png(motion), line)}<br><code>{line}</code>"
 
 

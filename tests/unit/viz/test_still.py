@@ -2,8 +2,10 @@
 
 import numpy as np
 import pytest
+import torch
 
 from dancediff.data.choreographer import choreograph
+from dancediff.motion.motion import Motion
 from dancediff.viz.still import NOTE, dance_png, still_html
 
 pytest.importorskip("ipywidgets")
@@ -35,6 +37,11 @@ def test_a_dance_is_a_small_picture():
     dance = choreograph(np.arange(0.2, 5, 0.5), dancers=3, seed=1, seconds=5)[0]
     png = dance_png(dance)
     assert png.startswith(b"\x89PNG") and len(png) < 120_000
+
+
+def test_a_dance_that_is_not_finite_is_shown_in_words():
+    broken = Motion(torch.eye(3).expand(1, 9, 24, 3, 3), torch.full((1, 9, 3), float("nan")))
+    assert "not finite" in broken._repr_mimebundle_()["text/html"]
 
 
 def test_a_panel_shows_its_still_first_and_renews_it(shown):
