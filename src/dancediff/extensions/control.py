@@ -19,6 +19,7 @@ import math
 import operator
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from numbers import Real
 
 import torch
 from torch import Tensor
@@ -146,7 +147,7 @@ class Keep:
         if self.seconds is None:
             return [(0, self.dance.num_frames / self.dance.fps)]
         try:
-            pairs = [self.seconds] if isinstance(self.seconds[0], int | float) else self.seconds
+            pairs = [self.seconds] if isinstance(self.seconds[0], Real) else self.seconds
             pairs = _numbers(pairs, 2, "seconds").tolist()
             if not all(0 <= start < stop for start, stop in pairs):
                 raise ValueError

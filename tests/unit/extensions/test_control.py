@@ -64,6 +64,8 @@ def test_one_point_is_a_place_at_a_time():
 
 
 def test_keeping_frames_joints_and_dancers(dance):
+    for seconds in (np.array([0, 1]), np.float32([0, 1])):  # whole numbers or not
+        assert torch.equal(known(Keep(dance, seconds)).mask, known(Keep(dance, (0, 1))).mask)
     frames = known(Keep(dance, seconds=[(0, 1), (3, 4)]))
     assert frames.mask[:, :30].all() and frames.mask[:, 90:].all()
     assert not frames.mask[:, 30:90].any()
