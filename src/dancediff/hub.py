@@ -18,6 +18,7 @@ from functools import partial
 from os import PathLike
 from pathlib import Path
 
+import numpy as np
 import torch
 from safetensors import SafetensorError
 from safetensors.torch import load_file
@@ -79,7 +80,8 @@ def save_model(model: Network, folder, *, card: str = "", dtype=torch.float16) -
     folder.mkdir(parents=True, exist_ok=True)
     for name, prefix in _FILES.get(kind, _ONE_FILE).items():
         save_tensors(_under(tensors, prefix), folder / f"{name}.safetensors")
-    for name, text in (("config.json", json.dumps(config, indent=2) + "\n"), ("card.md", card)):
+    sizes = json.dumps(config, indent=2, default=np.generic.item)  # some may be numpy's
+    for name, text in (("config.json", sizes + "\n"), ("card.md", card)):
         write_text(folder / name, text)
     return folder
 
@@ -214,7 +216,8 @@ def _read(folder: Path, own: str | type | None = None) -> Network:
     for key in sorted(tensors):
         if not tensors[key].isfinite().all():
             raise ValueError(f"{key} holds values that are no finite numbers")
-    model = make(config)
+    with torch.random.fork_rng(devices=[]):  # weights are drawn, and then replaced by those there
+        model = make(config)
     model.load_state_dict({key: value.float() for key, value in tensors.items()})
     return model
 

@@ -1,5 +1,6 @@
 import json
 
+import numpy as np
 import pytest
 import torch
 from safetensors import safe_open
@@ -36,6 +37,20 @@ def test_round_trip(model, tmp_path):
     with safe_open(tmp_path / "tiny" / "model.safetensors", "pt") as file:
         kinds = {file.get_tensor(k).dtype for k in file.keys() if k.startswith("decoder")}
     assert kinds == {torch.float16}
+
+
+def test_loading_leaves_the_draws_of_the_caller_alone(model, tmp_path):
+    hub.save_model(model, tmp_path / "tiny")
+    before = torch.random.get_rng_state()
+    hub.load(tmp_path / "tiny")
+    assert torch.equal(torch.random.get_rng_state(), before)
+
+
+def test_sizes_may_be_numbers_of_numpy(tmp_path):
+    sizes = {name: np.int64(16) for name in ("d_model", "ff_dim", "fusion_hidden")}
+    config = TCDiffPPConfig(num_layers=1, dropout=np.float32(0.5), **sizes)
+    hub.save_model(TCDiffPP(config), tmp_path / "tiny")
+    assert hub.load(tmp_path / "tiny").config == config
 
 
 def test_a_folder_of_a_newer_version_is_told(model, tmp_path):
