@@ -106,8 +106,8 @@ def choreograph(
     Shapes: beats (k,) seconds, increasing -> Motion (n dancers, round(seconds * 30) frames),
     DanceTruth. ``seconds`` defaults to the time of the last beat.
     Raises: ValueError naming the argument when beats are a song or not increasing, when dancers is
-    not 1..5, seconds hold no two frames, the seed is negative, swap is none of True, False and None,
-    the genre is unknown, a section is not in order or the meter is not 1 or more.
+    not 1..5, seconds hold no two frames, the seed is negative, swap is none of True, False and
+    None, the genre is unknown, a section is not in order or the meter is not 1 or more.
 
     >>> dance, truth = choreograph(np.arange(0.2, 8, 0.5), dancers=2, seed=1, genre="salsa")
     >>> dance.num_dancers, dance.num_frames, truth.contacts.shape, truth.genre
