@@ -64,16 +64,18 @@ def song_sections(M: Tensor) -> list[tuple[float, float, str]]:
 def phrase_similarity(M: Tensor, beats: np.ndarray) -> Tensor:
     r"""Cosine between phrases, each the features of its 8 beats, standardised over the song.
 
-    Shapes: M (f, 35), beats (k,) frames -> (q, q) with q = (k - 1) // 8.
+    Shapes: M (f, 35), beats (k,) frames -> (q, q) with q = (k - 1) // 8, none of fewer than 9.
 
     >>> M = torch.rand(80, 35).repeat(2, 1)                          # all of it twice
     >>> phrase_similarity(M, np.arange(0, 161, 10)).round(decimals=3).tolist()
     [[1.0, 1.0], [1.0, 1.0]]
     """
+    q = max(len(beats) - 1, 0) // PHRASE
+    if not q:
+        return M.new_zeros(0, 0)
     sound = M[:, : PEAKS.start]
     per_beat = torch.stack([sound[a:b].mean(0) for a, b in pairwise(beats)])
     per_beat = (per_beat - per_beat.mean(0)) / per_beat.std(0).clamp_min(1e-6)
-    q = len(per_beat) // PHRASE
     phrases = per_beat[: q * PHRASE].reshape(q, -1)
     phrases = torch.nn.functional.normalize(phrases, dim=-1)
     return phrases @ phrases.T

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from dancediff.music.features import MFCC, NUM_FEATURES
-from dancediff.music.sections import song_sections
+from dancediff.music.sections import phrase_similarity, song_sections
 from dancediff.music.synth import synth_song
 from dancediff.music.varied import synth_varied_song
 
@@ -97,3 +97,10 @@ def test_songs_whose_sections_are_known():
     for make, borders, right in ((synth_song, 0.6, 0.6), (synth_varied_song, 0.7, 0.7)):
         F, share = np.mean([score(*make(940_000 + k, seconds=60)) for k in range(6)], axis=0)
         assert F > borders and share > right, (make.__name__, F, share)
+
+
+def test_fewer_beats_than_a_phrase_and_one_are_no_phrases():
+    M = torch.rand(200, 35)
+    for k in (0, 1, 2, 8):
+        assert phrase_similarity(M, np.arange(0, 10 * k, 10)).shape == (0, 0)
+    assert phrase_similarity(M, np.arange(0, 90, 10)).shape == (1, 1)
