@@ -7,8 +7,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from dancediff.music.mono import mono_mix
-from dancediff.music.sound_rate import HOP, SAMPLE_RATE
+from dancediff.music.mono import mono_mix, turned_round
+from dancediff.music.sound_rate import HOP, SAMPLE_RATE, whole_rate
 
 _A_SECOND = 100  # parts that the resampler gets, so that its answer does not hang on the blocks
 
@@ -18,8 +18,8 @@ class ArrivingSound:
 
     The resampler sees 40 ms ahead at most; a frame comes so much after its last sample.
 
-    Raises: ValueError for another rate than a positive one, and for blocks that are no rows of
-    finite numbers.
+    Raises: ValueError for another rate than a positive whole one, and for blocks that are no rows
+    of finite numbers.
 
     >>> sound = ArrivingSound(15360)
     >>> [len(frame) for frame in sound.push(np.zeros((1100, 2)))], len(list(sound.push([0.0] * 9)))
@@ -29,8 +29,7 @@ class ArrivingSound:
     def __init__(self, rate: int):
         import soxr
 
-        if not rate > 0:
-            raise ValueError(f"rate={rate} must be positive (samples a second)")
+        rate = whole_rate(rate)
         self._part = max(1, rate // _A_SECOND)
         self._waiting, self._ready = np.zeros((2, 0), np.float32)
         self._resampler = None
@@ -42,12 +41,12 @@ class ArrivingSound:
     def push(self, samples) -> Iterator[np.ndarray]:
         """The frames that a block completes, each (512,); samples (n,) or (n, channels)."""
         block = np.asarray(samples, dtype=np.float32)
-        if block.ndim == 2 and block.shape[1]:
+        if block.ndim == 2 and block.shape[1] and not turned_round(block.shape):
             block = mono_mix(block)
         if block.ndim != 1 or not np.isfinite(block).all():
             raise ValueError(
                 f"samples with shape {np.shape(samples)} must be finite numbers, (n,) or "
-                "(n, channels)"
+                "(n, channels), not (channels, n)"
             )
         self._ready = np.concatenate([self._ready, self._resampled(block)])
         while len(self._ready) >= HOP:

@@ -2,6 +2,17 @@
 
 import numpy as np
 
+MANY_CHANNELS = 64  # more than that, and more than samples: they are turned round
+
+
+def turned_round(shape: tuple[int, ...]) -> bool:
+    """Is this rather (channels, n) than (n, channels)?
+
+    >>> turned_round((2, 4410)), turned_round((4410, 2)), turned_round((1, 2))
+    (True, False, False)
+    """
+    return shape[1] > max(shape[0], MANY_CHANNELS)
+
 
 def mono_mix(audio: np.ndarray) -> np.ndarray:
     """Mean of the channels; (n, channels) float32 -> (n,) float32.

@@ -18,12 +18,11 @@ from dancediff.music.beat_tracking import TrackedBeats, beat_onset, track_beats
 from dancediff.music.cut_off import missing_share
 from dancediff.music.features import music_features
 from dancediff.music.librosa_import import import_librosa
-from dancediff.music.mono import mono_mix
+from dancediff.music.mono import mono_mix, turned_round
 from dancediff.music.sound_on_disk import SoundOnDisk
-from dancediff.music.sound_rate import HOP, SAMPLE_RATE
+from dancediff.music.sound_rate import HOP, SAMPLE_RATE, whole_rate
 from dancediff.threads import begun_beside
 
-MANY_CHANNELS = 64  # more than that, and more than samples: they are turned round
 SILENT = 1e-4  # peak below which a song counts as silent
 LONG = 1 << 26  # samples (12 minutes in stereo) from which on a song's sound stays in its file
 _PART = 1 << 24  # samples that are squared at a time
@@ -66,15 +65,14 @@ class Music:
     name: str = "song"
 
     def __post_init__(self):
-        if not self.rate > 0:
-            raise ValueError(f"rate={self.rate} must be positive (samples a second)")
+        object.__setattr__(self, "rate", whole_rate(self.rate))
         audio, on_disk = self.audio, isinstance(self.audio, SoundOnDisk)
         if not on_disk:
             audio = _as_float(np.asarray(audio))
             audio = audio[:, None] if audio.ndim == 1 else audio
         if audio.ndim != 2 or audio.shape[1] < 1 or len(audio) == 0:
             raise ValueError(f"audio has shape {audio.shape}; expected (n, channels), n >= 1")
-        if audio.shape[1] > max(len(audio), MANY_CHANNELS):
+        if turned_round(audio.shape):
             raise ValueError(
                 f"audio has shape {audio.shape}, which would be {audio.shape[1]} channels; "
                 "expected (n, channels): give audio.T"

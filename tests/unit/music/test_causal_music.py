@@ -144,8 +144,12 @@ def test_what_is_no_sound_is_refused():
         music.push([0.0, np.nan])
     with pytest.raises(ValueError, match="shape"):
         music.push(np.zeros((3, 2, 1)))
-    with pytest.raises(ValueError, match="rate=0"):
-        CausalMusic(0)
+    with pytest.raises(ValueError, match=r"shape \(2, 4410\).*not \(channels, n\)"):
+        music.push(np.zeros((2, 4410)))  # one block would be two samples of 4410 channels
+    for rate in (0, 22050.5):
+        with pytest.raises(ValueError, match=f"rate={rate}"):
+            CausalMusic(rate)
+    CausalMusic(22050.0).push(np.zeros(4410))
 
 
 def test_a_bar_is_repeated_in_phase():

@@ -72,6 +72,16 @@ def test_no_samples_and_nan_are_refused(tmp_path):
         Music.load(tmp_path / "nan.wav")
 
 
+def test_a_rate_is_a_whole_number_of_any_type(tmp_path):
+    path = Music(tone(22050), 22050.0).save(tmp_path / "a.wav")
+    assert (
+        type(Music(tone(22050), np.float64(22050)).rate) is int and Music.load(path).rate == 22050
+    )
+    for rate in (0, 22050.5, float("inf"), float("nan")):
+        with pytest.raises(ValueError, match=f"rate={rate} must be positive and whole"):
+            Music(tone(22050), rate)
+
+
 def test_silence():
     assert Music(np.full(1000, 5e-5, np.float32), 8000).is_silent
     assert not Music(np.full(1000, 5e-3, np.float32), 8000).is_silent
