@@ -53,7 +53,7 @@ def guided(
 
     def denoise_guided(x_t: Tensor, t: int) -> Tensor:
         w = weight(t)
-        if w < 0:
+        if not w >= 0:
             raise ValueError(f"guidance={w} at t={t} must be at least 0; 1 switches it off")
         if w in (0, 1):
             return run(x_t, t, [w == 1])

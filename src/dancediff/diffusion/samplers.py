@@ -44,12 +44,14 @@ def own_step(name: str, x_t: Tensor, *where, **how) -> Tensor:
         signature(function).bind(x_t, *where, **how)
     except TypeError as err:
         raise ValueError(f"sampler={name!r}: {err}; it is called as ddim_step is") from err
-    x = function(x_t, *where, **how)
+    return _like(x_t, function(x_t, *where, **how), f"sampler={name!r}")
+
+
+def _like(x_t: Tensor, x: Tensor, who: str) -> Tensor:
+    """What somebody else's function returned, if it is like x_t: else it would be spread to it."""
     if not isinstance(x, Tensor) or x.shape != x_t.shape:
         what = tuple(x.shape) if isinstance(x, Tensor) else type(x).__name__
-        raise ValueError(
-            f"sampler={name!r} returned {what}; it must be like x_t {tuple(x_t.shape)}"
-        )
+        raise ValueError(f"{who} returned {what}; it must be like x_t {tuple(x_t.shape)}")
     return x
 
 
@@ -140,7 +142,7 @@ def sample(
     - ``callback(i, total, x0_hat)`` runs after step i, to draw pictures or a progress bar.
 
     Shapes: shape = (b, n, f, d); x_T like it, or None to draw it -> x_0 (b, n, f, d).
-    Raises: ValueError for an unknown sampler, or steps, eta or x_T out of range.
+    Raises: ValueError for an unknown sampler, steps, eta or x_T out of range, or another guess.
 
     >>> from dancediff.diffusion.schedule import cosine_abar
     >>> x_0, options = torch.rand(1, 2, 3, 4), SamplerOptions(cosine_abar(), "ddim", 5, eta=1.0)
@@ -155,7 +157,8 @@ def sample(
         x = pin.start(x)
     before: tuple[Tensor, int] | None = None
     for i, (t, t_next) in enumerate(pairwise(times)):
-        x0_hat = _hooked(_cut(denoise(x, t), options.clamp), hooks, abar_at(abar, t))
+        guess = _like(x, denoise(x, t), "denoise")
+        x0_hat = _hooked(_cut(guess, options.clamp), hooks, abar_at(abar, t))
         if how == "ddpm":
             x = ddpm_step(x, x0_hat, t, abar, generator=generator)
         elif how == "dpm":

@@ -112,7 +112,8 @@ def gaussian(
     row, so that rows can be sampled together or apart.
 
     Shapes: -> shape.
-    Raises: ValueError for a generator that lives on another device, or not as many as rows.
+    Raises: ValueError for what is no generator, one that lives on another device, or not as many as
+    rows.
 
     >>> def new():
     ...     return [torch.Generator().manual_seed(k) for k in range(3)]
@@ -125,6 +126,9 @@ def gaussian(
             raise ValueError(f"{len(generator)} generators for {shape[0]} rows; give one each")
         rows = [gaussian(shape[1:], generator=g, device=device, dtype=dtype) for g in generator]
         return torch.stack(rows)
+    if not isinstance(generator, torch.Generator | None):
+        kind = type(generator).__name__
+        raise ValueError(f"generator is a {kind}; use torch.Generator().manual_seed(a number)")
     if generator is not None and generator.device.type != "cpu":
         raise ValueError(f"generator is on {generator.device}; use torch.Generator() (CPU)")
     return send(torch.randn(tuple(shape), generator=generator).to(dtype), device)

@@ -76,5 +76,6 @@ def test_ramp_up_is_edges_long_ddim_rule():
 
 
 def test_negative_weight():
-    with pytest.raises(ValueError, match="guidance=-1"):
-        guided(Fake(), Conditions(M, S), -1)(X, 7)
+    for w in (-1, float("nan")):
+        with pytest.raises(ValueError, match=f"guidance={w}"):
+            guided(Fake(), Conditions(M, S), w)(X, 7)

@@ -88,6 +88,12 @@ def test_sample_errors():
         sample(shrink, SHAPE, SamplerOptions(ABAR, "ddim", 5, 1.0), x_T=x_T)
 
 
+@pytest.mark.parametrize("wrong", [lambda x: x[:, :1], lambda x: (x, x), lambda x: x[0]])
+def test_a_guess_that_is_not_like_its_input_is_named_and_not_spread(wrong):
+    with pytest.raises(ValueError, match=r"denoise returned .*; it must be like x_t"):
+        sample(lambda x_t, t: wrong(x_t), SHAPE, SamplerOptions(ABAR, "ddim", 5, 1.0))
+
+
 def test_unknown_samplers_and_steps_are_named():
     with pytest.raises(ValueError, match=r"sigma_min=1.5 must lie in 0 \.\.\. 1"):
         logsnr_times(5, ABAR, sigma_min=1.5)

@@ -73,6 +73,8 @@ def test_gaussian_is_seeded_and_drawn_in_float32():
 def test_errors():
     with pytest.raises(ValueError, match="num_steps=0"):
         cosine_abar(0)
+    with pytest.raises(ValueError, match=r"generator is a int; use torch.Generator\(\)"):
+        gaussian((2, 3), generator=7)
     with pytest.raises(ValueError, match="eps"):
         q_sample(torch.zeros(1, 1, 2, 3), 5, cosine_abar(), torch.zeros(1, 1, 2, 1))
     for t in (-1, 1000):  # -1 would be the last level, counted from the end
