@@ -219,10 +219,11 @@ def check_group(x_t: Tensor, config: Any) -> None:
 
     Raises: ValueError naming its shape and what fits.
     """
-    (b, n, f, d), c = x_t.shape, config
-    if d != c.motion_dim or not 1 <= n <= c.max_dancers or not 1 <= f <= c.num_frames:
+    shape, c = tuple(x_t.shape), config
+    fits = len(shape) == 4 and shape[3] == c.motion_dim  # an axis too few is the batch's
+    if not (fits and 1 <= shape[1] <= c.max_dancers and 1 <= shape[2] <= c.num_frames):
         raise ValueError(
-            f"x_t has shape {(b, n, f, d)}; expected (b, n, f, d) with n <= {c.max_dancers}, "
+            f"x_t has shape {shape}; expected (b, n, f, d) with n <= {c.max_dancers}, "
             f"f <= {c.num_frames}, d = {c.motion_dim}"
         )
 
@@ -237,6 +238,6 @@ def check_shapes(**values: tuple[Tensor | None, tuple | None]) -> None:
     ValueError: t has shape (3,); expected (2,)
     """
     for name, (value, expected) in values.items():
-        have = None if value is None else tuple(value.shape)
+        have = None if value is None else tuple(getattr(value, "shape", ()))  # a number has none
         if have != expected:
             raise ValueError(f"{name} has shape {have}; expected {expected}")

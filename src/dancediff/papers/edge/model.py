@@ -17,7 +17,7 @@ from torch import Tensor
 from dancediff.diffusion.conditions import Conditions
 from dancediff.motion.representation import TCDIFFPP
 from dancediff.nn.dance_network import DanceNetwork
-from dancediff.nn.decoder import DanceDecoder
+from dancediff.nn.decoder import DanceDecoder, check_shapes
 
 SPACING = 1.2  # metres between the start slots, about as in the training data
 
@@ -99,12 +99,14 @@ class EDGE(DanceNetwork):
 
     def alone(self, x_t: Tensor, t: Tensor, conditions: Conditions):
         """The arguments of `forward`, with every dancer as a row of the batch."""
-        (b, n, f, d), c = x_t.shape, self.config
-        if d != c.motion_dim or not 1 <= f <= c.num_frames:
+        shape, c = tuple(x_t.shape), self.config
+        if len(shape) != 4 or shape[3] != c.motion_dim or not 1 <= shape[2] <= c.num_frames:
             raise ValueError(
-                f"x_t has shape {(b, n, f, d)}; expected (b, n, f, d) with f <= {c.num_frames}, "
+                f"x_t has shape {shape}; expected (b, n, f, d) with f <= {c.num_frames}, "
                 f"d = {c.motion_dim}"
             )
+        b, n, f, _ = shape
+        check_shapes(t=(t, (b,)), music=(conditions.music, (b, f, c.music_dim)))
         rows = replace(conditions, swap=None).each_row(n)
         return x_t.flatten(0, 1), t.repeat_interleave(n, 0), rows
 

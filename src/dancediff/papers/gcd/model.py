@@ -188,8 +188,8 @@ class GCD(DanceNetwork):
 
     def check(self, x_t: Tensor, t: Tensor, conditions: Conditions) -> None:
         """Refuse shapes that do not fit."""
+        check_group(x_t, self.config)
         (b, _, f, _), c = x_t.shape, self.config
-        check_group(x_t, c)
         check_shapes(t=(t, (b,)), music=(conditions.music, (b, f, c.music_dim)))
         if conditions.latent is not None:
             check_shapes(latent=(conditions.latent, (b, c.d_model)))

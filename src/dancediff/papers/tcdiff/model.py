@@ -163,8 +163,8 @@ class TCDiff(DanceNetwork):
 
     def check(self, x_t: Tensor, t: Tensor, conditions: Conditions) -> Tensor:
         """Refuse shapes that do not fit; returns the path."""
+        check_group(x_t, self.config)
         (b, n, f, _), c = x_t.shape, self.config
-        check_group(x_t, c)
         check_shapes(
             t=(t, (b,)),
             music=(conditions.music, (b, f, c.music_dim)),

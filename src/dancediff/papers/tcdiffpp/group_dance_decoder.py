@@ -159,8 +159,8 @@ class GroupDanceDecoder(MusicConditioning):
 
     def check(self, x_t: Tensor, t: Tensor, conditions: Conditions) -> None:
         """Refuse shapes that do not fit."""
+        check_group(x_t, self.config)
         (b, n, f, _), c = x_t.shape, self.config
-        check_group(x_t, c)
         check_shapes(
             t=(t, (b,)),
             music=(conditions.music, (b, f, c.music_dim)),

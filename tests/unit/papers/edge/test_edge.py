@@ -94,6 +94,20 @@ def test_order_of_dancers_means_nothing(model):
     torch.testing.assert_close(mirrored, model(x_t, t, Conditions(M, S)), atol=1e-5, rtol=1e-5)
 
 
+@pytest.mark.parametrize(
+    ("bad", "message"),
+    [
+        ({"x_t": torch.zeros(3, 20, 151)}, r"x_t has shape \(3, 20, 151\)"),
+        ({"t": torch.zeros(3, dtype=torch.long)}, r"t has shape \(3,\)"),
+        ({"M": torch.zeros(2, 30, 35)}, r"music has shape \(2, 30, 35\); expected \(2, 20, 35\)"),
+    ],
+)
+def test_wrong_shapes_are_named(model, bad, message):
+    given = dict(zip(("x_t", "t", "M", "S"), inputs(), strict=True)) | bad
+    with pytest.raises(ValueError, match=message):
+        model(given["x_t"], given["t"], Conditions(given["M"], given["S"]))
+
+
 def test_music_and_step_matter_and_dropped_music_does_not(model):
     x_t, t, M, S = inputs()
     base = model(x_t, t, Conditions(M, S))

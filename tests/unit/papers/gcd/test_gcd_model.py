@@ -132,6 +132,7 @@ def test_the_critics_score_depends_on_the_group():
     ("change", "match"),
     [
         ({"x_t": torch.zeros(2, 6, 20, 151)}, "x_t has shape"),
+        ({"x_t": torch.zeros(3, 20, 151)}, r"x_t has shape \(3, 20, 151\)"),
         ({"t": torch.zeros(3, dtype=torch.long)}, r"t has shape \(3,\)"),
         ({"music": torch.zeros(2, 19, 35)}, "music has shape"),
         ({"latent": torch.zeros(2, 3)}, "latent has shape"),
