@@ -19,6 +19,7 @@ from torch import Tensor, nn
 
 from dancediff.diffusion.conditions import Conditions
 from dancediff.nn.attention import Attention, FeedForward
+from dancediff.nn.precision import in_full
 
 
 class BatchInvariantLinear(nn.Linear):
@@ -107,12 +108,16 @@ def sinusoid(t: Tensor, channels: int) -> Tensor:
     Source: DDPM appendix B; halves (all sines, then all cosines) as in EDGE.
 
     Shapes: t (b,) -> (b, channels).
+    Raises: ValueError for channels that are not an even number.
 
     >>> sinusoid(torch.tensor([0]), 4)
     tensor([[0., 0., 1., 1.]])
     """
-    half = channels // 2
-    frequency = torch.exp(-math.log(10_000) * torch.arange(half, device=t.device) / (half - 1))
+    half, odd = divmod(channels, 2)
+    if odd:
+        raise ValueError(f"channels={channels} must be even: half of them are sines")
+    last = max(half - 1, 1)
+    frequency = torch.exp(-math.log(10_000) * torch.arange(half, device=t.device) / last)
     angle = t[:, None].float() * frequency
     return torch.cat([angle.sin(), angle.cos()], dim=-1)
 
@@ -139,7 +144,8 @@ class TimestepEncoder(nn.Module):
 
     def forward(self, t: Tensor) -> tuple[Tensor, Tensor]:
         """Both forms of the step."""
-        hidden = self.hidden(sinusoid(t, self.d_model))
+        waves = sinusoid(t, self.d_model).to(self.to_vector.weight)
+        hidden = self.hidden(waves)
         return self.to_vector(hidden), self.to_tokens(hidden).unflatten(-1, (2, -1))
 
 
@@ -194,7 +200,7 @@ class MusicEncoder(nn.Module):
     def _encode(self, M: Tensor) -> Tensor:
         M = rearrange(M, "b (k p) m -> b k (p m)", p=self.pool)
         frames = torch.arange(M.shape[1], device=M.device)
-        h = self.linear(M).float()  # the residual stream stays in float32 under autocast
+        h = in_full(self.linear(M))  # the residual stream stays in float32 under autocast
         for i, (attend, feed_forward) in enumerate(
             zip(self.attentions, self.feed_forwards, strict=True)
         ):
@@ -284,4 +290,4 @@ class MusicConditioning(nn.Module):
         music = torch.where(mask[:, None, None], music, self.null_music[:, : music.shape[1]])
         pooled = torch.where(mask[:, None], pooled, self.null_pooled.to(pooled.dtype))
         step, step_tokens = self.timestep(t)
-        return music.float(), step_tokens.float(), (step + pooled).float()
+        return in_full(music), in_full(step_tokens), in_full(step + pooled)

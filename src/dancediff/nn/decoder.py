@@ -19,6 +19,7 @@ from torch import Tensor, nn
 
 from dancediff.nn.attention import Attention, FeedForward
 from dancediff.nn.conditioning import FiLM, MusicConditioning
+from dancediff.nn.precision import in_full
 
 
 class DecoderLayer(nn.Module):
@@ -92,9 +93,9 @@ def frames_of_memory(num_tokens: int, music_frames: Tensor, *, first: int = 0) -
 
 
 def read_out(out: nn.Linear, h: Tensor) -> Tensor:
-    """From tokens (..., d_model) to motion (..., d), in float32: millimetres need it."""
+    """From tokens (..., d_model) to motion (..., d), in float32 or double: millimetres need it."""
     with torch.autocast(h.device.type, enabled=False):
-        return out(h.float())
+        return out(in_full(h))
 
 
 class FusionProjection(nn.Module):
@@ -201,7 +202,7 @@ class DanceDecoder(MusicConditioning):
 
         ``memory``: the music tokens first, then any that belong to no frame.
         """
-        h = h.float()  # the residual stream stays in float32 under autocast
+        h = in_full(h)  # the residual stream stays in float32 under autocast
         tokens = self.norm_memory(torch.cat(memory, dim=1))
         of_music = self.music_token_frames[: memory[0].shape[1]]
         of_tokens = frames_of_memory(tokens.shape[1], of_music)

@@ -11,6 +11,7 @@ import torch
 from torch import Tensor, nn
 
 from dancediff.nn.losses import mean
+from dancediff.nn.precision import in_full
 from dancediff.nn.quantizer import VectorQuantizer
 
 STAGES = 3  # each halves the number of frames
@@ -111,7 +112,7 @@ class Units(nn.Module):
     def forward(self, x: Tensor, generator: torch.Generator) -> tuple[Tensor, Tensor, Tensor]:
         """There and back; in training the codebook learns."""
         z_q, _, commitment = self.quantizer(self.encoder(x), generator)
-        return self.decoder(z_q).float(), z_q, commitment
+        return in_full(self.decoder(z_q)), z_q, commitment
 
     def codes(self, x: Tensor) -> Tensor:
         """The units of a motion, (b, f, c) -> (b, f / 8)."""
@@ -119,7 +120,7 @@ class Units(nn.Module):
 
     def motion(self, codes: Tensor) -> Tensor:
         """The motion of units, (b, u) -> (b, 8 u, c)."""
-        return self.decoder(self.quantizer.e[codes]).float()
+        return in_full(self.decoder(self.quantizer.e[codes]))
 
 
 def l_motion(x_hat: Tensor, x: Tensor) -> Tensor:

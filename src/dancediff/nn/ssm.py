@@ -17,6 +17,8 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
+from dancediff.nn.precision import in_full
+
 
 def selective_scan_ref(
     u: Tensor, delta: Tensor, A: Tensor, B: Tensor, C: Tensor, D_skip: Tensor
@@ -69,7 +71,7 @@ class _Scan(torch.autograd.Function):
             for here, decay in zip(states[part].unbind(), decays.unbind(), strict=True):
                 state = here.addcmul_(decay, state)
         ctx.save_for_backward(v, delta, A, B, C, states)
-        return (C.reshape(f * b, 1, -1) @ states.flatten(0, 1)).reshape(f, b, d)
+        return (C.flatten(0, 1)[:, None] @ states.flatten(0, 1)).reshape(f, b, d)
 
     @staticmethod
     @torch.autograd.function.once_differentiable
@@ -92,7 +94,7 @@ class _Scan(torch.autograd.Function):
             grad_delta[first : part.stop] = (through_decay * A).sum(2)
             grad_A += (through_decay * delta[first : part.stop, :, None]).sum((0, 1))
         grad_delta[0] = 0.0
-        grad_C = (states.flatten(0, 1) @ grad_y.reshape(-1, grad_y.shape[-1], 1)).reshape(C.shape)
+        grad_C = (states.flatten(0, 1) @ grad_y.flatten(0, 1)[..., None]).reshape(C.shape)
         return grad_v, grad_delta, grad_A, grad_B, grad_C
 
 
@@ -114,8 +116,9 @@ def selective_scan(
 ) -> Tensor:
     r"""`selective_scan_ref`, faster: the same loop with the gradient written by hand.
 
-    Differs: nothing but speed.  The official kernel is CUDA only; parallel scans, which look
-    cleverer, are several times slower than the loop on a CPU.
+    Differs: in speed only, but a gradient of a gradient needs `selective_scan_ref`.  The official
+    kernel is CUDA only; parallel scans, which look cleverer, are several times slower than the loop
+    on a CPU.
 
     Shapes: as `selective_scan_ref`.
 
@@ -167,7 +170,7 @@ class MambaBlock(nn.Module):
         dt_rank = self.x_proj.out_features - 2 * self.d_state
         dt, B, C = self.x_proj(u).split([dt_rank, self.d_state, self.d_state], dim=-1)
         with torch.autocast(u.device.type, enabled=False):  # errors of bfloat16 would pile up
-            y = self.scan(u.float(), dt.float(), B.float(), C.float())
+            y = self.scan(*(in_full(part) for part in (u, dt, B, C)))
         return self.out_proj(y.to(z.dtype) * F.silu(z))
 
     def scan(self, u: Tensor, dt: Tensor, B: Tensor, C: Tensor) -> Tensor:

@@ -1,3 +1,4 @@
+import copy
 from functools import partial
 
 import pytest
@@ -171,3 +172,12 @@ def test_mamba_has_the_papers_parameter_count():
 def test_wrong_options_are_named():
     with pytest.raises(ValueError, match="head_dim=24"):
         SSDBlock(16, head_dim=24)
+
+
+@BLOCKS
+def test_a_batch_may_be_empty_and_weights_may_be_double(make):
+    block, x = make(16), torch.randn(2, 9, 16)
+    assert block(x[:0]).shape == (0, 9, 16)
+    exact = copy.deepcopy(block).double()(x.double())
+    assert exact.dtype == torch.float64
+    torch.testing.assert_close(exact.float(), block(x), atol=1e-5, rtol=1e-4)

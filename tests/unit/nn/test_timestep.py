@@ -1,5 +1,6 @@
 import math
 
+import pytest
 import torch
 
 from dancediff.nn.conditioning import TimestepEncoder, sinusoid
@@ -23,3 +24,9 @@ def test_encoder_depends_on_the_step():
     assert torch.equal(tokens[0], tokens[1])
     assert (vector[0] - vector[2]).abs().max() > 0.01
     assert not torch.equal(tokens[0, 0], tokens[0, 1])
+
+
+def test_odd_channels_are_refused_and_two_are_enough():
+    with pytest.raises(ValueError, match="channels=3 must be even"):
+        sinusoid(torch.tensor([0]), 3)
+    assert sinusoid(torch.tensor([7]), 2)[0].tolist() == pytest.approx([math.sin(7), math.cos(7)])

@@ -20,6 +20,7 @@ from dancediff.lookup import table
 from dancediff.motion.contact import feet_low
 from dancediff.motion.skeleton import feet_of
 from dancediff.nn.decoder import DecoderLayer, frames_of_memory, read_out
+from dancediff.nn.precision import in_full
 
 FEATURES = 48  # 4 joints x 4 quantities x 3 numbers
 SCORE_HEIGHT = (0.12, 0.12, 0.08, 0.08)  # metres above the floor: ankles, toes
@@ -122,9 +123,9 @@ class FootRefine(nn.Module):
         """Every frame attends to its feet and to those of frames around it."""
         f = x_raw.shape[1]
         frames = torch.arange(f, device=x_raw.device)
-        memory = self.norm_memory(torch.cat([self.embed_feet(features).float(), steps], dim=1))
+        memory = self.norm_memory(torch.cat([in_full(self.embed_feet(features)), steps], dim=1))
         of_tokens = frames_of_memory(memory.shape[1], frames)  # feet belong to frames as music does
-        h = self.layer(self.embed(x_raw).float(), memory, cond, frames, of_tokens)
+        h = self.layer(in_full(self.embed(x_raw)), memory, cond, frames, of_tokens)
         return read_out(self.out, h)
 
 

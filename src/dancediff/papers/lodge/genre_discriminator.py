@@ -20,6 +20,7 @@ from torch import Tensor, nn
 from dancediff.genre import FINEDANCE
 from dancediff.nn.attention import FeedForward
 from dancediff.nn.mapping_network import MappingNetwork
+from dancediff.nn.precision import in_full
 
 
 @dataclass(frozen=True)
@@ -121,7 +122,7 @@ class GenreDiscriminator(nn.Module):
         for name, value in (("x", x), ("M", M)):
             if value.shape[1] != f:
                 raise ValueError(f"{name} has {value.shape[1]} frames; the discriminator knows {f}")
-        h = torch.cat([self.embed_music(M), self.embed_motion(x)], dim=1).float()
+        h = in_full(torch.cat([self.embed_music(M), self.embed_motion(x)], dim=1))
         for i, (attend, feed_forward) in enumerate(
             zip(self.attentions, self.feed_forwards, strict=True)
         ):

@@ -20,6 +20,7 @@ from dancediff.genre import FINEDANCE
 from dancediff.motion.representation import LODGE, joints_of
 from dancediff.nn.dance_network import DanceNetwork
 from dancediff.nn.decoder import DanceDecoder, check_shapes
+from dancediff.nn.precision import in_full
 from dancediff.papers.lodge.foot_refine import FootRefine, NoFootRefine, foot_features
 from dancediff.papers.lodge.style import StyleToken
 
@@ -99,7 +100,7 @@ class LocalDenoiser(DanceNetwork):
         self.check(x_t, t, conditions)
         music, steps, cond = self.decoder.condition(t, conditions)
         assert conditions.style is not None  # `check` has looked
-        memory = [music, steps, conditions.style.float()[:, None]]
+        memory = [music, steps, in_full(conditions.style)[:, None]]
         h = self.decoder(self.decoder.embed(x_t), memory, cond, self.frames)
         x_raw = self.decoder.read(h)
         return x_raw, x_raw + self.foot_refine(x_raw, self.feet(x_raw), steps, cond)
@@ -111,7 +112,7 @@ class LocalDenoiser(DanceNetwork):
     def feet(self, x_raw: Tensor) -> Tensor:
         """`foot_features` of normalised motion (b, f, d), in float32: they are millimetres."""
         with torch.autocast(x_raw.device.type, enabled=False):
-            return foot_features(joints_of(self.normalizer.unnormalize(x_raw.float()), LODGE))
+            return foot_features(joints_of(self.normalizer.unnormalize(in_full(x_raw)), LODGE))
 
     def check(self, x_t: Tensor, t: Tensor, conditions: Conditions) -> None:
         """Refuse shapes that do not fit."""

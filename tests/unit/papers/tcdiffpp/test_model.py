@@ -10,6 +10,7 @@ from dancediff.diffusion.schedule import cosine_abar
 from dancediff.extensions.build import build
 from dancediff.extensions.preconditioning import preconditioning_of
 from dancediff.papers.tcdiffpp.footwork_adaptor import ground_velocity
+from dancediff.papers.tcdiffpp.losses import tcdiffpp_losses
 from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 
 
@@ -145,3 +146,18 @@ def test_paper_size(max_dancers, millions):
 def test_sizes_that_no_network_has_are_refused(sizes):
     with pytest.raises(ValueError, match=rf"{next(iter(sizes))}=.* must lie in 1 \.\.\."):
         TCDiffPPConfig(**sizes)
+
+
+def test_gradients_can_be_checked_in_double():
+    """Of the whole network, losses included: x_t against differences of the loss."""
+    torch.manual_seed(0)
+    sizes = {"d_model": 8, "num_heads": 2, "num_layers": 1, "ff_dim": 8, "fusion_hidden": 8}
+    model = TCDiffPP(TCDiffPPConfig(**sizes, footwork_hidden=8)).double()
+    x_0, t = torch.rand(1, 2, 3, 151).double(), torch.tensor([7])
+    conditions = Conditions(torch.randn(1, 3, 35).double(), swap=torch.arange(2)[None])
+
+    def loss(x_t):
+        return tcdiffpp_losses(*model(x_t, t, conditions), x_0, model.normalizer)["total"]
+
+    x_t = torch.randn(1, 2, 3, 151).double().requires_grad_()
+    assert torch.autograd.gradcheck(loss, x_t, fast_mode=True)
