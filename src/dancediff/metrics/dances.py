@@ -28,18 +28,21 @@ def find_dances(sources) -> list[Source]:
     A source is a file, a folder or a prepared folder, see `dancediff.io.dance_files`, or a `Motion`
     or `DanceTake`, which stays as it is.
 
-    Raises: ValueError naming a path that does not exist or holds no dance.
+    Raises: ValueError naming a path that does not exist or holds no dance, or what is neither.
 
     >>> find_dances(["nowhere.npz"])
     Traceback (most recent call last):
         ...
     ValueError: 'nowhere.npz' does not exist; name a dance or a folder of dances
     """
-    one = isinstance(sources, str | Path | Motion | DanceTake)
+    one = isinstance(sources, str | os.PathLike | Motion | DanceTake)
     found: dict = {}
     for source in [sources] if one else sources:
         if isinstance(source, Motion | DanceTake):
             found[id(source)] = source
+        elif not isinstance(source, str | os.PathLike):
+            kind = type(source).__name__
+            raise ValueError(f"dances has a {kind}; give each a Motion, a DanceTake or a path")
         else:
             found |= {path.resolve(): path for path in files().find(source)}
     if not found:

@@ -307,6 +307,8 @@ def test_bad_arguments(dances, options, words):
 
 
 def test_no_dances(tmp_path):
+    with pytest.raises(ValueError, match="dances has a Tensor; give each a Motion"):
+        evaluate_dances(torch.zeros(2, 9, 24, 3))
     with pytest.raises(ValueError, match="list is empty"):
         find_dances([])
     with pytest.raises(ValueError, match=r"holds no dance"):
