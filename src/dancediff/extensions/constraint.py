@@ -47,7 +47,7 @@ class Constraint:
     the free entries where the network guessed them, so that feet slide and roots jump at the edge.
 
     Shapes: mask, value, slack (n, f, d).
-    Raises: ValueError when shapes differ or a known value is not finite.
+    Raises: ValueError when mask is not bool, shapes differ or a known value is not finite.
 
     >>> mask = torch.zeros(1, 150, 1, dtype=torch.bool)
     >>> mask[:, 149] = True                                    # be at 1 in the last frame
@@ -63,6 +63,8 @@ class Constraint:
     slack: Tensor = None  # type: ignore[assignment] # None becomes zeros
 
     def __post_init__(self):
+        if self.mask.dtype != torch.bool:  # numbers would pick entries by their place
+            raise ValueError(f"mask holds {self.mask.dtype}; give mask.bool(), True where known")
         if self.slack is None:
             object.__setattr__(self, "slack", torch.zeros_like(self.value))
         for name in ("value", "slack"):

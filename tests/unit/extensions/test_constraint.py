@@ -184,6 +184,9 @@ def test_errors():
         Constraint(mask, torch.zeros(1, 4, 1))
     with pytest.raises(ValueError, match="not finite"):
         Constraint(mask, torch.full((1, 5, 1), torch.nan))
+    for numbers in (mask.float(), mask.long()):
+        with pytest.raises(ValueError, match=r"mask holds torch.*give mask.bool\(\)"):
+            Constraint(numbers, torch.zeros(1, 5, 1))
 
 
 def test_a_segment_starts_from_the_last_frames_of_its_context():
