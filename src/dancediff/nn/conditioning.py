@@ -222,7 +222,8 @@ CACHED = 16  # encodings that an encoder keeps: the parts of a dance of five min
 def cached_music(model: nn.Module) -> Iterator[None]:
     """Inside, every `MusicEncoder` of a model encodes the same music only once.
 
-    A sampler asks for the same segment at every step. Weights must not change meanwhile.
+    A sampler asks for the same segment at every step. Neither weights nor music, which is known by
+    its place in memory, may change meanwhile.
 
     >>> encoder = MusicEncoder(35, 16, num_heads=2, ff_dim=32)
     >>> M = torch.randn(2, 9, 35)
