@@ -9,6 +9,7 @@ compared with each of the others, as Lodge is with other methods in its user stu
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from os import PathLike
 from pathlib import Path
 
 from dancediff import hub
@@ -75,10 +76,10 @@ def pairs_of(
         raise ValueError(f"seconds={seconds} must be above 0, such as 20")
     if len(systems) < 2:
         raise ValueError(f"{len(systems)} systems are given; a comparison needs two or more")
-    names = _names(systems)
     how = {"seconds": seconds, "dancers": dancers, "progress": progress}
     for system in systems:
         _is_model(system)  # refuses what is neither, before another one has danced for minutes
+    names = _names(systems)
     all_dances = [_dances_of(system, songs, **how) for system in systems]
     pairs = []
     for name, dances in zip(names[1:], all_dances[1:], strict=True):
@@ -119,6 +120,9 @@ def _dances_of(system, songs: dict, **how) -> dict[str, list[Motion]]:
 
 def _is_model(system) -> bool:
     """Whether it is a model, or else a folder of dances, or a ValueError."""
+    if not isinstance(system, str | PathLike):
+        kind = type(system).__name__
+        raise ValueError(f"a system is a {kind}; give a folder of dances or the name of a model")
     if str(system) in hub.packaged_models() or (Path(system) / "config.json").is_file():
         return True
     if Path(system).exists():

@@ -82,6 +82,10 @@ def test_what_cannot_be_compared_is_refused(tmp_path):
         pairs_of([a, a], SONGS)
     with pytest.raises(ValueError, match="neither a folder of dances nor a model"):
         pairs_of([a, "nobody"], SONGS)
+    with pytest.raises(
+        ValueError, match="a system is a Music; give a folder of dances or the name"
+    ):
+        pairs_of([a, next(iter(SONGS.values()))], SONGS)
     with pytest.raises(ValueError, match="'nobody' is neither"):
         pairs_of(["tcdiffpp", "nobody"], {})  # before the model is asked for its songs
     with pytest.raises(ValueError, match="model 'tcdiffpp' needs songs"):
