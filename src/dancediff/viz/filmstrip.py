@@ -7,6 +7,7 @@ Read first: `dancediff.viz.body`, which gives the dancers their shapes, and
 import numpy as np
 
 from dancediff.motion.motion import Motion
+from dancediff.music.song import as_song
 from dancediff.viz.body import (
     body_points,
     dancer_shapes,
@@ -126,7 +127,8 @@ def plot_noise_filmstrip(
 
 
 def beat_frames(motion: Motion, song) -> np.ndarray:
-    """Frames of the song's beats, (k,); none without a song."""
+    """Frames of the beats of a song or of the one in a path, (k,); none without a song."""
+    song = as_song(song)
     return np.zeros(0, int) if song is None else np.round(song.beats() * motion.fps).astype(int)
 
 

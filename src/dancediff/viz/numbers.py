@@ -10,6 +10,7 @@ from dancediff.axes import FPS
 from dancediff.motion.representation import TCDIFFPP
 from dancediff.motion.skeleton import SMPL24, forward_kinematics
 from dancediff.music.features import BEATS, CHROMA, MFCC, ONSET, PEAKS, beat_times
+from dancediff.music.song import needed_song
 from dancediff.viz.palette import BEAT, INK, MUTED, dancer_color, ink_on, mix
 from dancediff.viz.style import bare, new_axes, set_title
 
@@ -71,8 +72,9 @@ def _draw_onset(ax, M: np.ndarray) -> None:
 
 
 def plot_waveform(song, *, ax=None, start: float = 0.0, stop: float | None = None, title=None):
-    """The sound itself: largest and smallest sample of each short stretch."""
+    """The sound of a `Music` or a path: largest and smallest sample of each short stretch."""
     ax = new_axes(ax, (7.6, 1.2))
+    song = needed_song(song)
     part = song.slice(start, min(stop or song.duration, song.duration)).audio.mean(1)
     columns = np.array_split(part, min(1200, len(part)))
     low, high = ([fn(c) for c in columns] for fn in (np.min, np.max))
@@ -110,7 +112,7 @@ def plot_barcode(x, *, ax=None, title: str | None = None):
     that a row without change is grey.
     """
     ax = new_axes(ax, (7.6, 3.4))
-    x = np.asarray(torch.as_tensor(x).float())
+    x = np.asarray(torch.as_tensor(x).detach().float().cpu())  # a guess still has its graph
     low, high = x.min(0), x.max(0)
     scaled = np.where(high - low > 1e-6, (x - low) / np.maximum(high - low, 1e-6) * 2 - 1, 0)
     stop = len(x) / FPS

@@ -144,6 +144,8 @@ def test_filmstrip_has_moments_in_rows(dance):
 
 def test_filmstrip_names_the_beats_of_the_song(dance):
     assert any("beat" in name for name in texts(plots.plot_filmstrip(dance, song=click_song())))
+    with pytest.raises(ValueError, match="song is a list; give a Music or a path"):
+        plots.plot_filmstrip(dance, song=[0.5, 1.0])
 
 
 def test_filmstrip_page_has_moments_floor_and_feet(dance):
@@ -262,7 +264,7 @@ def test_skeleton_numbers_every_joint():
 
 
 def test_barcode_shows_every_feature(dance):
-    ax = plots.plot_barcode(dance.features()[0])
+    ax = plots.plot_barcode(dance.features()[0].requires_grad_())  # as a guess has it
     assert ax.images[0].get_array().shape == (151, dance.num_frames)
 
 
