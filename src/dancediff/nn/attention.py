@@ -18,6 +18,15 @@ from torch import Tensor, nn
 ROPE_BASE = 10_000.0  # EDGE and the RoPE paper
 
 
+def in_full(x: Tensor) -> Tensor:
+    """Numbers with seven digits at least, whatever autocast made of them; double stays double.
+
+    >>> in_full(torch.zeros(1).bfloat16()).dtype, in_full(torch.zeros(1).double()).dtype
+    (torch.float32, torch.float64)
+    """
+    return x if x.dtype == torch.float64 else x.float()
+
+
 def rope_frequencies(channels: int) -> Tensor:
     r"""Turning speed of every channel pair, in radians per frame: $\theta_i = 10000^{-2i/c}$.
 

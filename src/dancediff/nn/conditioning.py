@@ -18,8 +18,7 @@ from einops import rearrange
 from torch import Tensor, nn
 
 from dancediff.diffusion.conditions import Conditions
-from dancediff.nn.attention import Attention, FeedForward
-from dancediff.nn.precision import in_full
+from dancediff.nn.attention import Attention, FeedForward, in_full
 
 
 class BatchInvariantLinear(nn.Linear):
@@ -113,11 +112,11 @@ def sinusoid(t: Tensor, channels: int) -> Tensor:
     >>> sinusoid(torch.tensor([0]), 4)
     tensor([[0., 0., 1., 1.]])
     """
-    half, odd = divmod(channels, 2)
-    if odd:
+    half = channels // 2
+    if channels % 2:
         raise ValueError(f"channels={channels} must be even: half of them are sines")
-    last = max(half - 1, 1)
-    frequency = torch.exp(-math.log(10_000) * torch.arange(half, device=t.device) / last)
+    steps = torch.arange(half, device=t.device) / max(half - 1, 1)
+    frequency = torch.exp(-math.log(10_000) * steps)
     angle = t[:, None].float() * frequency
     return torch.cat([angle.sin(), angle.cos()], dim=-1)
 
@@ -144,8 +143,7 @@ class TimestepEncoder(nn.Module):
 
     def forward(self, t: Tensor) -> tuple[Tensor, Tensor]:
         """Both forms of the step."""
-        waves = sinusoid(t, self.d_model).to(self.to_vector.weight)
-        hidden = self.hidden(waves)
+        hidden = self.hidden(sinusoid(t, self.d_model).to(self.to_vector.weight))
         return self.to_vector(hidden), self.to_tokens(hidden).unflatten(-1, (2, -1))
 
 

@@ -17,9 +17,8 @@ import torch.nn.functional as F
 from einops import rearrange, repeat
 from torch import Tensor, nn
 
-from dancediff.nn.attention import Attention, FeedForward
+from dancediff.nn.attention import Attention, FeedForward, in_full
 from dancediff.nn.conditioning import FiLM, MusicConditioning
-from dancediff.nn.precision import in_full
 
 
 class DecoderLayer(nn.Module):

@@ -15,7 +15,7 @@ import torch
 from torch import Tensor
 
 from dancediff.motion.representation import TCDIFFPP, MotionSpec, Normalizer, joints_of
-from dancediff.nn.precision import in_full
+from dancediff.nn.attention import in_full
 
 
 class TermWeights(Protocol):

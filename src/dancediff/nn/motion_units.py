@@ -10,8 +10,8 @@ Symbols (axes: b batch · f frames · u codes, one for eight frames · c channel
 import torch
 from torch import Tensor, nn
 
+from dancediff.nn.attention import in_full
 from dancediff.nn.losses import mean
-from dancediff.nn.precision import in_full
 from dancediff.nn.quantizer import VectorQuantizer
 
 STAGES = 3  # each halves the number of frames

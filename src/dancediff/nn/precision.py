@@ -20,15 +20,6 @@ TRIES, PATIENCE = 15, 0.2  # and seconds after which a slow processor tries no m
 WORTH_IT = 1.2  # times as fast, or the digits are kept
 
 
-def in_full(x: Tensor) -> Tensor:
-    """Numbers with seven digits at least, whatever autocast made of them; double stays double.
-
-    >>> in_full(torch.zeros(1).bfloat16()).dtype, in_full(torch.zeros(1).double()).dtype
-    (torch.float32, torch.float64)
-    """
-    return x if x.dtype == torch.float64 else x.float()
-
-
 def chosen_dtype(name: str | None, device) -> torch.dtype | None:
     """What the ``dtype`` of a request means on a device: "fastest" is tried out, the rest is taken.
 

@@ -17,7 +17,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
-from dancediff.nn.precision import in_full
+from dancediff.nn.attention import in_full
 
 
 def selective_scan_ref(

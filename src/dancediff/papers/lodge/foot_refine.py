@@ -19,8 +19,8 @@ from dancediff.axes import FPS, ON_FLOOR
 from dancediff.lookup import table
 from dancediff.motion.contact import feet_low
 from dancediff.motion.skeleton import feet_of
+from dancediff.nn.attention import in_full
 from dancediff.nn.decoder import DecoderLayer, frames_of_memory, read_out
-from dancediff.nn.precision import in_full
 
 FEATURES = 48  # 4 joints x 4 quantities x 3 numbers
 SCORE_HEIGHT = (0.12, 0.12, 0.08, 0.08)  # metres above the floor: ankles, toes

@@ -18,9 +18,8 @@ from einops import rearrange
 from torch import Tensor, nn
 
 from dancediff.genre import FINEDANCE
-from dancediff.nn.attention import FeedForward
+from dancediff.nn.attention import FeedForward, in_full
 from dancediff.nn.mapping_network import MappingNetwork
-from dancediff.nn.precision import in_full
 
 
 @dataclass(frozen=True)

@@ -18,9 +18,9 @@ from torch import Tensor
 from dancediff.diffusion.conditions import Conditions
 from dancediff.genre import FINEDANCE
 from dancediff.motion.representation import LODGE, joints_of
+from dancediff.nn.attention import in_full
 from dancediff.nn.dance_network import DanceNetwork
 from dancediff.nn.decoder import DanceDecoder, check_shapes
-from dancediff.nn.precision import in_full
 from dancediff.papers.lodge.foot_refine import FootRefine, NoFootRefine, foot_features
 from dancediff.papers.lodge.style import StyleToken
 

@@ -15,9 +15,9 @@ import torch
 from torch import Tensor, nn
 
 from dancediff.diffusion.conditions import Conditions
+from dancediff.nn.attention import in_full
 from dancediff.nn.conditioning import BatchInvariantLinear, MusicConditioning
 from dancediff.nn.decoder import FusionProjection, check_group, check_shapes, read_out
-from dancediff.nn.precision import in_full
 from dancediff.papers.tcdiffpp.sequence_decoder import SequenceDecoder
 
 
