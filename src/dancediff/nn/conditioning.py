@@ -115,8 +115,7 @@ def sinusoid(t: Tensor, channels: int) -> Tensor:
     half = channels // 2
     if channels % 2:
         raise ValueError(f"channels={channels} must be even: half of them are sines")
-    steps = torch.arange(half, device=t.device) / max(half - 1, 1)
-    frequency = torch.exp(-math.log(10_000) * steps)
+    frequency = torch.exp(-math.log(1e4) * torch.arange(half, device=t.device) / max(half - 1, 1))
     angle = t[:, None].float() * frequency
     return torch.cat([angle.sin(), angle.cos()], dim=-1)
 
