@@ -123,11 +123,11 @@ def capsules(xy: np.ndarray, scale: np.ndarray, grow: float = 0.0, trim=0.0) -> 
     return centre + ((radii + grow) * pixels)[..., None] * ring
 
 
-def dancer_shapes(points: np.ndarray, camera: Camera, *, halo: float = 0.012):
+def dancer_shapes(points: np.ndarray, camera: Camera, *, halo: float = 0.012, dancer=None):
     """Filled outlines of all dancers in one frame, from back to front.
 
     Every dancer is a white silhouette with a dark rim, then limb by limb; far limbs are darker, and
-    a light face tells front from back.
+    a light face tells front from back. ``dancer``: all of them are poses of this one.
 
     Shapes: points (n, 30, 3) -> list of (outlines (k, v, 2), RGBA).
     """
@@ -140,7 +140,7 @@ def dancer_shapes(points: np.ndarray, camera: Camera, *, halo: float = 0.012):
     names = list(LIMBS)
     shapes = []
     for i in np.argsort(core):  # far dancers first
-        color = dancer_color(i)
+        color = dancer_color(i if dancer is None else dancer)
         dark = (*mix(color, INK, 0.55), 1.0)
         shapes += [(white[i], (*rgb(PAPER), 0.9)), (rim[i], dark)]
         for m in np.argsort(near[i] + list(_BIAS.values())):

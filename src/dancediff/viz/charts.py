@@ -11,8 +11,8 @@ from dancediff.metrics.drift import POSE_WINDOW
 from dancediff.metrics.posture import POSTURE
 from dancediff.motion.beats import mean_speed
 from dancediff.motion.motion import Motion
-from dancediff.viz.palette import BEAT, INK, MUTED, dancer_color
-from dancediff.viz.style import bare, new_axes, set_title
+from dancediff.viz.palette import BEAT, INK, MUTED, dancer_color, dash
+from dancediff.viz.style import bare, new_axes, set_legend, set_title
 
 DRIFT_COLUMNS = 4
 LANES = {"x": "x lateral (m)", "z": "z depth (m)"}
@@ -41,10 +41,12 @@ def plot_energy(
                        label=None if k else name)  # fmt: skip
     for seam in seams:
         ax.axvline(seam / fps, color=MUTED, lw=1, ls="--")
-    ax.vlines([b for b in beats if b <= motion.duration], 0, 0.06 * v.max(), color=BEAT, lw=1)
+    top = float(np.nan_to_num(v).max()) or 1.0  # also of a statue
+    ax.vlines([b for b in beats if b <= motion.duration], 0, 0.06 * top, color=BEAT, lw=1)
     if len(hard) or len(soft):
-        ax.legend(frameon=False, fontsize=8, ncols=2, loc="lower right", bbox_to_anchor=(1, 1))
+        set_legend(ax, ncols=2, loc="lower right", bbox_to_anchor=(1, 1))
     bare(ax).set(xlim=(0, motion.duration), xlabel="time (s)", ylabel="speed (m/s)")
+    ax.set_ylim(0, max(1.05 * top, ax.get_ylim()[1]))  # as a neighbour may share it
     return set_title(ax, title)
 
 
@@ -111,14 +113,13 @@ def plot_drift(drifts, *, ax=None, title=None):
         panel = bare(ax.inset_axes(where))
         for line, (label, one) in enumerate(drifts.items()):
             middle = one.seconds + POSE_WINDOW / 2
-            panel.plot(
-                middle, one[name], "o-", ms=2.5, lw=1.3, color=dancer_color(line), label=label
-            )
+            look = {"ls": dash(line), "color": dancer_color(line), "label": label}
+            panel.plot(middle, one[name], marker="o", ms=2.5, lw=1.3, **look)
         panel.set_ylim(bottom=0)
         panel.set_title(f"{name} ({POSTURE[name][1]})", loc="left", fontsize=8, color=INK)
         if row == rows - 1:
             panel.set_xlabel("time (s)")
     if len(drifts) > 1:
         handles, labels = panel.get_legend_handles_labels()
-        ax.legend(handles, labels, frameon=False, fontsize=8, loc="lower right")
+        set_legend(ax, handles, labels, loc="lower right")
     return set_title(ax, title)

@@ -24,20 +24,24 @@ PAGE = 9.6  # inches
 _LINE = 0.2  # inches that a line of text above a picture takes
 
 
-def plot_moment(points: np.ndarray, camera: Camera, *, ax=None, numbers: bool = True, title=None):
+def plot_moment(
+    points: np.ndarray, camera: Camera, *, ax=None, numbers: bool = True, dancer=None, title=None
+):
     """All dancers at one moment, seen by a camera.
+
+    ``dancer``: all bodies are poses of this one, and have its colour.
 
     Shapes: points (n, 30, 3) metres, from `body.body_points` -> Axes.
     """
     width, height = camera.size
     ax = new_axes(ax, (4.0, 4.0 * height / width))
-    _draw_moment(ax, points, camera, numbers=numbers)
+    _draw_moment(ax, points, camera, numbers=numbers, dancer=dancer)
     ax.set(xlim=(0, width), ylim=(0, height), aspect="equal")
     ax.axis("off")
     return set_title(ax, title)
 
 
-def _draw_moment(ax, points, camera: Camera, *, at=(0.0, 0.0), numbers=True) -> None:
+def _draw_moment(ax, points, camera: Camera, *, at=(0.0, 0.0), numbers=True, dancer=None) -> None:
     """A moment as a picture as large as the camera's, its lower left corner ``at`` a place."""
     from matplotlib.collections import PathCollection
     from matplotlib.patches import Rectangle
@@ -51,7 +55,8 @@ def _draw_moment(ax, points, camera: Camera, *, at=(0.0, 0.0), numbers=True) -> 
         extent=(x, x + width, y, y + height), origin="lower", interpolation="bilinear",
     )  # fmt: skip
     shapes = grid_shapes(camera, width=0.016) + shadow_shapes(points, camera)
-    paths, faces = to_paths(shapes + dancer_shapes(points, camera, halo=0.016))
+    shapes += dancer_shapes(points, camera, halo=0.016, dancer=dancer)
+    paths, faces = to_paths(shapes)
     bodies = PathCollection(paths, facecolors=faces, linewidths=0)
     bodies.set_transform(Affine2D().translate(x, y) + ax.transData)
     ax.add_collection(bodies, autolim=False)
@@ -59,7 +64,7 @@ def _draw_moment(ax, points, camera: Camera, *, at=(0.0, 0.0), numbers=True) -> 
     if numbers:
         for k, spot in enumerate(camera.project(label_spots(points))[0]):
             tone = mix(dancer_color(k), INK, 0.3)
-            ax.text(x + spot[0], y + spot[1], str(k), ha="center", va="center", fontsize=7,
+            ax.text(x + spot[0], y + spot[1], str(k), ha="center", va="center", fontsize=8,
                     color=tone, clip_on=True)  # fmt: skip
 
 
@@ -97,6 +102,8 @@ def plot_filmstrip(motion: Motion, *, ax=None, count: int = 8, song=None, title:
     points = body_points(motion)
     cameras = _cameras(points, motion.fps)
     rows, size = _layout(count, cameras[0])
+    if ax is not None:
+        rows = _rows_in(ax, count, cameras[0].size)
     ax = new_axes(ax, size)
     beats = beat_frames(motion, song)
     shown = moments(motion.num_frames, count, beats)
@@ -154,15 +161,30 @@ def _draw_strip(ax, pictures, names, rows: int, *, numbers: bool = True) -> None
     width, height = pictures[0][1].size
     columns = -(-len(pictures) // rows)
     step_x = 1.02 * width
-    inches = ax.get_window_extent().width / ax.get_figure(root=True).dpi
-    step_y = height + _LINE * columns * step_x / max(inches, 1.0)
+    step_y = height + _LINE / _inches_a_unit(ax, rows, columns, (width, height))
     for k, ((points, camera), name) in enumerate(zip(pictures, names, strict=True)):
         x, y = k % columns * step_x, (rows - 1 - k // columns) * step_y
         _draw_moment(ax, points, camera, at=(x, y), numbers=numbers)
         ax.annotate(name, (x, y + height), (0, 3), textcoords="offset points", fontsize=9,
-                    color=MUTED)  # fmt: skip
+                    color=MUTED, parse_math=False)  # fmt: skip
     ax.set(xlim=(0, columns * step_x - 0.02 * width), ylim=(0, rows * step_y), aspect="equal")
     ax.axis("off")
+
+
+def _inches_a_unit(ax, rows: int, columns: int, size) -> float:
+    """How large a strip is in an Axes: as wide as it, or as high, with a line above each row."""
+    inches = ax.get_window_extent().size / ax.get_figure(root=True).dpi
+    wide, high = np.maximum((inches[0], inches[1] - rows * _LINE), 0.5)
+    return float(min(wide / (1.02 * size[0] * columns), high / (size[1] * rows)))
+
+
+def _rows_in(ax, count: int, size) -> int:
+    """Rows in which moments are largest in an Axes that is there already."""
+
+    def scale(rows: int) -> float:
+        return _inches_a_unit(ax, rows, -(-count // rows), size)
+
+    return max(range(1, count + 1), key=scale)
 
 
 def _rows(count: int, shape: float) -> int:

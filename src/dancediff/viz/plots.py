@@ -108,7 +108,8 @@ def save_filmstrip(motion: Motion, path, song=None) -> Path:
 def plot_floor_paths(motion: Motion, *, ax=None, title: str | None = None):
     """Where every dancer went, from above; the audience sits below.
 
-    A ring marks the start, a filled disc with the dancer's number the end; a grid line every metre.
+    A ring marks the start, a filled disc with the dancer's number the end; a grid line every metre,
+    or fewer where somebody goes far.
 
     Shapes: motion.root (n, f, 3) metres -> Axes.
     """
@@ -120,16 +121,18 @@ def plot_floor_paths(motion: Motion, *, ax=None, title: str | None = None):
         color = dancer_color(k)
         ax.plot(path[:, 0], path[:, 2], color=color, lw=2, solid_capstyle="round", zorder=2)
         ax.plot(*path[0, ON_FLOOR], "o", ms=15, mfc="none", mec=color, mew=1.5, zorder=3)
-        ax.plot(*path[-1, ON_FLOOR], "o", ms=13, color=color, mec="white", zorder=4)
+        end = 4 + k / len(root)  # a disc over another hides its number, too
+        ax.plot(*path[-1, ON_FLOOR], "o", ms=13, color=color, mec="white", zorder=end)
         ax.annotate(
             str(k), path[-1, ON_FLOOR], ha="center", va="center", fontsize=8,
-            color=ink_on(color), fontweight="bold", zorder=5,
+            color=ink_on(color), fontweight="bold", zorder=end,
         )  # fmt: skip
-    (x0, x1), (z0, z1) = ((root[..., c].min() - 0.5, root[..., c].max() + 0.5) for c in (0, 2))
+    edge = max(0.5, 0.06 * float(np.ptp(root[..., ON_FLOOR], axis=(0, 1)).max()))
+    (x0, x1), (z0, z1) = ((root[..., c].min() - edge, root[..., c].max() + edge) for c in (0, 2))
     pad_x, pad_z = (max(0.0, (2.2 - side) / 2) for side in (x1 - x0, z1 - z0))
     # z grows downwards in the picture, towards the audience
     ax.set(xlim=(x0 - pad_x, x1 + pad_x), ylim=(z1 + pad_z, z0 - pad_z))
-    step = 1 if max(x1 - x0, z1 - z0) < 8 else 2
+    step = grid_step(float(max(x1 - x0, z1 - z0)))
     ax.xaxis.set_major_locator(MultipleLocator(step))
     ax.yaxis.set_major_locator(MultipleLocator(step))
     ax.grid(color=GRID, lw=0.6)
@@ -137,6 +140,16 @@ def plot_floor_paths(motion: Motion, *, ax=None, title: str | None = None):
     ax.set(xlabel="x lateral (m), audience on this side", ylabel="z depth (m)", facecolor=FLOOR)
     ax.set_aspect("equal", anchor="NW")
     return set_title(bare(ax, keep=()), title)
+
+
+def grid_step(metres: float) -> int:
+    """Metres between the grid lines of a floor so wide: 1, 2 or 5 or ten times as many.
+
+    >>> [grid_step(wide) for wide in (3, 9, 30, 70, 3000)]
+    [1, 2, 5, 10, 500]
+    """
+    steps = (k * 10**power for power in range(9) for k in (1, 2, 5))
+    return next((step for step in steps if metres < 8 * step), 10**9)
 
 
 def plot_contact_strip(motion: Motion, *, ax=None, beats=(), title: str | None = None):
@@ -151,6 +164,7 @@ def plot_contact_strip(motion: Motion, *, ax=None, beats=(), title: str | None =
     feet = (
         motion.contacts().numpy().reshape(motion.num_dancers, -1, 2, 2).max(2)
     )  # (n, f, left/right)
+    size = 8 if motion.num_dancers <= 5 else 6  # of the letters beside the lanes
     for k in range(motion.num_dancers):
         color = np.array(rgb(dancer_color(k)))
         for side in range(2):
@@ -163,7 +177,7 @@ def plot_contact_strip(motion: Motion, *, ax=None, beats=(), title: str | None =
             )  # fmt: skip
             ax.text(
                 -0.008, low + 0.18, "LR"[side], transform=ax.get_yaxis_transform(),
-                ha="right", va="center", fontsize=6.5, color=MUTED,
+                ha="right", va="center", fontsize=size, color=MUTED,
             )  # fmt: skip
     for beat in beats:
         if beat <= motion.duration:

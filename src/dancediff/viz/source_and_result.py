@@ -19,7 +19,8 @@ Source = tuple[Tensor, tuple[int, ...], float]  # joints (f, j, 3) metres, paren
 def draw_source_and_result(name: str, sources: list[Source], motion: Motion, folder: Path) -> None:
     """Write FOLDER/NAME.png: the source's own bones above, the retargeted dance below.
 
-    Both are seen from the front, at ``COUNT`` moments, over a line at their lowest joint.
+    Both are seen from the front, at ``COUNT`` moments and at one scale, over a line at their lowest
+    joint.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -30,24 +31,42 @@ def draw_source_and_result(name: str, sources: list[Source], motion: Motion, fol
     seconds = (np.arange(COUNT) + 0.5) / COUNT * motion.num_frames / motion.fps
     joints, parents = motion.joints(), motion.skeleton.parents
     results = [(points, parents, motion.fps) for points in joints]
+    panels = []
     for row, (label, dancers) in enumerate((("source", sources), ("result", results))):
         floor = min(points[..., 1].min().item() for points, _, _ in dancers)
         for ax, second in zip(axes[row], seconds, strict=True):
-            _draw(ax, dancers, second, floor)
-            ax.set_title(f"{second:.1f} s", fontsize=8, color=MUTED)
+            panels.append((ax, floor, *_draw(ax, dancers, second, floor)))
+            ax.set_title(f"{second:.1f} s", fontsize=9, color=MUTED)
         axes[row, 0].set_ylabel(label, color=INK)
     figure.suptitle(name, fontsize=10, color=INK, parse_math=False)
-    save_figure(figure, folder / f"{name}.png", dpi=80)
+    _share_scale(panels)
+    save_figure(figure, folder / f"{name}.png", dpi=100)
 
 
-def _draw(ax, dancers: list[Source], second: float, floor: float) -> None:
-    """The bones of all dancers at one moment, from the front, and a line at height ``floor``."""
+def _share_scale(panels: list[tuple]) -> None:
+    """As many metres in all panels ``(axes, floor, left, right, top)``, whoever is in them."""
+    half = 0.55 * max(right - left for _, _, left, right, _ in panels)
+    high = max(top - floor for _, floor, _, _, top in panels)
+    for ax, floor, left, right, _ in panels:
+        middle = (left + right) / 2
+        ax.set(xlim=(middle - half, middle + half), ylim=(floor - 0.1 * high, floor + 1.1 * high))
+
+
+def _draw(ax, dancers: list[Source], second: float, floor: float) -> tuple[float, float, float]:
+    """The bones of all dancers at one moment, from the front, and a line at height ``floor``.
+
+    Returns how far to the left, to the right and upwards they reach.
+    """
     ax.axhline(floor, color=MUTED, linewidth=0.8)
+    reach = []
     for k, (points, parents, fps) in enumerate(dancers):
         p = points[min(int(second * fps), len(points) - 1)].numpy()
         bones = [(j, parent) for j, parent in enumerate(parents) if parent >= 0]
         x, y = (np.array([[p[a, c], p[b, c], np.nan] for a, b in bones]).ravel() for c in (0, 1))
         ax.plot(x, y, color=dancer_color(k), linewidth=1.5)
+        reach.append((p[:, 0].min(), p[:, 0].max(), p[:, 1].max()))
     ax.set_aspect("equal", adjustable="datalim")
     ax.set(xticks=[], yticks=[])
     ax.spines[:].set_visible(False)
+    left, right, top = zip(*reach, strict=True)
+    return float(min(left)), float(max(right)), float(max(top))

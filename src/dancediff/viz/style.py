@@ -26,17 +26,27 @@ def bare(ax, *, keep=("left", "bottom")):
     for side, spine in ax.spines.items():
         spine.set_visible(side in keep)
         spine.set_color(GRID)
-    ax.tick_params(colors=MUTED, labelsize=8, length=3)
+    ax.tick_params(which="both", colors=MUTED, labelsize=8)  # "both": a log axis has minor ticks
+    ax.tick_params(length=3)
     ax.xaxis.label.set(color=MUTED, fontsize=9)
     ax.yaxis.label.set(color=MUTED, fontsize=9)
     return ax
 
 
 def set_title(ax, title: str | None):
-    """A finding, flush left above the picture."""
+    """A finding, flush left above the picture; a "$" in it begins no formula."""
     if title:
-        ax.set_title(title, loc="left", fontsize=10, color=INK, fontweight="bold")
+        style = {"fontsize": 10, "color": INK, "fontweight": "bold"}
+        ax.set_title(title, loc="left", parse_math=False, **style)
     return ax
+
+
+def set_legend(ax, *of, **look):
+    """A legend without a frame; a "$" in a name begins no formula."""
+    legend = ax.legend(*of, **{"frameon": False, "fontsize": 8} | look)
+    for text in legend.get_texts():
+        text.set_parse_math(False)
+    return legend
 
 
 def as_png(figure, dpi: float | str = "figure") -> bytes:

@@ -3,9 +3,11 @@
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+import torch
 
 from dancediff.data.choreographer import choreograph
 from dancediff.motion.beats import mean_speed
+from dancediff.motion.motion import Motion
 from dancediff.papers.lodge.primitives import primitives_of
 from dancediff.viz import charts
 
@@ -28,6 +30,15 @@ def test_energy_is_the_mean_joint_speed_with_its_primitives():
     assert [t.get_text() for t in ax.get_legend().get_texts()] == ["hard", "soft"]
     assert len(ax.patches) == 13
     assert ax.patches[1].get_x() == pytest.approx(int(frames[3, 0]) / 30)
+
+
+def test_speed_begins_at_0_also_of_a_statue_and_beside_a_faster_dance():
+    pose, root = torch.eye(3).expand(1, 30, 24, 3, 3), torch.zeros(1, 30, 3)
+    run = root + torch.arange(30.0)[:, None] * torch.tensor([0.1, 0, 0])
+    _, axes = plt.subplots(1, 2, sharey=True)
+    charts.plot_energy(Motion(pose, run), ax=axes[0])
+    charts.plot_energy(Motion(pose, root), ax=axes[1], beats=[0.5])
+    assert axes[0].get_ylim()[0] == 0 and axes[0].get_ylim()[1] > 3
 
 
 def test_hard_and_soft_frames_differ_without_colour():

@@ -16,11 +16,12 @@ from dancediff.metrics.posture import POSTURE
 from dancediff.motion.motion import Motion
 from dancediff.music.features import LATE
 from dancediff.music.song import Music
-from dancediff.viz import body, plots
+from dancediff.viz import body, plots, source_and_result
 from dancediff.viz.body import body_points
 from dancediff.viz.palette import DANCER_COLORS, dancer_color, rgb
 from dancediff.viz.projection import Camera, follow
 from dancediff.viz.source_and_result import draw_source_and_result
+from dancediff.viz.style import as_png
 
 
 @pytest.fixture(scope="module")
@@ -55,6 +56,51 @@ def test_a_name_is_no_formula(tmp_path):
     draw_source_and_result(song.name.replace("\\", ""), bones, still(), tmp_path)
     draw_source_and_result("$^$", bones, still(), tmp_path)
     assert (tmp_path / "$^$.png").exists()
+    name, drift = r"$\frac$", Drift(np.ones((len(POSTURE), 2)), np.arange(2.0))
+    ax = plots.plot_noise_filmstrip([still(), still()], [name, name], title=name)
+    assert as_png(ax.figure) and as_png(plots.plot_drift({name: drift, "b": drift}).figure)
+
+
+def test_rows_of_a_strip_are_those_that_its_axes_have_room_for(dance):
+    _, axes = plt.subplots(2, 1, figsize=(7, 6), height_ratios=[1, 4])
+    flat, high = (plots.plot_filmstrip(dance, ax=ax, count=4) for ax in axes)
+    assert len({image.get_extent()[2] for image in flat.images}) == 1
+    assert len({image.get_extent()[2] for image in high.images}) == 2
+    high.apply_aspect()
+    low, top = ({image.get_extent()[k] for image in high.images} for k in (2, 3))
+    gap = high.transData.transform([(0, max(low)), (0, min(top))])[:, 1]
+    assert gap[0] - gap[1] > 9 / 72 * high.figure.dpi  # a line of text, between the rows
+
+
+def test_discs_on_the_floor_hide_each_other_with_their_numbers():
+    ax = plots.plot_floor_paths(still(3))
+    discs = [line.get_zorder() for line in ax.lines if line.get_markersize() == 13]
+    assert discs == sorted(set(discs)) == [text.get_zorder() for text in ax.texts]
+
+
+def test_a_wide_floor_has_few_lines():
+    far = torch.zeros(1, 3, 3)
+    far[0, :, 0] = torch.tensor([0.0, 30, 600])
+    ax = plots.plot_floor_paths(Motion(torch.eye(3).expand(1, 3, 24, 3, 3), far))
+    assert len(ax.get_xticks()) < 12 and ax.get_xlim()[0] < -30  # discs are whole
+
+
+def test_poses_of_one_dancer_have_one_colour():
+    points, camera = body_points(still(3))[:, 0], Camera((0, 1, 5), (0, 1, 0), (90, 90), 100)
+    colors = {tuple(c) for _, c in body.dancer_shapes(points, camera, dancer=1)}
+    assert colors == {tuple(c) for _, c in body.dancer_shapes(points[:1], camera, dancer=1)}
+    assert rgb(dancer_color(1)) in {c[:3] for c in colors}
+
+
+def test_source_and_result_are_drawn_at_one_scale(dance, tmp_path, monkeypatch):
+    shown = []
+    monkeypatch.setattr(
+        source_and_result, "save_figure", lambda figure, *a, **k: shown.append(figure)
+    )
+    bones = [(joints, dance.skeleton.parents, dance.fps) for joints in dance.joints()]
+    draw_source_and_result("trio", bones, dance, tmp_path)
+    wide = {round(float(np.ptp(ax.get_xlim())), 4) for ax in shown[0].axes}
+    assert len(wide) == 1 and len({ax.get_ylim() for ax in shown[0].axes}) == 1
 
 
 def test_dancers_stay_apart_in_greyscale():
