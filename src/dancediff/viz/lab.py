@@ -66,9 +66,11 @@ def sampling_panel(model, song, *, report=None, **options):
     figure = new_figure(8.2, 4.2)
     top, bottom = figure.subfigures(2, 1, height_ratios=[1, 1.1])
     shown = np.unique(np.linspace(0, len(guesses) - 1, GUESSES).round().astype(int))
-    camera = follow(body_points(guesses[-1])[:, middle : middle + 1], (320, 320), margin=0.8)[0]
-    for ax, k in zip(top.subplots(1, len(shown), squeeze=False)[0], shown, strict=True):
-        plot_moment(body_points(guesses[k])[:, middle], camera, ax=ax, numbers=False)
+    points = [body_points(guesses[k])[:, middle] for k in shown]
+    camera = follow(np.concatenate(points)[:, None], (320, 320), margin=0.9)[0]  # sees them all
+    panels = top.subplots(1, len(shown), squeeze=False)[0]
+    for ax, k, bodies in zip(panels, shown, points, strict=True):
+        plot_moment(bodies, camera, ax=ax, numbers=False)
         ax.set_title(f"step {k + 1}", loc="left", fontsize=9, color=MUTED, pad=3)
     ax = bare(bottom.subplots())
     ax.plot(range(1, len(away) + 1), 100 * np.array(away), "o-", ms=3, color=dancer_color(0))
@@ -146,7 +148,8 @@ def cue_panel(model, song, *, report=None, **options):
     plot_energy(dance, ax=energy, beats=beats, seams=dance.meta["seams"])
     colors = ListedColormap([PAPER, *(mix(PAPER, kind, SHADE[kind]) for kind in (SOFT, HARD))])
     extent = (0, dance.duration, len(times) - 0.5, 0.5)
-    cues.imshow(ribbon, aspect="auto", cmap=colors, vmin=0, vmax=2, extent=extent)
+    look = {"aspect": "auto", "interpolation": "nearest"}
+    cues.imshow(ribbon, cmap=colors, vmin=0, vmax=2, extent=extent, **look)
     bare(cues).set(xlabel="time (s)", ylabel="step of the sampler")
     energy.set_xlabel("")
     score = beat_alignment(dance.joints(), beats[beats < dance.duration], direction="music")

@@ -63,7 +63,7 @@ def _draw_onset(ax, M: np.ndarray) -> None:
     """Onset strength as a hill, its peaks as marks above, the beats as lines."""
     ax.fill_between(np.arange(len(M)) / FPS, M[:, ONSET.start], color=dancer_color(0), alpha=0.75,
                     lw=0)  # fmt: skip
-    top = max(float(M[:, ONSET.start].max()), 1e-6)
+    top = float(M[:, ONSET.start].max()) or 1.0  # also of silence
     peaks = np.flatnonzero(M[:, PEAKS.start] > 0.5)
     ax.plot(peaks / FPS, np.full(len(peaks), 1.08 * top), "v", ms=3, color=MUTED)
     for beat in np.flatnonzero(M[:, BEATS.start] > 0.5) / FPS:
@@ -95,7 +95,7 @@ def plot_beats(M, beats=None, *, truth=None, ax=None, title: str | None = None):
     M = np.asarray(M)
     beats = beat_times(torch.as_tensor(M)) if beats is None else np.asarray(beats)
     onset = M[:, ONSET.start]
-    top = max(float(onset.max()), 1e-6)
+    top = float(onset.max()) or 1.0  # also of silence
     ax.fill_between(np.arange(len(M)) / FPS, onset, color=dancer_color(0), alpha=0.7, lw=0)
     ax.vlines(beats, 0, 1.1 * top, color=BEAT, lw=1.2, label="detected beat")
     if truth is not None:
@@ -109,7 +109,7 @@ def plot_barcode(x, *, ax=None, title: str | None = None):
     """A dance as features: one row a feature, one column a frame.
 
     Shapes: x (f, 151) of one dancer, any scale -> Axes. Each row is scaled by its own range, so
-    that a row without change is grey.
+    that a row without change is pale throughout.
     """
     ax = new_axes(ax, (7.6, 3.4))
     x = np.asarray(torch.as_tensor(x).detach().float().cpu())  # a guess still has its graph
@@ -145,14 +145,15 @@ def plot_schedule(abar, *, t=None, ax=None, title: str | None = None):
     ax.plot(steps, np.sqrt(abar), color=dancer_color(0), lw=2.2)
     ax.plot(steps, np.sqrt(1 - abar), color=dancer_color(4), lw=2.2, ls="--")
     end = len(abar) - 1
-    for height, name, k in ((0.93, "signal  √ᾱ", 0), (0.36, "noise  √(1−ᾱ)", 4)):
+    for at, height, name, k in ((0.36, 0.93, "signal  √ᾱ", 0), (0.28, 0.34, "noise  √(1−ᾱ)", 4)):
         ax.text(
-            0.28 * end, height, name, color=dancer_color(k), fontsize=9, fontweight="bold",
+            at * end, height, name, color=dancer_color(k), fontsize=9, fontweight="bold",
             zorder=4, bbox={"facecolor": ax.get_facecolor(), "edgecolor": "none", "pad": 1},
         )  # fmt: skip
     if t is not None:
         ax.axvline(t, color=INK, lw=1)
-        ax.plot([t, t], [abar[t] ** 0.5, (1 - abar[t]) ** 0.5], "o", color=INK, ms=5)
+        weights = [abar[t] ** 0.5, (1 - abar[t]) ** 0.5]
+        ax.plot([t, t], weights, "o", color=INK, ms=5, clip_on=False)
     ax.set(xlim=(0, end), ylim=(0, 1.05), xlabel="noise level t", ylabel="weight")
     return set_title(bare(ax), title)
 
@@ -163,15 +164,15 @@ def plot_skeleton(*, ax=None, title: str | None = None):
     It stands in the T-pose and faces you, so the left side of the body (blue) is on the right of
     the picture. Returns the Axes.
     """
-    ax = new_axes(ax, (5.2, 4.4))
+    ax = new_axes(ax, (6.2, 6.0))
     joints = forward_kinematics(torch.eye(3).expand(24, 3, 3), torch.zeros(3))
     xy = np.asarray(joints)[:, :2]
     side = {"l": dancer_color(0), "r": dancer_color(4)}
     colors = [INK if n[0] not in side or n in ("root",) else side[n[0]] for n in SMPL24.names]
     for parent, child in SMPL24.bones:
         ax.plot(*xy[[parent, child]].T, color=mix(colors[child], "#FFFFFF", 0.45), lw=5, zorder=1)
-    ax.scatter(*xy.T, s=150, color=colors, edgecolor="white", zorder=2)
-    look = {"fontsize": 6.5, "fontweight": "bold", "zorder": 3}
+    ax.scatter(*xy.T, s=170, color=colors, edgecolor="white", zorder=2)
+    look = {"fontsize": 8, "fontweight": "bold", "zorder": 3}
     for j, (spot, color) in enumerate(zip(xy, colors, strict=True)):
         ax.annotate(str(j), spot, ha="center", va="center", color=ink_on(color), **look)
     ax.set_aspect("equal")

@@ -71,7 +71,7 @@ def pose_panel(joint: str = "lshoulder", x: float = 0, y: float = 0, z: float = 
     for k, value in enumerate(d6.tolist()):
         numbers.text(0.03 if value <= 0 else -0.03, k, f"{value:+.2f}", va="center", fontsize=9,
                      ha="left" if value <= 0 else "right", color=INK)  # fmt: skip
-    set_title(bare(numbers), f"{joint}: the first two rows of its matrix")
+    set_title(bare(numbers), f"{joint}: rows 1, 2 of its matrix")  # a widget cuts what is wider
     return figure
 
 
