@@ -13,7 +13,7 @@ import numpy as np
 
 from dancediff.viz.palette import GRID, INK, MUTED, dancer_color, dash
 from dancediff.viz.still import as_output, show_with_still
-from dancediff.viz.style import as_png, bare, set_title
+from dancediff.viz.style import as_png, bare, set_legend, set_title
 
 POINTS = 300  # of a curve: more steps are averaged
 NOT_LOSSES = ("step", "seconds", "lr", "gradient", "validation")
@@ -156,7 +156,8 @@ def draw_curves(folder: Path):
         axes = parts[1].subplots(rows, METRICS_A_ROW, squeeze=False).ravel()
         for ax, name in zip(axes, names, strict=False):
             bare(ax).plot(metrics["step"], metrics[name], "o-", ms=2.5, lw=1.2, color=INK)
-            ax.set_title(name, loc="left", fontsize=8, color=MUTED)
+            ax.set_title(name, loc="left", fontsize=8, color=MUTED, parse_math=False)
+        parts[1].supxlabel("steps", fontsize=9, color=MUTED)
         for ax in axes[len(names) :]:
             ax.axis("off")
     if strips:
@@ -170,26 +171,31 @@ def _draw_log(part, log: dict[str, np.ndarray]) -> None:
     """Losses, validation loss, and learning rate with the gradient."""
     losses, validation, speed = part.subplots(1, 3)
     steps = log.get("step", np.zeros(0)) + 1
+    mark = {"marker": "o", "ms": 2.5} if len(steps) == 1 else {}  # a line needs two points
     for k, name in enumerate(name for name in log if name not in NOT_LOSSES):
         line = {"color": INK, "lw": 1.6} if name == "total" else {"color": dancer_color(k), "lw": 1}
-        losses.plot(*_thinned(steps, log[name]), dash(k), label=name, **line)
+        losses.plot(*_thinned(steps, log[name]), ls=dash(k), label=name, **line, **mark)
     if (log.get("total", np.zeros(1)) > 0).all():  # as it is of most losses
         losses.set_yscale("log", nonpositive="mask")
-    losses.legend(frameon=False, fontsize=7, ncols=2, loc="upper right")
-    set_title(bare(losses), f"After {len(steps)} steps").set(xlabel="steps", ylabel="loss")
+    set_legend(losses, loc="center left", bbox_to_anchor=(1, 0.5))  # beside the curves, not on them
+    said = "1 step" if len(steps) == 1 else f"{len(steps)} steps"
+    set_title(bare(losses), f"After {said}").set(xlabel="steps", ylabel="loss")
     found = ~np.isnan(log.get("validation", np.zeros(len(steps)) + np.nan))
     if found.any():
         at, values = steps[found], log["validation"][found]
         best = int(values.argmin())
         validation.plot(at, values, "o-", ms=2.5, lw=1.2, color=INK)
         validation.axvline(at[best], color=GRID, lw=1, ls="--")
-        set_title(validation, f"Validation is best at {at[best]:.0f}: {values[best]:.3g}")
+        set_title(validation, f"Best at {at[best]:.0f}: {values[best]:.3g}")
     else:
         set_title(validation, "No validation (yet)")
     bare(validation).set(xlabel="steps", ylabel="validation loss")
     rate = bare(speed).twinx()
-    speed.plot(*_thinned(steps, log.get("gradient", steps * np.nan)), lw=1, color=MUTED)
-    rate.plot(*_thinned(steps, log.get("lr", steps * np.nan)), "--", lw=1.6, color=dancer_color(0))
+    for ax, name, look in (
+        (speed, "gradient", {"lw": 1, "color": MUTED}),
+        (rate, "lr", {"lw": 1.6, "color": dancer_color(0), "ls": "--"}),
+    ):
+        ax.plot(*_thinned(steps, log.get(name, steps * np.nan)), **look, **mark)
     bare(rate, keep=("right",)).set_ylabel("learning rate (dashed)")
     speed.set(xlabel="steps", ylabel="gradient")
     set_title(speed, "Gradient and learning rate")

@@ -38,7 +38,7 @@ def test_every_number_is_drawn(run):
     assert losses.get_yscale() == "log" and losses.get_title("left") == "After 100 steps"
     np.testing.assert_allclose(losses.lines[1].get_ydata(), 2 / np.arange(1, 101), rtol=1e-4)
     assert list(validation.lines[0].get_xdata()) == [20, 40, 60, 80, 100]
-    assert validation.get_title("left") == "Validation is best at 40: 1"
+    assert validation.get_title("left") == "Best at 40: 1"
     assert speed.lines[0].get_ydata().max() == 6 and set(rate.lines[0].get_ydata()) == {0.001}
     assert list(fid.lines[0].get_ydata()) == [9, 8] and gmr.get_title("left") == "GMR"
     assert not any(ax.axison for ax in empty)
@@ -51,6 +51,16 @@ def test_a_run_that_has_just_begun_is_drawn(tmp_path):
     assert figure.axes[0].get_title("left") == "After 0 steps" and as_png(figure)
     write_log(tmp_path, 10)
     assert "No validation" in dd.learning_curves(tmp_path).figure().axes[1].get_title("left")
+
+
+def test_names_of_losses_stand_beside_the_curves_and_one_step_is_a_dot(tmp_path):
+    write_log(tmp_path, 1)
+    figure = dd.learning_curves(tmp_path).figure()
+    figure.draw_without_rendering()
+    losses = figure.axes[0]
+    assert losses.get_legend().get_window_extent().x0 >= losses.get_window_extent().x1
+    assert losses.get_title("left") == "After 1 step"
+    assert [line.get_marker() for line in losses.lines] == ["o", "o"]
 
 
 def test_many_steps_are_averaged(tmp_path):
