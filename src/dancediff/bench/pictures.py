@@ -11,8 +11,8 @@ import numpy as np
 from dancediff.bench.results import budget_of
 from dancediff.motion.motion import Motion
 from dancediff.viz.filmstrip import plot_filmstrip, strip_height
-from dancediff.viz.palette import DANCER_COLORS
-from dancediff.viz.style import bare, save_figure
+from dancediff.viz.palette import dancer_color, dash
+from dancediff.viz.style import bare, save_figure, set_legend
 
 MOMENTS = 6  # of a strip
 
@@ -23,6 +23,7 @@ def draw_quality(points: list[dict], metrics: Sequence[str], path: Path) -> None
     ``points``: those of `dancediff.bench.model_bench.ModelBench.points`, at least one.
     """
     import matplotlib.pyplot as plt
+    from matplotlib.ticker import EngFormatter, LogLocator, NullFormatter
 
     lengths = list(points[0]["scores"])
     shape = (len(metrics), 2 * len(lengths))
@@ -32,12 +33,15 @@ def draw_quality(points: list[dict], metrics: Sequence[str], path: Path) -> None
         for panel, (frames, x) in zip(row, axes, strict=True):
             for k, config in enumerate(dict.fromkeys(p["config"] for p in points)):
                 line = mean_line([p for p in points if p["config"] == config], metric, frames, x)
-                color = DANCER_COLORS[k % len(DANCER_COLORS)]
-                panel.plot(*line, "o-", ms=3, lw=1.2, color=color, label=config)
+                look = {"color": dancer_color(k), "ls": dash(k), "label": config}
+                panel.plot(*line, marker="o", ms=3, lw=1.2, **look)
             words = "seconds of computing" if x == "spent" else "dancer windows"
             bare(panel).set(xscale="log", xlabel=words)
+            panel.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+            panel.xaxis.set_major_formatter(EngFormatter(sep=""))
+            panel.xaxis.set_minor_formatter(NullFormatter())  # they would write over each other
             panel.set_title(f"{metric}, {frames} frames", loc="left", fontsize=8)
-    panels[0, 0].legend(frameon=False, fontsize=7)
+    set_legend(panels[0, 0], fontsize=7)
     figure.tight_layout()
     path.parent.mkdir(parents=True, exist_ok=True)
     save_figure(figure, path, dpi=110)
