@@ -22,6 +22,7 @@ from dancediff.viz.network_trace import Call, call_lodge, call_tcdiffpp, trace
 from dancediff.viz.palette import GRID, INK, MUTED, PAPER, dancer_color
 
 WIDTH = 700
+SHOWN = 940  # pixels in a notebook that has as many: letters are as large as those around
 LIT, LIGHT = dancer_color(0), "#DCEBF6"  # of what is lit: its border and its ground
 GROUND = "#F2F4F7"  # of what is not
 FONT = "Helvetica, Arial, 'Liberation Sans', sans-serif"
@@ -53,7 +54,7 @@ class NetworkPicture:
         code = base64.b64encode(self.svg.encode()).decode()
         links = "".join(self._link(box) for box in self.weights)
         return (
-            f'<div style="position:relative;max-width:{WIDTH}px">'
+            f'<div style="position:relative;max-width:{SHOWN}px">'
             f'<img alt="{escape(self.about)}" style="width:100%;display:block" '
             f'src="data:image/svg+xml;base64,{code}">{links}</div>'
         )
