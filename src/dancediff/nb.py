@@ -48,7 +48,10 @@ def setup(lesson: int) -> None:
     torch.manual_seed(lesson)
     import matplotlib as mpl
 
-    mpl.rcParams.update({"figure.dpi": 100, "font.size": 9, "axes.titlesize": 10})
+    from dancediff.viz.palette import DANCER_COLORS
+
+    look = {"figure.dpi": 100, "font.size": 9, "axes.titlesize": 10}
+    mpl.rcParams.update(look | {"axes.prop_cycle": mpl.cycler(color=DANCER_COLORS)})
     try:
         shell = get_ipython()  # type: ignore[name-defined]
     except NameError:
@@ -184,14 +187,18 @@ def _bar_pair(bars, title: str):
     from matplotlib.figure import Figure
 
     from dancediff.viz.palette import dancer_color
-    from dancediff.viz.style import bare, set_title
+    from dancediff.viz.style import bare, set_legend, set_title
 
     figure = Figure(figsize=(6.4, 2.2), layout="constrained")
     ax = figure.subplots()
     for k, (values, name) in enumerate(zip(bars, ("yours", "expected"), strict=True)):
-        x = np.arange(len(values)) + 0.4 * k
-        ax.bar(x, values, width=0.38, color=dancer_color(k), label=name)
-    ax.legend(fontsize=8, frameon=False)
+        x = np.arange(len(values)) + 0.4 * k - 0.2
+        seen = np.isfinite(values)
+        label = name if seen.all() else f"{name} ({(~seen).sum()} nan or infinite)"
+        ax.bar(x, np.where(seen, values, np.nan), width=0.38, color=dancer_color(k), label=label)
+    ax.set(xlabel="place in the result, flattened", ylabel="value")
+    ax.xaxis.get_major_locator().set_params(integer=True, min_n_ticks=1)
+    set_legend(ax, loc="center left", bbox_to_anchor=(1, 0.5))
     set_title(bare(ax), title)
     return figure
 

@@ -5,6 +5,7 @@ import subprocess
 import sys
 from itertools import pairwise
 
+import matplotlib
 import numpy as np
 import pytest
 import torch
@@ -14,6 +15,7 @@ from near_misses.lesson_10 import along_dancers, slices_a_list
 
 from dancediff import nb
 from dancediff.motion.rotation import rot6d_to_matrix
+from dancediff.viz.palette import DANCER_COLORS
 from places import BOOKS
 
 LESSONS = sorted(BOOKS.glob("*.ipynb"))
@@ -183,6 +185,17 @@ def test_show_draws_numbers_or_says_why_not(exercise, capsys):
         assert "judged by what it achieves" in out
     else:
         assert figure is not None and out == ""
+
+
+def test_show_says_how_many_numbers_have_no_bar():
+    ax = nb.show("04.1", lambda x_t, eps, t, abar: x_t / 0).axes[0]
+    yours, expected = (text.get_text() for text in ax.get_legend().get_texts())
+    assert yours.startswith("yours (24 ") and expected == "expected" and ax.get_xlabel()
+
+
+def test_lessons_draw_in_the_colours_of_dancers():
+    nb.setup(4)
+    assert matplotlib.rcParams["axes.prop_cycle"].by_key()["color"] == list(DANCER_COLORS)
 
 
 def test_show_says_what_is_wrong_where_nothing_is_drawn(capsys):
