@@ -114,7 +114,7 @@ def written(text: str) -> str:
     return MADE.sub(lambda m: f"{m[1]}\n{table_of(m[2])}\n{m[3]}", text)
 
 
-WIDTH, LEFT, BOX, TEXT, LINE = 900, 90, 300, 420, 18
+WIDTH, LEFT, BOX, TEXT, LINE = 900, 90, 314, 420, 18
 STAGES = (  # title, what the papers do there, kinds of extensions
     ("Music", "35 features a frame, 30 frames a second", ()),
     ("Noise", "random numbers in the shape of a segment", ()),
