@@ -50,7 +50,8 @@ class Canvas:
         in_view = np.concatenate([self.points, label_spots(self.points)[:, :, None]], axis=2)
         self.cameras = follow(in_view, size, fps=motion.fps)
         self.beats = np.zeros(0) if song is None else song.beats()
-        self.unit = size[1] / 720  # line widths and letters scale with the picture
+        # letters scale with the picture, but can be read in a small one
+        self.unit = max(size[1] / 720, min(0.6, size[0] / 600))
         self.figure = Figure(figsize=(size[0] / 100, size[1] / 100), dpi=100)
         self.canvas = FigureCanvasAgg(self.figure)
         self.axes = self.figure.add_axes((0, 0, 1, 1))
@@ -79,7 +80,9 @@ class Canvas:
         )  # fmt: skip
         at = (24 * self.unit, 22 * self.unit)
         style = self._font(19) | {"color": MUTED, "parse_math": False}  # "$" in a name
-        self.axes.text(*at, title, **style)
+        letters = _letters(19 * self.unit)
+        room = self.size[0] - 3 * at[0] - letters.getlength("000.0 s   beat 0000")
+        self.axes.text(*at, _shortened(title, letters, room), **style)
 
     def frame(self, position: float) -> np.ndarray:
         """The picture at a frame number, RGBA (h, w, 4) uint8; fractions are blended."""
@@ -129,6 +132,14 @@ def _letters(pixels: float):
 
     font = Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"
     return ImageFont.truetype(font, pixels)
+
+
+def _shortened(name: str, font, width: float) -> str:
+    """A name that is no wider than so many pixels; "…" stands for what is left out."""
+    short = name
+    while short and font.getlength(short if short == name else f"{short}…") > width:
+        short = short[:-1]
+    return name if short == name else f"{short.rstrip()}…"
 
 
 def _print(picture, at, text: str, ink, font, anchor: str) -> None:

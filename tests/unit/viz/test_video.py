@@ -102,6 +102,13 @@ def test_a_name_is_no_formula(dance):
     assert canvas.frame(0).shape == (90, 160, 4)
 
 
+def test_a_long_name_leaves_room_for_the_clock():
+    font = video._letters(19)
+    short = video._shortened("long " * 60, font, 200)
+    assert short.endswith("…") and 150 < font.getlength(short) <= 200
+    assert video._shortened("short", font, 200) == "short"
+
+
 def test_beats_pulse():
     motion = Motion(torch.eye(3).expand(1, 30, 24, 3, 3), torch.zeros(1, 30, 3))
     canvas = video.Canvas(motion, size=SMALL)
