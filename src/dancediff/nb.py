@@ -47,11 +47,12 @@ def setup(lesson: int) -> None:
         del _status[key]
     torch.manual_seed(lesson)
     import matplotlib as mpl
+    from matplotlib.rcsetup import cycler
 
     from dancediff.viz.palette import DANCER_COLORS
 
-    look = {"figure.dpi": 100, "font.size": 9, "axes.titlesize": 10}
-    mpl.rcParams.update(look | {"axes.prop_cycle": mpl.cycler(color=DANCER_COLORS)})
+    mpl.rcParams.update({"figure.dpi": 100, "font.size": 9, "axes.titlesize": 10})
+    mpl.rcParams["axes.prop_cycle"] = cycler(color=list(DANCER_COLORS))
     try:
         shell = get_ipython()  # type: ignore[name-defined]
     except NameError:
@@ -185,6 +186,7 @@ def show(exercise: str, answer=None):
 
 def _bar_pair(bars, title: str):
     from matplotlib.figure import Figure
+    from matplotlib.ticker import MaxNLocator
 
     from dancediff.viz.palette import dancer_color
     from dancediff.viz.style import bare, set_legend, set_title
@@ -197,7 +199,7 @@ def _bar_pair(bars, title: str):
         label = name if seen.all() else f"{name} ({(~seen).sum()} nan or infinite)"
         ax.bar(x, np.where(seen, values, np.nan), width=0.38, color=dancer_color(k), label=label)
     ax.set(xlabel="place in the result, flattened", ylabel="value")
-    ax.xaxis.get_major_locator().set_params(integer=True, min_n_ticks=1)
+    ax.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
     set_legend(ax, loc="center left", bbox_to_anchor=(1, 0.5))
     set_title(bare(ax), title)
     return figure
