@@ -49,6 +49,7 @@ class ExtendedGlobalDenoiser(Extended, GlobalDenoiser):
     def __init__(self, config: LodgeConfig, extensions: Sequence[str]):
         c = config.global_stage
         super().__init__(c)
+        self.extensions = tuple(extensions)
         self.style_film = "style_film" in extensions
         own = [name for name in extensions if name in OF_GLOBAL]
         self.parts = parts_of(c, own, c.num_frames // c.clips)
@@ -92,6 +93,7 @@ class ExtendedLocalDenoiser(Extended, LocalDenoiser):
 
     def __init__(self, config: LocalConfig, extensions: Sequence[str]):
         super().__init__(config)
+        self.extensions = tuple(extensions)
         self.parts = parts_of(config, extensions)
         self.frame_tokens = frame_tokens(self.decoder, config, extensions)
         self.style_film = "style_film" in extensions

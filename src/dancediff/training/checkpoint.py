@@ -16,6 +16,8 @@ from safetensors import SafetensorError, safe_open
 from torch import nn
 
 from dancediff.atomic import save_tensors, tensor_name
+from dancediff.extensions.build import extensions_of
+from dancediff.extensions.genre_condition import genres_of
 from dancediff.nn.dance_network import NormalizedNetwork
 from dancediff.training.config import TrainConfig
 from dancediff.training.ema import EMA, Network
@@ -97,7 +99,8 @@ class Checkpointer:
 
 def facts_of(model: NormalizedNetwork, config: TrainConfig, data: str) -> dict:
     """What a checkpoint says of its training; ``data`` changes with what is learned from."""
-    facts = {"train": asdict(config), "model": asdict(model.config), "data": data}
+    names = {"extensions": extensions_of(model), "genres": genres_of(model)}
+    facts = {"train": asdict(config), "model": asdict(model.config) | names, "data": data}
     return json.loads(json.dumps(facts))
 
 

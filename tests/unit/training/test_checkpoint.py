@@ -5,8 +5,12 @@ import torch
 from safetensors import safe_open
 from torch import nn
 
-from dancediff.training.checkpoint import Checkpointer
+from dancediff.extensions.build import build
+from dancediff.papers.edge.model import EDGE, EDGEConfig
+from dancediff.training.checkpoint import Checkpointer, facts_of
+from dancediff.training.config import TrainConfig
 from dancediff.training.ema import EMA
+from dancediff.training.optimizer import make_optimizer
 
 
 def parts(seed=0, width=3):
@@ -76,3 +80,21 @@ def test_what_is_no_checkpoint_is_named(saved, damage):
         path.write_bytes(path.read_bytes()[: 200 if damage == "cut" else 0])
     with pytest.raises(ValueError, match=r"c\.safetensors is no checkpoint"):
         Checkpointer(path, **parts(width=4 if damage == "other model" else 3), facts={}).load()
+
+
+def test_other_extensions_or_genres_are_another_model(tmp_path):
+    """Some extensions have no weights, and genres may change places: both went on in silence."""
+    sizes = EDGEConfig(d_model=16, num_heads=2, num_layers=1, ff_dim=32, num_frames=5)
+
+    def checkpointer(extensions, genres):
+        model, config = build(EDGE, sizes, ["genre_condition", *extensions], genres), TrainConfig()
+        made = make_optimizer(model, config)
+        facts = facts_of(model, config, "")
+        return Checkpointer(tmp_path / "c.safetensors", model, EMA(model), made, facts)
+
+    checkpointer([], ["salsa", "waltz"]).save(1)
+    with pytest.raises(ValueError, match=r"another model \(genres=\['salsa', 'waltz'\], here \['w"):
+        checkpointer([], ["waltz", "salsa"]).load()
+    with pytest.raises(ValueError, match=r"another model \(extensions=\['genre_condition'\], here"):
+        checkpointer(["aligned_attention"], ["salsa", "waltz"]).load()
+    assert checkpointer([], ["salsa", "waltz"]).load() == 1
