@@ -33,7 +33,13 @@ from dancediff.training.checkpoint import check_free
 from dancediff.training.config import GroupData, TrainConfig
 from dancediff.training.distributed import World
 from dancediff.training.evaluator import Evaluator, forget
-from dancediff.training.group_takes import held_out_takes, solos_of, takes_for, windows_of
+from dancediff.training.group_takes import (
+    held_out_takes,
+    solos_of,
+    takes_for,
+    tell_other_genres,
+    windows_of,
+)
 from dancediff.training.objective import BatchLosses
 from dancediff.training.stages import (
     StageConfig,
@@ -139,7 +145,7 @@ def train_autoregressive(
     held_out = held_out_takes(corpus, data, sizes) if evaluates else []
     if model_class.solo:
         takes, held_out = solos_of(takes), solos_of(held_out)
-    takes, known = _of_genres(takes, sizes), _of_genres(held_out, sizes)
+    takes, known = _of_genres(takes, sizes, tell=True), _of_genres(held_out, sizes)
     if not takes and hasattr(sizes, "genres"):
         raise ValueError(f"no take has one of the genres {', '.join(sizes.genres)}; name others")
     if held_out and not known:
@@ -168,10 +174,14 @@ def train_autoregressive(
     return model.requires_grad_(True).eval()
 
 
-def _of_genres(takes: list[DanceTake], sizes) -> list[DanceTake]:
+def _of_genres(takes: list[DanceTake], sizes, *, tell: bool = False) -> list[DanceTake]:
     """Those that a model can learn from which knows genres; all, where it knows none."""
     genres = getattr(sizes, "genres", None)
-    return [take for take in takes if genres is None or take.genre in genres]
+    if genres is None:
+        return takes
+    if tell:
+        tell_other_genres(takes, genres, "left out")
+    return [take for take in takes if take.genre in genres]
 
 
 def has_codebook(model: AutoregressiveNetwork) -> bool:

@@ -1,6 +1,8 @@
 """What models of groups learn from: takes of a prepared folder or choreographed ones; windows."""
 
 import warnings
+from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 
 from dancediff.data.augment import Augmentation
@@ -32,6 +34,15 @@ def prepared_takes(folder, sizes, split: str = "train") -> list[DanceTake]:
 def solos_of(takes: list[DanceTake]) -> list[DanceTake]:
     """Every dancer alone, in the middle of the stage."""
     return [solo for take in takes for solo in take.solos(centred=True)]
+
+
+def tell_other_genres(takes: Sequence[DanceTake], genres: Sequence[str], so: str) -> None:
+    """Warn of takes whose genre the config does not name, and what becomes of them."""
+    other = Counter(take.genre or "none told" for take in takes if take.genre not in genres)
+    if other:
+        named = ", ".join(f"{genre} ({count})" for genre, count in other.most_common(8))
+        text = f"{other.total()} of {len(takes)} takes are {so}, because `genres` in the config"
+        warnings.warn(f"{text} lacks theirs: {named}", stacklevel=4)
 
 
 def takes_for(corpus: GroupData, folder, sizes, *, cache: Path | None = None) -> list[DanceTake]:

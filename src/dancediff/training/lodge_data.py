@@ -21,6 +21,7 @@ from dancediff.data.windows import SoloCut, WindowSampler, half_overlapping
 from dancediff.motion.mirror import mirror_features
 from dancediff.motion.representation import LODGE, MotionSpec, at_origin
 from dancediff.papers.lodge.primitives import Layout, primitives_of
+from dancediff.training.group_takes import tell_other_genres
 
 
 def solos_of(takes: Iterable[DanceTake], genres: tuple[str, ...]) -> list[DanceTake]:
@@ -38,12 +39,15 @@ def prepared_solos(folder, genres: tuple[str, ...], split: str = "train") -> lis
 
     Raises: ValueError when the folder is not prepared, or has no such take.
     """
-    solos = solos_of(PackedTakes(folder, split).takes(), genres)
+    takes = PackedTakes(folder, split).takes()
+    solos = solos_of(takes, genres)
     if not solos:
         raise ValueError(
             f"{str(folder)!r} has no take in {split!r} with music and a genre of "
             f"{', '.join(genres)}; prepare more data or name its genres in the config"
         )
+    if split == "train":
+        tell_other_genres(takes, genres, "left out")
     return solos
 
 

@@ -13,7 +13,7 @@ from torch import nn
 
 from dancediff.data.take import DanceTake
 from dancediff.extensions.build import FAMILIES, build, check_extensions, paper_class
-from dancediff.extensions.genre_condition import check_genres
+from dancediff.extensions.genre_condition import check_genres, genres_of
 from dancediff.extensions.own_network import own_network
 from dancediff.extensions.registry import check_training
 from dancediff.genre import GENRES
@@ -33,7 +33,13 @@ from dancediff.training.config import GroupData, TrainConfig, TrainingExtensions
 from dancediff.training.cuda_graph import trainer_for
 from dancediff.training.evaluator import Evaluator
 from dancediff.training.gcd import GCDObjective
-from dancediff.training.group_takes import held_out_takes, solos_of, takes_for, windows_of
+from dancediff.training.group_takes import (
+    held_out_takes,
+    solos_of,
+    takes_for,
+    tell_other_genres,
+    windows_of,
+)
 from dancediff.training.lodge import is_lodge, train_lodge
 from dancediff.training.network_check import check_network
 from dancediff.training.objective import GroupObjective
@@ -219,6 +225,9 @@ def _train_denoiser(
     model = _new_network(tables["model"], settings.seed)
     if takes is None:
         takes = takes_for(corpus, data, model.config)
+    if genres := genres_of(model):
+        told = [take for take in takes if take.genre is not None]
+        tell_other_genres(told, genres, "learned without a genre")
     evaluates = settings.evaluate_every > 0 or settings.metrics_every > 0
     held_out = held_out_takes(corpus, data, model.config) if evaluates else []
     if isinstance(model, EDGE):

@@ -27,6 +27,7 @@ from dancediff.papers.lodge.primitives import LAYOUT, Layout, primitives_of
 from dancediff.training import lodge as lodge_training
 from dancediff.training.checkpoint import load_extra
 from dancediff.training.config import SoloData, TrainConfig, TrainingExtensions
+from dancediff.training.group_takes import tell_other_genres
 from dancediff.training.lodge import (
     check_lodge_tables,
     fit_stage,
@@ -209,6 +210,15 @@ def test_a_folder_without_such_genres_is_refused(tmp_path):
     assert torch.allclose(solos[0].x, job().motion.features(), atol=1e-5)
     with pytest.raises(ValueError, match="genre of polka"):
         prepared_solos(tmp_path, ("polka",))
+
+
+def test_takes_of_other_genres_are_told():
+    """One misspelt genre in a config left takes out, or their genres, without a word."""
+    x, names = torch.zeros(1, 9, 151), ("Pop", "Pop", None, "Jazz")
+    takes = [DanceTake(f"take {k}", x, genre=name) for k, name in enumerate(names)]
+    tell_other_genres(takes, ["Jazz", "Pop", None], "left out")
+    with pytest.warns(UserWarning, match=r"^3 of 4 takes are left out, .*: Pop \(2\), none told"):
+        tell_other_genres(takes, ["Jazz"], "left out")
 
 
 def test_statistics_fit_what_the_stage_sees(solos):
