@@ -12,7 +12,7 @@ from torch import Tensor, nn
 from dancediff.data.take import DanceTake
 from dancediff.data.windows import GroupCut, half_overlapping
 from dancediff.extensions.formation_prior import FormationPrior
-from dancediff.extensions.genre_condition import genres_of
+from dancediff.extensions.genre_condition import genre_condition_of, genres_of
 from dancediff.extensions.genre_prior import GenrePrior
 from dancediff.extensions.metre_unit import metre_unit_normalizer
 from dancediff.extensions.parts import part_of
@@ -126,7 +126,7 @@ def window_weights(takes: list[tuple[bool, int]], real: float | None) -> list[fl
 def take_over(model: nn.Module, start: nn.Module) -> list[str]:
     """Copy all weights of ``start`` that fit; returns the names of those left new.
 
-    Statistics are not weights: they are fitted on the data, in the units of ``start``.
+    Vectors of genres go by the genres' names. Statistics are not weights: they are fitted on the data, in the units of ``start``.
 
     Raises: ValueError when nothing fits.  Warns when it is less than half of the weights.
 
@@ -140,7 +140,7 @@ def take_over(model: nn.Module, start: nn.Module) -> list[str]:
         name: value
         for name, value in start.named_parameters()
         if name in mine and mine[name].shape == value.shape
-    }
+    } | _genre_vectors(model, start)
     if not fits:
         raise ValueError(f"start, a {type(start).__name__}, has no weight of the model's shapes")
     model.load_state_dict(fits, strict=False)
@@ -153,3 +153,15 @@ def take_over(model: nn.Module, start: nn.Module) -> list[str]:
             stacklevel=2,
         )
     return new
+
+
+def _genre_vectors(model: nn.Module, start: nn.Module) -> dict[str, Tensor]:
+    """The model's table of genres, with the vectors of those that ``start`` knows, too."""
+    mine, theirs = genre_condition_of(model), genre_condition_of(start)
+    if mine is None or theirs is None or mine.table.shape[1] != theirs.table.shape[1]:
+        return {}
+    table = mine.table.detach().clone()
+    for k, genre in enumerate(mine.genres):
+        if genre in theirs.genres:
+            table[k] = theirs.table[theirs.genres.index(genre)].to(table)
+    return {name: table for name, value in model.named_parameters() if value is mine.table}

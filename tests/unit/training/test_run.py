@@ -271,6 +271,16 @@ def test_only_weights_of_the_same_shape_are_taken_over():
     assert torch.equal(large[0].weight, small[0].weight)
 
 
+def test_genres_are_taken_over_by_name():
+    """By number one's own first genre began as the packaged hip-hop; of another count all anew."""
+    sizes, names = TCDiffPPConfig(**TINY), (("hiphop", "salsa"), ("tango", "hiphop", "waltz"))
+    start, model = (build(TCDiffPP, sizes, ["genre_condition"], genres) for genres in names)
+    before = model.parts["genre_condition"].table.clone()
+    assert take_over(model, start) == []
+    after, known = (one.parts["genre_condition"].table for one in (model, start))
+    assert torch.equal(after, torch.stack([before[0], known[0], before[2]]))
+
+
 def test_a_start_that_hardly_fits_is_told():
     small = torch.nn.Sequential(torch.nn.Linear(2, 3), torch.nn.Linear(3, 1))
     large = torch.nn.Sequential(torch.nn.Linear(2, 3), torch.nn.Linear(3, 20))
