@@ -31,6 +31,7 @@ from dancediff.bench.scores import danced, reference_of, scores_of
 from dancediff.bench.stages import StagedRun, check_config, stages_of
 from dancediff.data.choreographed import choreograph_jobs
 from dancediff.data.prepare import prepare
+from dancediff.data.take import KINDS
 from dancediff.extensions.genre_condition import genres_of
 from dancediff.generation.pipeline import LodgePipeline, Pipeline
 from dancediff.generation.presets import PACKAGED, PAPER
@@ -209,12 +210,12 @@ class ModelBench:
         """
         if frames not in self._windows:
             folder = self.held or self._made("held", HELD)
-            some = chosen(list(windows(str(folder), frames)), self.count)
+            some = chosen(list(windows(str(folder), frames, KINDS)), self.count)
             if not some:
                 raise ValueError(
                     f"held={str(folder)!r} has no window of {frames} frames with music, a beat and "
-                    f"at most {MOST} dancers; prepare longer takes with music, or ask for fewer "
-                    "frames"
+                    f"at most {MOST} dancers, real ones outside its training split; prepare more or "
+                    "longer takes with music, or ask for fewer frames"
                 )
             self._windows[frames] = some
         return self._windows[frames]

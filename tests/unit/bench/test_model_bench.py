@@ -1,6 +1,8 @@
 """The bench of systems with tiny networks: one command trains, dances, scores, writes, goes on."""
 
 import json
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -13,8 +15,9 @@ from dancediff.bench.results import rows_of
 from dancediff.bench.scores import scores_of
 from dancediff.bench.stages import StagedRun, stage_shares
 from dancediff.cli import main
-from dancediff.data.choreographed import choreograph_jobs
+from dancediff.data.choreographed import choreograph_jobs, make_choreographed
 from dancediff.data.prepare import prepare
+from dancediff.data.take import Job
 from dancediff.genre import GENRES
 from dancediff.motion.motion import Motion
 from dancediff.papers.edge.model import SPACING
@@ -197,6 +200,24 @@ def staged(out, tmp_path_factory):
         steps=2,
     )
     return bench, list(bench.points())
+
+
+def test_windows_of_real_dances_are_danced(configs, tmp_path):
+    """They were passed over, and the error told to prepare longer takes."""
+
+    def job(split):
+        take = make_choreographed(1, 1, seconds=5.0)
+        return replace(take, kind="real", split=split)
+
+    name = job("val").name
+    for split, said in (("val", None), ("train", "real ones outside its training split")):
+        prepare([Job(name, partial(job, split))], tmp_path / split, progress=False)
+        bench = ModelBench(configs[:1], tmp_path, held=tmp_path / split)
+        if said is None:
+            assert [window.kind for window in bench.windows(150)] == ["real"]
+        else:
+            with pytest.raises(ValueError, match=said):
+                bench.windows(150)
 
 
 def test_stages_share_a_budget_as_they_share_the_steps(staged):
