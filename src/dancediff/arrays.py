@@ -41,6 +41,12 @@ def read_arrays(path, names: tuple[str, ...] = (), *, expand: int = 0) -> dict[s
         raise ValueError(f"{type(err).__name__}: {err}") from err
 
 
+def array_names(path) -> list[str]:
+    """The names of the arrays in an .npz that `read_arrays` has read."""
+    with zipfile.ZipFile(path) as archive:
+        return [name.removesuffix(".npy") for name in archive.namelist()]
+
+
 def read_array(path) -> np.ndarray:
     """The array of an .npy; no memory is taken for more than the file holds.
 

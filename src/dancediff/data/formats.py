@@ -123,7 +123,10 @@ def make_take(
     """
     far = motion.root.abs().max().item()
     if not far <= FARTHEST:
-        raise ValueError(f"the root is {far:.0f} m from the origin; its unit is not metres")
+        raise ValueError(
+            f"the root is {far:.0f} m from the origin; its unit is not metres "
+            "(`prepare folder` takes --unit)"
+        )
     M, notes = None, dict(facts.pop("notes", {}))
     if song is not None:
         music = Music.load(song)

@@ -80,7 +80,10 @@ def tempo_map(rest: np.ndarray) -> np.ndarray:
     [0.23, 0.73, 1.23]
     """
     if len(rest) < SHORTEST:
-        raise ValueError(f"{len(rest)} frames are too few for a tempo; at least {SHORTEST}")
+        raise ValueError(
+            f"{len(rest)} frames are too few to find a tempo in, at least {SHORTEST}; a take with "
+            "a song of its own needs none"
+        )
     frames = _best_row(rest)
     weight = np.diag(rest[frames] + 0.05)
     bend = np.diff(np.eye(len(frames)), 2, axis=0)  # second differences: changes of the interval

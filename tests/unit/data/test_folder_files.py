@@ -252,7 +252,8 @@ def test_an_empty_folder_is_refused(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("arrays", "words"),
     [
-        ({"trans": np.zeros((9, 3))}, "it lacks poses"),
+        ({"trans": np.zeros((9, 3))}, "it lacks poses; it has trans"),
+        ({"joints": np.zeros((9, 24, 3))}, "it has joints .of joint positions make a .npy"),
         ({"poses": np.zeros((9, 66))}, "it lacks trans"),
         ({"poses": np.zeros((9, 60)), "trans": np.zeros((9, 3))}, "poses have 60 numbers"),
         ({"poses": np.zeros((9, 66)), "trans": np.zeros((9, 2))}, "trans has shape"),
@@ -450,3 +451,30 @@ def test_gltf_lasts_as_long_as_its_longest_track(tmp_path, dense):
     _, path = gltf(tmp_path, lambda book: sparse(book, tmp_path, dense))
     (bvh,) = read_gltf(path)
     assert (bvh.num_frames, bvh.fps) == (61, pytest.approx(30, rel=1e-4))
+
+
+def test_dances_that_do_not_stand_are_told(duo, tmp_path):
+    """Points in another convention, saved as a `Motion`, lay down or flew, and no word of it."""
+    points = duo.dancer(0).joints()[:, ::4]
+    mirror, lift = torch.tensor([-1.0, 1, 1]), torch.tensor([0.0, 0.9, 0])
+    for changed, words in (
+        (points[..., [0, 2, 1]] * mirror, "its bodies stand along z, not y"),
+        (points + lift, "its floor is at 0.9"),
+        (points * mirror, "toes point backward"),
+    ):
+        Motion.from_joints(changed).save(tmp_path / "a.npz")
+        assert [one[: len(words)] for one in read_file(tmp_path / "a.npz", Given())[0].doubts] == [
+            words
+        ]
+    duo.save(tmp_path / "a.npz")
+    assert read_file(tmp_path / "a.npz", Given())[0].doubts == []
+    np.save(tmp_path / "left.npy", (points * mirror).numpy())
+    assert "toes point backward" in standing(tmp_path / "left.npy").doubts[0]
+
+
+def test_a_path_in_centimetres_is_told(duo, tmp_path):
+    """Where it was short it passed for metres."""
+    solo = replace(duo.dancer(0), root=100 * duo.dancer(0).root)
+    amass(solo, tmp_path / "a.npz", mocap_framerate=30.0)
+    assert "the unit may not be metres" in standing(tmp_path / "a.npz").doubts[0]
+    assert standing(tmp_path / "a.npz", Given(unit=0.01)).doubts == []

@@ -23,7 +23,7 @@ from dancediff.data.folder.gltf import chunks, read_gltf
 from dancediff.data.folder.posture import Found, Given, settle
 from dancediff.data.folder.takes import TakePlan
 from dancediff.data.folder.tree import tree_of_motion
-from dancediff.data.folder.upright import standing
+from dancediff.data.folder.upright import doubts_of, standing
 from dancediff.data.formats import drawn_split, make_take
 from dancediff.data.resample import resample_motion
 from dancediff.data.retarget import leg_scale, retarget
@@ -131,7 +131,8 @@ def read_file(path: Path, given: Given) -> list[Found | Dancer]:
     elif kind == ".npz" and "rot6d" in read_arrays(path, ("rot6d",), expand=COMPRESSED):
         motion = Motion.load(path)
         if motion.skeleton.names == SMPL24.names:
-            facts = {"kind": _kind_of(path, motion), "doubts": _unused(given)}
+            facts = {"kind": _kind_of(path, motion)}
+            facts["doubts"] = [*_unused(given), *doubts_of(motion)]
             return [*_as_they_are(resample_motion(motion), **facts)]
         trees = [tree_of_motion(motion, k) for k in range(motion.num_dancers)]
     else:

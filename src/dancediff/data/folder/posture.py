@@ -330,10 +330,14 @@ def _check_sides(found: Found) -> None:
     told = [side_of(joints[side + part]) for side in "lr" for part in ("hip", "elbow")]
     if told == ["r", "r", "l", "l"]:
         found.doubts.append("names of the left joints say right; check joints in folder.toml")
-    if "ltoe" not in at or "rtoe" not in at:
-        return
+    if "ltoe" in at and "rtoe" in at:
+        check_toes(at, found.doubts)
+
+
+def check_toes(at: dict[str, Tensor], doubts: list[str]) -> None:
+    """Add a doubt where toes mostly point backward; ``at`` has the places (..., 3) of joints."""
     up = at["neck"] - (at["lhip"] + at["rhip"]) / 2
     front = torch.linalg.cross(at["lhip"] - at["rhip"], up)
-    feet = sum((at[s + "toe"] - at[s + "ankle"] for s in "lr"), torch.zeros(3).double())
-    if torch.nn.functional.cosine_similarity(feet, front, dim=0) < -0.3:
-        found.doubts.append("toes point backward: left and right may be exchanged")
+    feet = torch.stack([at[s + "toe"] - at[s + "ankle"] for s in "lr"]).sum(0)
+    if torch.nn.functional.cosine_similarity(feet, front, dim=-1).median() < -0.3:
+        doubts.append("toes point backward: left and right may be exchanged, or it is mirrored")

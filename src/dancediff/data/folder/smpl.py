@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from dancediff.arrays import COMPRESSED, read_arrays
+from dancediff.arrays import COMPRESSED, array_names, read_arrays
 from dancediff.data.formats import plain_array
 from dancediff.data.safe_pickle import load_pickle
 from dancediff.motion.motion import Motion
@@ -48,6 +48,9 @@ def read_smpl(path) -> tuple[Motion, bool]:
     if path.suffix.lower() == ".npz":
         keys = (*_POSES, *_TRANS, *RATES, *_PARTS, _SCALE)
         data = read_arrays(path, keys, expand=COMPRESSED)
+        if not set(data) & {*_POSES, *_PARTS}:
+            has = ", ".join(array_names(path)[:12]) or "nothing"
+            raise ValueError(f"it lacks poses; it has {has} (of joint positions make a .npy)")
     else:
         data = load_pickle(path)
     if not isinstance(data, dict):
