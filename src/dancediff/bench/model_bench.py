@@ -214,8 +214,8 @@ class ModelBench:
             if not some:
                 raise ValueError(
                     f"held={str(folder)!r} has no window of {frames} frames with music, a beat and "
-                    f"at most {MOST} dancers, real ones outside its training split; prepare more or "
-                    "longer takes with music, or ask for fewer frames"
+                    f"at most {MOST} dancers, real ones outside its training split; prepare more "
+                    "or longer takes with music, or ask for fewer frames"
                 )
             self._windows[frames] = some
         return self._windows[frames]

@@ -126,7 +126,8 @@ def window_weights(takes: list[tuple[bool, int]], real: float | None) -> list[fl
 def take_over(model: nn.Module, start: nn.Module) -> list[str]:
     """Copy all weights of ``start`` that fit; returns the names of those left new.
 
-    Vectors of genres go by the genres' names. Statistics are not weights: they are fitted on the data, in the units of ``start``.
+    Vectors of genres go by their names. Statistics are not weights: they are fitted on the data, in
+    the units of ``start``.
 
     Raises: ValueError when nothing fits.  Warns when it is less than half of the weights.
 

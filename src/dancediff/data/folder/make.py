@@ -131,8 +131,8 @@ def read_file(path: Path, given: Given) -> list[Found | Dancer]:
     elif kind == ".npz" and "rot6d" in read_arrays(path, ("rot6d",), expand=COMPRESSED):
         motion = Motion.load(path)
         if motion.skeleton.names == SMPL24.names:
-            facts = {"kind": _kind_of(path, motion)}
-            facts["doubts"] = [*_unused(given), *doubts_of(motion)]
+            doubts = [*_unused(given), *doubts_of(motion)]
+            facts = {"kind": _kind_of(path, motion), "doubts": doubts}
             return [*_as_they_are(resample_motion(motion), **facts)]
         trees = [tree_of_motion(motion, k) for k in range(motion.num_dancers)]
     else:
