@@ -56,12 +56,15 @@ def places(values: Sequence[float], better: str) -> list[int | None]:
 
 
 def agreement(paper: Sequence[float], here: Sequence[float]) -> tuple[int, int]:
-    """How many pairs stand in the same order here, and how many the paper tells apart.
+    """How many pairs stand in the same order here, of those with values that the paper tells apart.
 
     >>> agreement([1.0, 2.0, 2.0], [10.0, 30.0, 20.0]), agreement([1.0, 2.0], [5.0, 4.0])
     ((2, 2), (0, 1))
+    >>> agreement([1.0, 2.0, 3.0], [5.0, 6.0, math.nan])
+    (1, 1)
     """
-    pairs = [(i, j) for i, j in combinations(range(len(paper)), 2) if paper[i] != paper[j]]
+    known = [k for k, value in enumerate(here) if not math.isnan(value)]
+    pairs = [(i, j) for i, j in combinations(known, 2) if paper[i] != paper[j]]
     same = [(paper[i] - paper[j]) * (here[i] - here[j]) > 0 for i, j in pairs]
     return sum(same), len(pairs)
 

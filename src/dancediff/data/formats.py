@@ -36,6 +36,7 @@ from dancediff.music.song import Music
 
 VAL_SHARE = 0.1
 SHORTEST = 30  # frames; what is shorter holds nothing to learn from
+HIGH = 5.0  # metres; nobody puts the origin so far above or below a floor
 FARTHEST = 100  # metres from the origin; nobody dances there, so the unit is wrong
 _NAME = re.compile(r"[A-Za-z0-9_-]{1,100}")
 
@@ -87,6 +88,17 @@ def on_the_floor(motion: Motion) -> tuple[Motion, list[float]]:
     return replace(motion, root=motion.root - down), [round(floor, 4) for floor in floors]
 
 
+def unit_doubts(floors: list[float]) -> list[str]:
+    """What heights of floors tell of the unit of a path: of centimetres they are near 90.
+
+    >>> unit_doubts([-0.02, 0.9]), unit_doubts([0.0, 88.0])
+    ([], ['a floor was at 88.0 m: its unit may not be metres'])
+    """
+    off = max(floors, key=abs)
+    high = abs(off) > HIGH
+    return [f"a floor was at {off:.1f} m: its unit may not be metres"] if high else []
+
+
 PoseReader = Callable[[dict], tuple[np.ndarray, np.ndarray]]  # rotations and path
 
 
@@ -104,7 +116,7 @@ def smpl_take(
         if not isinstance(data, dict):
             raise ValueError(f"it holds a {type(data).__name__}, not a dict")
         motion, floors = on_the_floor(smpl_motion(*read_poses(data), fps))
-        notes = {"floors": floors, **facts.pop("notes")}
+        notes = {"floors": floors, "doubts": unit_doubts(floors), **facts.pop("notes")}
         return make_take(name, motion, song, notes=notes, **facts)
     except ValueError as err:
         raise ValueError(f"{path}: {err}") from err

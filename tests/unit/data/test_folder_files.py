@@ -476,5 +476,5 @@ def test_a_path_in_centimetres_is_told(duo, tmp_path):
     """Where it was short it passed for metres."""
     solo = replace(duo.dancer(0), root=100 * duo.dancer(0).root)
     amass(solo, tmp_path / "a.npz", mocap_framerate=30.0)
-    assert "the unit may not be metres" in standing(tmp_path / "a.npz").doubts[0]
+    assert "its unit may not be metres" in standing(tmp_path / "a.npz").doubts[0]
     assert standing(tmp_path / "a.npz", Given(unit=0.01)).doubts == []

@@ -12,13 +12,12 @@ from torch import Tensor
 from dancediff.data.folder.posture import UPS, Given, check_toes, up_axis
 from dancediff.data.folder.rows import read_rows
 from dancediff.data.folder.smpl import read_smpl
-from dancediff.data.formats import on_the_floor
+from dancediff.data.formats import on_the_floor, unit_doubts
 from dancediff.data.resample import resample_motion
 from dancediff.motion.motion import Motion
 from dancediff.motion.rotation import rotation_about
 from dancediff.motion.skeleton import SMPL24
 
-HIGH = 3.0  # metres; nobody puts the origin so far above or below a floor
 FLOATS = 0.1  # metres; a floor so far off was never put at 0
 
 
@@ -58,10 +57,7 @@ def standing(path, given: Given | None = None, *, fps: float | None = None) -> S
     pose[:, :, 0] = turn @ pose[:, :, 0]
     motion = replace(motion, pose=pose, root=motion.root @ turn.T)
     motion, floors = on_the_floor(motion if fps is None else resample_motion(motion, fps))
-    off = max(floors, key=abs)
-    if abs(off) > HIGH:
-        doubts.append(f"its floor was at {off:.1f} m: the unit may not be metres, else give unit")
-    return Standing(motion, up, floors, doubts)
+    return Standing(motion, up, floors, doubts + unit_doubts(floors))
 
 
 def doubts_of(motion: Motion) -> list[str]:
