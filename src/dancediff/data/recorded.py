@@ -13,6 +13,7 @@ Symbols (axes: f frames · m music features)
 import itertools
 import json
 import operator
+from contextlib import suppress
 from functools import lru_cache, partial
 from hashlib import sha256
 from pathlib import Path
@@ -50,8 +51,9 @@ def song_jobs(
     """Jobs for dances to every song in ``folder``: groups of all sizes, to parts of ``seconds``.
 
     With ``augment`` each song has that many further versions (`augment_song`), danced as often.
-    All dances to recordings of one title are in one split; ``share`` of the titles is expected in
-    "val". Jobs of one song stand far apart, so that several workers do not read it at once.
+    All dances to recordings of one title, or to one file under several names, are in one split;
+    ``share`` of the titles is expected in "val". Jobs of one song stand far apart, so that several
+    workers do not read it at once.
 
     Raises: ValueError naming the argument, or what is wrong with the folder.
     """
@@ -66,12 +68,24 @@ def song_jobs(
     folder = Path(folder)
     songs = songs_in(folder, licence=licence)
     options = {"seconds": float(seconds), "share": float(share)}
+    keys = _together(songs)
     return [
-        Job(name, partial(danced_song, song, name, version, k, **options))
+        Job(name, partial(danced_song, song, name, version, k, key=keys[song.key], **options))
         for version, k in itertools.product(range(augment + 1), range(dances_per_song))
         for song in songs
         for name in [f"song_{take_name(song.key[:60])}_{_place(folder, song)}_{version}_{k:02d}"]
     ]
+
+
+def _together(songs: list[SongFile]) -> dict[str, str]:
+    """The key that all songs have which share a title or, under several, a file's content."""
+    keys, first = {song.key: song.key for song in songs}, {}
+    for song in songs:
+        with suppress(OSError):  # its dances will tell
+            sound = sha256(song.path.read_bytes()).digest()
+            old, new = keys[song.key], keys[first.setdefault(sound, song.key)]
+            keys = {key: new if one == old else one for key, one in keys.items()}
+    return keys
 
 
 def _place(folder: Path, song: SongFile) -> str:
@@ -80,9 +94,11 @@ def _place(folder: Path, song: SongFile) -> str:
 
 
 def danced_song(
-    song: SongFile, name: str, version: int, k: int, *, seconds: float, share: float
+    song: SongFile, name: str, version: int, k: int, *, key: str, seconds: float, share: float
 ) -> DanceTake:
     """Dance number ``k`` to a version of a song, 0 being the song itself; group sizes take turns.
+
+    Songs of one ``key`` are in one split.
 
     Raises: ValueError when the song cannot be read, is silent or shorter than 6 seconds.
     """
@@ -108,7 +124,7 @@ def danced_song(
         "genre": any_genre(seed),
     }
     dance, truth = choreograph(beats, dancers=n, seed=seed, **options)
-    side = int.from_bytes(sha256(f"song {song.key}".encode()).digest()[:8])
+    side = int.from_bytes(sha256(f"song {key}".encode()).digest()[:8])
     return DanceTake(
         name=name,
         dance=dance,
@@ -116,7 +132,7 @@ def danced_song(
         source=f"{song.source}; danced by dancediff's choreographer",
         licence=song.licence,
         split="val" if side < share * 2**64 else "train",
-        group=f"song-{song.key}",
+        group=f"song-{key}",
         M=M[start : start + f],
         beats=beats,
         genre=truth.genre,

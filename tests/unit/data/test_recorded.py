@@ -111,6 +111,15 @@ def test_recordings_of_one_title_stay_together(tmp_path):
     assert len({(take.group, take.split) for take in takes}) == 1
 
 
+def test_one_file_under_two_names_is_one_song(tmp_path):
+    """It was in train by one name and in val by the other."""
+    for name, sound in (("One", b"x"), ("Two", b"x"), ("two!", b"y"), ("Three", b"z")):
+        (tmp_path / f"{name}.wav").write_bytes(sound)
+    jobs = song_jobs(tmp_path, dances_per_song=1)
+    keys = {job.make.args[0].path.stem: job.make.keywords["key"] for job in jobs}
+    assert keys == {"One": "one", "Two": "one", "two!": "one", "Three": "three"}
+
+
 def test_changed_versions_of_a_song_are_danced_to(folder, tmp_path):
     jobs = [
         j for j in song_jobs(folder, dances_per_song=2, augment=2, seconds=6) if "one" in j.name
