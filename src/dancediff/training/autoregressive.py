@@ -215,5 +215,6 @@ def _trained(
         evaluator=Evaluator(validation, settings, preview),
         **options,
     )
+    trainer.label = f"training {stage}"
     make_way(trainer, later, overwrite=options.get("overwrite", False))
     return trainer.run()

@@ -326,6 +326,7 @@ class LodgeTraining:
             data_name=name_of(self.windows[kind].takes, self.tables["data"]),
             **self.options,
         )
+        trainer.label = f"training {stage}"
         make_way(trainer, self._later(stage), overwrite=self.options["overwrite"])
         return trainer.run().requires_grad_(True)
 

@@ -61,6 +61,8 @@ class Trainer(Generic[Network]):
     >>> trained = Trainer(model, data, TrainConfig(steps=2)).run()
     """
 
+    label = "training"  # of the bar
+
     def __init__(
         self,
         model: Network,
@@ -170,7 +172,7 @@ class Trainer(Generic[Network]):
         """The numbers of the steps that are left, with a bar; closed before an error is shown."""
         left = self.left  # first: what the bar counts to may follow from it
         options = {"initial": self.first, "total": self._total(), "mininterval": 0.5}
-        return tqdm(left, desc="training", disable=not self.world.first, **options)
+        return tqdm(left, desc=self.label, disable=not self.world.first, **options)
 
     def _total(self) -> float:
         """How many steps the bar counts to; infinitely many where that is not known yet."""

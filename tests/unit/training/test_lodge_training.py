@@ -377,8 +377,9 @@ def test_all_stages_are_trained_and_make_one_model(solos, tmp_path):
         assert torch.equal(again.state_dict()[name], value), name
 
 
-def test_a_finished_run_is_not_done_again(solos, tmp_path):
+def test_a_finished_run_is_not_done_again(solos, tmp_path, capsys):
     first = train_lodge(TABLES, tmp_path, solos=solos)
+    assert "training local: " in capsys.readouterr().err
     again = train_lodge(TABLES, tmp_path, solos=solos, resume=True)
     for name, value in first.state_dict().items():
         assert torch.equal(again.state_dict()[name], value), name

@@ -72,8 +72,10 @@ def test_what_a_stage_learns_after_all_is_not_thrown_away(takes, tmp_path):
     assert same(codancers(tmp_path / "parts", takes, units=3, resume=True), whole)
 
 
-def test_a_stage_that_is_left_out_stays_in_its_folder(takes, tmp_path):
+def test_a_stage_that_is_left_out_stays_in_its_folder(takes, tmp_path, capsys):
     first = codancers(tmp_path, takes)
+    bars = capsys.readouterr().err
+    assert "training units: " in bars and "training gpt: " in bars, "they all said training"
     kept = codancers(tmp_path, takes, units=3, gpt=0, resume=True)
     assert same(kept, first)
 
