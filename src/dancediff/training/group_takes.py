@@ -8,6 +8,7 @@ from pathlib import Path
 from dancediff.data.augment import Augmentation
 from dancediff.data.choreographed import choreographed_corpus
 from dancediff.data.packed import PackedTakes
+from dancediff.data.prepared import Entry, PreparedData
 from dancediff.data.take import DanceTake
 from dancediff.data.windows import GroupCut, WindowSampler
 from dancediff.extensions.energy_condition import has_energy_condition
@@ -18,17 +19,32 @@ from dancediff.training.config import GroupData
 def prepared_takes(folder, sizes, split: str = "train") -> list[DanceTake]:
     """Takes of a prepared folder that a model of these sizes can learn from: long and small enough.
 
+    Warns: of those to train on that are left out.
     Raises: ValueError when the folder is not prepared, or has no take to train on.
     """
     most = getattr(sizes, "max_dancers", 5)
-    takes = PackedTakes(folder, split).takes(num_frames=sizes.num_frames, max_dancers=most)
+    data = PreparedData(folder)
+    takes = PackedTakes(data, split).takes(num_frames=sizes.num_frames, max_dancers=most)
     text = f"{str(folder)!r} has no take in {split!r} with music, {sizes.num_frames} frames and at "
     text += f"most {most} dancers; prepare more data"
     if not takes and split == "train":
         raise ValueError(text)
+    if split == "train":
+        _tell_left_out(data.split(split), sizes.num_frames, most)
     if not takes:
         warnings.warn(f"{text}, or leave evaluate_every out: there is no validation", stacklevel=4)
     return takes
+
+
+def _tell_left_out(entries: list[Entry], least: int, most: int) -> None:
+    reasons = {
+        "without music": sum(not entry.songs for entry in entries),
+        f"shorter than {least} frames": sum(entry.frames < least for entry in entries),
+        f"of more than {most} dancers": sum(entry.dancers > most for entry in entries),
+    }
+    if any(reasons.values()):
+        said = ", ".join(f"{count} {why}" for why, count in reasons.items() if count)
+        warnings.warn(f"of {len(entries)} takes to train on are left out: {said}", stacklevel=5)
 
 
 def solos_of(takes: list[DanceTake]) -> list[DanceTake]:

@@ -1,5 +1,7 @@
 import csv
 from dataclasses import replace
+from functools import partial
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,7 +11,8 @@ from safetensors.torch import load_file
 from dancediff import hub
 from dancediff.data.augment import Augmentation
 from dancediff.data.choreographed import make_choreographed
-from dancediff.data.take import DanceTake
+from dancediff.data.prepare import prepare
+from dancediff.data.take import DanceTake, Job
 from dancediff.data.windows import SoloCut, WindowSampler
 from dancediff.diffusion.schedule import cosine_abar
 from dancediff.extensions.level_weights import level_weights
@@ -27,7 +30,7 @@ from dancediff.papers.lodge.primitives import LAYOUT, Layout, primitives_of
 from dancediff.training import lodge as lodge_training
 from dancediff.training.checkpoint import load_extra
 from dancediff.training.config import SoloData, TrainConfig, TrainingExtensions
-from dancediff.training.group_takes import tell_other_genres
+from dancediff.training.group_takes import prepared_takes, tell_other_genres
 from dancediff.training.lodge import (
     check_lodge_tables,
     fit_stage,
@@ -198,9 +201,6 @@ def test_solos_of_takes():
 
 
 def test_a_folder_without_such_genres_is_refused(tmp_path):
-    from dancediff.data.prepare import prepare
-    from dancediff.data.take import Job
-
     def job():
         return make_choreographed(1, 1, seconds=5.0)
 
@@ -210,6 +210,20 @@ def test_a_folder_without_such_genres_is_refused(tmp_path):
     assert torch.allclose(solos[0].x, job().motion.features(), atol=1e-5)
     with pytest.raises(ValueError, match="genre of polka"):
         prepared_solos(tmp_path, ("polka",))
+
+
+def test_takes_that_are_too_short_or_large_are_told(tmp_path):
+    """Of a folder of one's own most may be; it was not said."""
+
+    def job(dancers, seconds):
+        return make_choreographed(1, dancers, seconds=seconds)
+
+    sizes = ((1, 6.0), (2, 5.0), (3, 6.0))
+    jobs = [Job(f"choreographed_000001_{n}", partial(job, n, s)) for n, s in sizes]
+    prepare(jobs, tmp_path, progress=False)
+    model = SimpleNamespace(num_frames=160, max_dancers=2)
+    with pytest.warns(UserWarning, match=r"^of 3 .* out: 1 shorter than 160 frames, 1 of more tha"):
+        assert len(prepared_takes(tmp_path, model)) == 1
 
 
 def test_takes_of_other_genres_are_told():
