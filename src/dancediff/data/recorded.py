@@ -79,7 +79,8 @@ def song_jobs(
 
 def _together(songs: list[SongFile]) -> dict[str, str]:
     """The key that all songs have which share a title or, under several, a file's content."""
-    keys, first = {song.key: song.key for song in songs}, {}
+    keys = {song.key: song.key for song in songs}
+    first: dict[bytes, str] = {}
     for song in songs:
         with suppress(OSError):  # its dances will tell
             sound = sha256(song.path.read_bytes()).digest()

@@ -11,12 +11,14 @@ import torch
 
 from dancediff.cli import main
 from dancediff.data.choreographer import choreograph
+from dancediff.data.folder import make
 from dancediff.data.folder.gltf import read_gltf
 from dancediff.data.folder.make import read_file
 from dancediff.data.folder.posture import Given
+from dancediff.data.folder.prepare import one_split_a_song
 from dancediff.data.folder.settings import read_checked, write_settings
 from dancediff.data.folder.smpl import read_smpl
-from dancediff.data.folder.takes import takes_in
+from dancediff.data.folder.takes import TakePlan, takes_in
 from dancediff.data.folder.upright import standing
 from dancediff.data.prepared import PreparedData
 from dancediff.data.take import DanceTake
@@ -399,6 +401,21 @@ def test_songs_are_one_by_their_sound_not_their_name(duo, tmp_path):
     assert a.notes["song"] == "A + B.WAV"
 
 
+def test_takes_to_one_song_follow_the_split_of_the_table(tmp_path):
+    """The split of the others was drawn; then the whole folder was refused, after all the work."""
+    for name, song in (("a", b"x"), ("b", b"x"), ("c", b"y"), ("d", None)):
+        (tmp_path / f"{name}.bvh").touch()
+        if song is not None:
+            (tmp_path / f"{name}.wav").write_bytes(song)
+    table = '[[take]]\nfiles = ["a.bvh"]\nsplit = "test"\n'
+    (tmp_path / "takes.toml").write_text(table)
+    splits = {plan.name: plan.split for plan in one_split_a_song(takes_in(tmp_path))}
+    assert splits == {"a": "test", "b": "test", "c": None, "d": None}
+    (tmp_path / "takes.toml").write_text(table + table.replace("a.", "b.").replace("test", "val"))
+    with pytest.raises(ValueError, match="'a' in test and 'b' in val, but both are danced to one"):
+        one_split_a_song(takes_in(tmp_path))
+
+
 def test_tables_with_a_mark_and_settings_with_an_emoji_are_read(tmp_path):
     touched(tmp_path, "a.bvh")
     (tmp_path / "takes.toml").write_text('[[take]]\nfiles = ["a.bvh"]\n', encoding="utf-8-sig")
@@ -470,6 +487,17 @@ def test_dances_that_do_not_stand_are_told(duo, tmp_path):
     assert read_file(tmp_path / "a.npz", Given())[0].doubts == []
     np.save(tmp_path / "left.npy", (points * mirror).numpy())
     assert "toes point backward" in standing(tmp_path / "left.npy").doubts[0]
+
+
+def test_a_take_in_which_nobody_moves_is_told(duo, tmp_path, monkeypatch):
+    """A T-pose of its own passed for a dance."""
+    monkeypatch.setattr(make, "with_soundtrack", lambda take: take)
+    Motion(duo.pose[:, :1].repeat(1, 60, 1, 1, 1), duo.root[:, :1].repeat(1, 60, 1)).save(
+        tmp_path / "a.npz"
+    )
+    plan = TakePlan("a", (tmp_path / "a.npz",), labels=("a.npz",))
+    take = make.make_folder_take(plan, (Given(),), pictures=None)
+    assert take.notes["doubts"] == ["nobody moves in it"]
 
 
 def test_a_path_in_centimetres_is_told(duo, tmp_path):

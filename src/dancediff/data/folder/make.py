@@ -38,6 +38,7 @@ from dancediff.music.song import Music
 SLIDES = 0.7  # share of the frames with a foot down; real dancers stay below 0.55
 FAR_OFF = 6.0  # degrees of mean direction error; recordings that fit stay below 3
 REPAIRED = 0.1  # share of frames in which something was replaced
+STILL = 0.03  # metres a second of the mean joint; dances have half a metre
 UNKNOWN = "unknown"
 Draw = Callable[[str, list[tuple[Tensor, tuple[int, ...], float]], Motion, Path], None]
 
@@ -77,6 +78,8 @@ def make_folder_take(
     kinds += [dancer.kind for dancer in dancers]
     motion = _on_one_stage([dancer.motion for dancer in dancers])
     doubts = [doubt for dancer in dancers for doubt in dancer.doubts]
+    if _speed(motion) < STILL:
+        doubts.append("nobody moves in it")
     if plan.song is not None:
         doubts += _length_doubts(motion, Music.load(plan.song))
     notes = {
@@ -86,7 +89,7 @@ def make_folder_take(
         "doubts": list(dict.fromkeys(doubts)),
         **_mean_numbers([dancer.numbers for dancer in dancers if dancer.numbers]),
     }
-    group = plan.name if plan.song is None else _song_group(plan.song)
+    group = plan.name if plan.song is None else song_group(plan.song)
     take = make_take(
         plan.name,
         motion,
@@ -113,7 +116,7 @@ def _named(label: str) -> Iterator[None]:
         raise ValueError(f"{label}: {err}") from err
 
 
-def _song_group(song: Path) -> str:
+def song_group(song: Path) -> str:
     """One song is one group wherever it lies; two of one name in two folders are not."""
     return f"song {sha256(song.read_bytes()).hexdigest()[:12]}"
 
@@ -232,6 +235,11 @@ def _on_one_stage(solos: list[Motion]) -> Motion:
     )
     middle = root.mean((0, 1)) * root.new_tensor([1.0, 0.0, 1.0])
     return Motion(pose, root - middle, solos[0].fps)
+
+
+def _speed(motion: Motion) -> float:
+    """Of the mean joint, metres a second."""
+    return motion.joints().diff(dim=1).norm(dim=-1).mean().item() * motion.fps
 
 
 def _length_doubts(motion: Motion, song: Music) -> list[str]:

@@ -8,14 +8,16 @@ Files in the prepared folder, beside the takes
     pictures/         source and result side by side
 """
 
+from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 from dancediff.atomic import write_text
-from dancediff.data.folder.make import Draw, make_folder_take
+from dancediff.data.folder.make import Draw, make_folder_take, song_group
 from dancediff.data.folder.posture import Given
 from dancediff.data.folder.settings import read_checked, with_checked, write_settings
-from dancediff.data.folder.takes import takes_in
+from dancediff.data.folder.takes import TakePlan, takes_in
 from dancediff.data.prepare import prepare
 from dancediff.data.prepared import Entry, PreparedData
 from dancediff.data.summary import Summary
@@ -48,7 +50,7 @@ def prepare_folder(
     checked = read_checked(out)
     pictures = out / PICTURES
     jobs, files = [], {}
-    for plan in takes_in(src, group=group, given=given, leave_out=out):
+    for plan in one_split_a_song(takes_in(src, group=group, given=given, leave_out=out)):
         bare, givens = with_checked(plan, checked)
         more = {"draw": draw, "pictures": pictures}
         jobs.append(Job(plan.name, partial(make_folder_take, bare, givens, **more)))
@@ -61,6 +63,32 @@ def prepare_folder(
     write_settings(out, rows, checked)
     write_text(out / REPORT, report(entries, summary.skipped, files))
     return summary
+
+
+def one_split_a_song(plans: list[TakePlan]) -> list[TakePlan]:
+    """The plans, of which those to one song follow the one whose split the table tells.
+
+    Raises: ValueError naming two takes to one song that the table puts into different splits.
+    """
+    sides: dict[str, TakePlan] = {}
+    songs: dict[str, str] = {}  # name of a take: its song
+    for plan in plans:
+        if plan.song is not None:
+            with suppress(OSError):  # told when the take is made
+                songs[plan.name] = song_group(plan.song)
+        if plan.split is not None and plan.name in songs:
+            other = sides.setdefault(songs[plan.name], plan)
+            if other.split != plan.split:
+                raise ValueError(
+                    f"takes.toml puts {other.name!r} in {other.split} and {plan.name!r} in "
+                    f"{plan.split}, but both are danced to one song; give them one split"
+                )
+    return [
+        replace(plan, split=sides[songs[plan.name]].split)
+        if songs.get(plan.name) in sides
+        else plan
+        for plan in plans
+    ]
 
 
 def report(entries: list[Entry], skipped: dict[str, str], files: dict) -> str:
