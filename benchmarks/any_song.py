@@ -38,6 +38,7 @@ from kept_dances import digest_of
 from result_table import write_table
 from tqdm.auto import tqdm
 
+from dancediff.bench.in_processes import in_processes
 from dancediff.bench.scores import loaded
 from dancediff.data.choreographer import GENRES, choreograph
 from dancediff.metrics.bootstrap import bootstrap_interval
@@ -168,7 +169,6 @@ class Job:
 
 def danced(model: str, job: Job, path: Path) -> None:
     """Dance, and write the dance."""
-    torch.set_num_threads(1)
     # every song has noise of its own, which decides more of a dance than the song does
     noise = int.from_bytes(sha256(f"{job.song.name} {job.seed}".encode()).digest()[:4])
     options: dict = {"dancers": job.dancers, "seconds": SECONDS, "seed": noise}
@@ -311,9 +311,8 @@ class AnySong:
         todo = [job for job in jobs if not self.path(job).exists()]
         for song in {id(job.song): job.song for job in todo}.values():
             song.music.features()  # once, not in every process
-        run = joblib.Parallel(min(self.workers, len(todo) or 1), return_as="generator")
         calls = (joblib.delayed(danced)(self.model, job, self.path(job)) for job in todo)
-        list(tqdm(run(calls), total=len(todo), desc="dancing"))
+        in_processes(calls, self.workers)
 
     def moves_of(self, jobs: list[Job]) -> list[list[Moves]]:
         """Measured, song by song."""

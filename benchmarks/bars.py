@@ -25,17 +25,18 @@ import numpy as np
 import torch
 import tyro
 from dance_bars import NEAR, nearest_pair
+from intervals import in_words, mean_with_interval
 from kept_dances import digest_of, only_one_way
 from tqdm.auto import tqdm
 
 from dancediff.atomic import write_text
 from dancediff.bench.held_out import SEGMENT, Window, chosen, windows
+from dancediff.bench.in_processes import in_processes
 from dancediff.bench.scores import loaded
 from dancediff.data.prepared import PreparedData
 from dancediff.generation.pipeline import EDGEPipeline, Pipeline
 from dancediff.generation.request import default_of
 from dancediff.generation.segments import SegmentPlan
-from dancediff.metrics.bootstrap import bootstrap_interval
 from dancediff.metrics.fidelity import fid
 from dancediff.metrics.kinetic import kinetic_features
 from dancediff.metrics.report import evaluate_dances
@@ -78,15 +79,9 @@ def dance(model: Pipeline, window: Window, *, seed: int, naive: bool, sampling: 
 
 
 def _dance_to(path: Path, model: str, window: Window, **how) -> None:
-    torch.set_num_threads(1)
     motion = dance(loaded(model), window, **how)
     motion.meta["kind"] = "generated"
     motion.save(path)
-
-
-def _in_processes(jobs: list, workers: int, label: str) -> list:
-    run = joblib.Parallel(workers, return_as="generator")
-    return list(tqdm(run(jobs), total=len(jobs), desc=label))
 
 
 @dataclass
@@ -122,11 +117,11 @@ class Dances:
             for k, (path, window, seed) in enumerate(zip(files, todo, seeds, strict=True))
             if not path.exists()
         ]
-        _in_processes(jobs, self.workers, "dancing")
+        in_processes(jobs, self.workers)
         rows = self.compare(files, todo)
         rows.append(room([Motion.load(file) for file in files], [w.motion for w in todo]))
         for row in rows:
-            made, held = (_cell(*row[of]) for of in ("made", "held-out"))
+            made, held = (in_words(*row[of]) for of in ("made", "held-out"))
             print(f"| {row['metric']} | {made} | {held} |")
         other = PreparedData(self.other)
         known = _kinetic(other.load(entry).motion for entry in other)
@@ -169,17 +164,10 @@ def room(made: list[Motion], held: list[Motion]) -> dict:
     row: dict = {"metric": "nobody under 30 cm"}
     for name, some in {"made": made, "held-out": held}.items():
         groups = [motion for motion in some if motion.num_dancers > 1]
-        shares = [(nearest_pair(one.root) >= NEAR).double().mean().item() for one in groups]
-        several = len(shares) > 1
-        ends = bootstrap_interval(np.mean, np.array(shares)) if several else (None, None)
-        row[name] = [float(np.mean(shares)) if shares else None, *ends]
+        row[name] = mean_with_interval(
+            [(nearest_pair(one.root) >= NEAR).double().mean().item() for one in groups]
+        )
     return row
-
-
-def _cell(value: float | None, low: float | None, high: float | None) -> str:
-    if value is None:
-        return ""
-    return f"{value:.4g}" if low is None else f"{value:.4g} [{low:.4g}, {high:.4g}]"
 
 
 def _kinetic(motions: Iterable[Motion]) -> torch.Tensor:
@@ -212,7 +200,7 @@ class Swaps:
             joblib.delayed(_obeys)(self.model, song, order, self.seed + k, self.sampling)
             for k, (song, order) in enumerate(zip(songs, asked, strict=True))
         ]
-        hits = _in_processes(jobs, self.workers, "swapping")
+        hits = in_processes(jobs, self.workers, label="swapping")
         for name, kept in by_order(asked, hits).items():
             print(f"| {name} | {sum(kept)} | {len(kept)} |")
 
@@ -234,7 +222,6 @@ def by_order(orders: list[tuple[int, ...]], hits: list[bool]) -> dict[str, list[
 
 
 def _obeys(model: str, song: Window, order, seed: int, sampling: Sampling) -> bool:
-    torch.set_num_threads(1)
     ready = loaded(model)
     options = {"seed": seed, "swap": order} | sampling.of(ready)
     return obeys(ready.generate(song, dancers=len(order), **options).root, order)
@@ -259,7 +246,7 @@ class Songs:
             for s in self.songs
             for seed in self.seeds
         ]
-        found = _in_processes(jobs, self.workers, "dancing")
+        found = in_processes(jobs, self.workers)
         beats = {song: times for song, _, times in found}
         own, shifted, others = [], [], []
         for song, joints, times in found:
@@ -285,7 +272,6 @@ class Songs:
 
 
 def _to_song(model: str, song: str, seconds: float, dancers: int, seed: int, sampling: Sampling):
-    torch.set_num_threads(1)
     music = Music.load(song)
     ready = loaded(model)
     options = {"dancers": dancers, "seconds": seconds, "seed": seed} | sampling.of(ready)

@@ -19,12 +19,12 @@ from pathlib import Path
 
 import joblib
 import numpy as np
-import torch
 import tyro
 from kept_dances import digest_of, only_one_way
 from tqdm.auto import tqdm
 
 from dancediff.atomic import write_text
+from dancediff.bench.in_processes import in_processes
 from dancediff.bench.scores import loaded
 from dancediff.data.prepared import PreparedData
 from dancediff.metrics.drift import Drift, drift, mean_drift
@@ -106,8 +106,7 @@ class Dances:
             for noise in [1000 * seed + self.songs.index(song)]
             if not path.exists()
         ]
-        run = joblib.Parallel(self.workers, return_as="generator")
-        list(tqdm(run(todo), total=len(todo), desc="dancing"))
+        in_processes(todo, self.workers)
         found = {key: drift(Motion.load(path).joints()) for key, path in jobs.items()}
         truth = [one for _, kind, one in takes(self.held) if kind == "synthetic"]
         self.report(found, truth)
@@ -159,7 +158,6 @@ def dance_song(
     model: str, song: str, path: Path, seconds: float, dancers: int, seed: int, options: dict
 ) -> None:
     """Dance to a song, as long as it is at the most, and write the dance."""
-    torch.set_num_threads(1)
     music = Music.load(song)
     loaded(model).generate(
         music, dancers=dancers, seconds=min(seconds, music.duration), seed=seed, **options

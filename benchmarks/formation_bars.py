@@ -16,11 +16,11 @@ from pathlib import Path
 
 import numpy as np
 import tyro
+from intervals import mean_with_interval
 from result_table import write_table
 from torch import Tensor
 
 from dancediff.data.prepared import PreparedData
-from dancediff.metrics.bootstrap import bootstrap_interval
 from dancediff.metrics.formation import crossings, depth, formations, hull_area
 from dancediff.metrics.posture import legs_tangled, standing
 from dancediff.motion.motion import Motion
@@ -50,11 +50,9 @@ class Row:
     def cells(self) -> list:
         """For the table."""
         low, high = np.quantile(self.held, (0.05, 0.95))
-        made = [np.mean(self.made), *bootstrap_interval(np.mean, np.array(self.made))]
-        short = [
-            [float(f"{v:.3g}") for v in three] for three in (made, (np.mean(self.held), low, high))
-        ]
-        return [self.name, *short, self.bar, "yes" if self.holds else {"bold": "no"}]
+        made = mean_with_interval(self.made, ".3g")
+        held = [float(f"{value:.3g}") for value in (np.mean(self.held), low, high)]
+        return [self.name, made, held, self.bar, "yes" if self.holds else {"bold": "no"}]
 
 
 def rows_of(dances: list[Tensor], truth: list[Tensor]) -> list[Row]:

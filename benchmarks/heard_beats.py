@@ -18,11 +18,11 @@ from pathlib import Path
 
 import numpy as np
 import tyro
+from intervals import Interval, mean_with_interval
 from result_table import write_table
 from torch import Tensor
 
 from dancediff.bench.held_out import SEGMENT, Window, chosen, windows
-from dancediff.metrics.bootstrap import bootstrap_interval
 from dancediff.metrics.rhythm import beat_alignment
 from dancediff.motion.motion import Motion
 
@@ -82,13 +82,10 @@ def heard(joints: Tensor, beats: np.ndarray) -> tuple[float, float]:
     return own, float(np.mean(shifted))
 
 
-def row_of(scores: list[tuple[float, float]]) -> list[list[float]]:
+def row_of(scores: list[tuple[float, float]]) -> list[Interval]:
     """Mean and interval of both and of their difference."""
     own, shifted = np.array(scores).T
-    return [
-        [round(value, 3) for value in (float(x.mean()), *bootstrap_interval(np.mean, x))]
-        for x in (own, shifted, own - shifted)
-    ]
+    return [mean_with_interval(x, ".3f") for x in (own, shifted, own - shifted)]
 
 
 if __name__ == "__main__":

@@ -16,7 +16,6 @@ held-out take and asked for that take's genre.
 """
 
 import time
-from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field, replace
 from unittest import mock
 
@@ -27,10 +26,12 @@ import torch
 import tyro
 from bars import Sampling
 from genre_judge import shaken, trained_judge, verdict
+from intervals import in_words, mean_with_interval
 from tqdm.auto import tqdm
 
 from dancediff import hub
 from dancediff.bench.held_out import Window, windows
+from dancediff.bench.in_processes import in_processes
 from dancediff.bench.scores import loaded
 from dancediff.generation.lodge_dance import LodgeSampler
 from dancediff.generation.request import LodgeRequest
@@ -64,23 +65,12 @@ def held_out(
 
 def danced(name: str, window: Window, seed: int, how: dict) -> Motion:
     """The window's music, danced by one in its genre."""
-    torch.set_num_threads(1)
     return loaded(name).generate(window, genre=window.genre, seed=seed, **how)
-
-
-def in_processes(jobs: Iterable, workers: int) -> list:
-    """Run `joblib.delayed` calls, with a bar."""
-    jobs = list(jobs)
-    run = joblib.Parallel(workers, return_as="generator")
-    return list(tqdm(run(jobs), total=len(jobs), desc="dancing"))
 
 
 def interval(values) -> str:
     """Mean and 95 % bootstrap interval over dances."""
-    values = np.asarray(values, dtype=float)
-    draws = np.random.default_rng(0).choice(values, (2000, len(values))).mean(1)
-    low, high = np.quantile(draws, [0.025, 0.975])
-    return f"{values.mean():.3f} [{low:.3f}, {high:.3f}]"
+    return in_words(*mean_with_interval(values), ".3f")
 
 
 def arguments(sampling: Sampling) -> dict:
@@ -362,19 +352,16 @@ class Fidelity(Common):
             sets[self.edge] = in_processes(jobs, self.workers)
         for name, dances in sets.items():
             report = evaluate_dances(dances, reference=reference, song=[w.beats for w in some])
-            print(f"| {name} | " + " | ".join(_cell(row) for row in report.rows) + " |")
+            print(f"| {name} | " + " | ".join(map(_cell, report.rows)) + " |")
         print("| columns | " + " | ".join(row.name for row in report.rows) + " |")
 
 
 def _alone(name: str, window: Window, seed: int, how: dict) -> Motion:
-    torch.set_num_threads(1)
     return loaded(name).generate(window, dancers=1, seed=seed, **how)
 
 
 def _cell(row) -> str:
-    if row.value is None:
-        return ""
-    return f"{row.value:.3g}" + ("" if row.low is None else f" [{row.low:.3g}, {row.high:.3g}]")
+    return in_words(row.value, row.low, row.high, ".3g")
 
 
 if __name__ == "__main__":

@@ -14,18 +14,17 @@ from datetime import date
 from pathlib import Path
 
 import joblib
-import numpy as np
 import torch
 import tyro
+from intervals import Interval, mean_with_interval
 from result_table import write_table
 from torch import Tensor
-from tqdm.auto import tqdm
 
 from dancediff import hub
 from dancediff.axes import ON_FLOOR
+from dancediff.bench.in_processes import in_processes
 from dancediff.data.choreographer import GENRES, choreograph
 from dancediff.data.cmu import cmu_jobs
-from dancediff.metrics.bootstrap import bootstrap_interval
 from dancediff.metrics.fidelity import diversity
 from dancediff.metrics.geometric import geometric_features
 from dancediff.metrics.kinetic import kinetic_features
@@ -76,7 +75,6 @@ def faces_front(joints: Tensor) -> float:
 
 def minutes(model: str, k: int, seconds: float) -> list[Tensor]:
     """Joints of the model's and of the choreographer's dance to the k-th song."""
-    torch.set_num_threads(1)
     song, truth = synth_varied_song(FIRST_SONG + k, seconds=seconds)
     genre = tuple(GENRES)[k % len(GENRES)]
     options = {"seed": k, "seconds": seconds, "genre": genre}
@@ -90,7 +88,6 @@ def salsa(model: str, k: int) -> list[float | None]:
 
     The model's "salsa", the choreographer's, and the model's "captured_salsa", if it knows that.
     """
-    torch.set_num_threads(1)
     song, truth = synth_varied_song(FIRST_SONG + 100 + k, seconds=34)
     network = hub.load(model)
     made = network.generate(song, genre="salsa", seed=k)
@@ -114,25 +111,21 @@ def row(name: str, dances: list[Tensor], reference: dict[str, Tensor]) -> list:
     return [name, *map(cell, scores.values())]
 
 
-def cell(values: Sequence[float | None]) -> list[float] | None:
+def cell(values: Sequence[float | None]) -> Interval | None:
     """Mean and interval; nothing of a genre that the model does not know."""
-    known = np.array([value for value in values if value is not None])
-    if known.size == 0:
-        return None
-    found = (np.mean(known), *bootstrap_interval(np.mean, known))
-    return [float(f"{value:.3g}") for value in found]
+    known = [value for value in values if value is not None]
+    return mean_with_interval(known, ".3g") if known else None
 
 
 def main(args: Args) -> None:
     """Dance, measure, and write the table."""
-    run = joblib.Parallel(args.workers, return_as="generator")
     jobs = [joblib.delayed(minutes)(args.model, k, args.seconds) for k in range(args.songs)]
-    pairs = list(tqdm(run(jobs), total=len(jobs), desc="five minutes"))
+    pairs = in_processes(jobs, args.workers, label="five minutes")
     made, his = map(list, zip(*pairs, strict=True))
     all_his = [described(joints) for joints in his]
     reference = {name: torch.cat([one[name] for one in all_his]) for name in ("Div_k", "Div_g")}
     jobs = [joblib.delayed(salsa)(args.model, k) for k in range(args.salsas)]
-    front, his_front, captured = zip(*tqdm(run(jobs), total=len(jobs), desc="salsa"), strict=True)
+    front, his_front, captured = zip(*in_processes(jobs, args.workers, label="salsa"), strict=True)
     takes = [job.make().motion.joints() for job in cmu_jobs(args.cmu) if "salsa" in job.name]
     true = [faces_front(joints) for joints in takes]
     rows = [row(args.model, made, reference), row("choreographer", his, reference)]

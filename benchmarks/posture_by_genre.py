@@ -26,8 +26,8 @@ import tyro
 from drift_bars import dance_song, takes
 from kept_dances import digest_of, only_one_way
 from result_table import write_table
-from tqdm.auto import tqdm
 
+from dancediff.bench.in_processes import in_processes
 from dancediff.data.choreographer import GENRES
 from dancediff.metrics.drift import Drift, drift, ranges
 from dancediff.metrics.posture import POSTURE
@@ -122,8 +122,7 @@ class PostureByGenre:
             for seed, ((genre, _), path) in enumerate(jobs.items())
             if not path.exists()
         ]
-        run = joblib.Parallel(self.workers, return_as="generator")
-        list(tqdm(run(todo), total=len(todo), desc="dancing"))
+        in_processes(todo, self.workers)
         made = defaultdict(list)
         for (genre, _), path in jobs.items():
             made[genre].append(drift(Motion.load(path).joints()))

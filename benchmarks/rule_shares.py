@@ -26,6 +26,7 @@ from unittest import mock
 import numpy as np
 import roma
 import tyro
+from intervals import mean_with_interval
 from result_table import write_table
 from torch import Tensor
 from tqdm.auto import tqdm
@@ -35,7 +36,6 @@ from dancediff.extensions.collision_avoidance import CollisionAvoidance
 from dancediff.extensions.constraint import Constraint, ConstraintHook, Source
 from dancediff.extensions.order_constraint import OrderConstraint
 from dancediff.extensions.projection import MORE_SIGNAL, Projection
-from dancediff.metrics.bootstrap import bootstrap_interval
 from dancediff.motion.representation import TCDIFFPP, joints_of, unpack
 from dancediff.music.varied import synth_varied_song
 
@@ -172,10 +172,7 @@ class RuleShares:
 
 def cell(shares: list[float]) -> list[float | None]:
     """The mean with its interval; of a single dance (a rule that acted once) there is none."""
-    if len(shares) == 1:
-        return [round(shares[0], 3), None, None]
-    low, high = bootstrap_interval(np.mean, np.array(shares))
-    return [round(float(v), 3) for v in (np.mean(shares), low, high)]
+    return mean_with_interval(shares, ".3f")
 
 
 if __name__ == "__main__":

@@ -9,11 +9,10 @@ from functools import lru_cache
 from pathlib import Path
 
 import joblib
-import torch
-from tqdm.auto import tqdm
 
 from dancediff import hub
 from dancediff.bench.held_out import SEGMENT, Window
+from dancediff.bench.in_processes import in_processes
 from dancediff.generation.pipeline import Pipeline
 from dancediff.metrics.dances import find_dances
 from dancediff.metrics.measure import Measured
@@ -39,18 +38,12 @@ def danced(
         if not path.exists()
     ]
     if jobs:
-        run = joblib.Parallel(min(workers, len(jobs)), return_as="generator")
-        list(tqdm(run(jobs), total=len(jobs), desc=f"dancing {folder.name}"))
+        in_processes(jobs, workers, label=f"dancing {folder.name}")
     return files
 
 
 def _dance_to(path: Path, model: Path, window: Window, seed: int, dance: Dance) -> None:
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        motion = dance(loaded(model), window, seed)
-    finally:
-        torch.set_num_threads(threads)
+    motion = dance(loaded(model), window, seed)
     motion.meta["kind"] = "generated"
     motion.save(path)
 
