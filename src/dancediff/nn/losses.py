@@ -1,4 +1,4 @@
-"""What the losses of all papers share: a guess beside the truth, and the sum of terms.
+"""What losses share: a guess beside the truth, the sum of terms, a critic that does not learn.
 
 Symbols (axes: f frames · d motion features · j joints; any axes in front of f)
     x_0                  the true motion, normalised                     (..., f, d)
@@ -8,11 +8,13 @@ Symbols (axes: f frames · d motion features · j joints; any axes in front of f
     joints, joints_0     forward kinematics, metres                      (..., f, j, 3)
 """
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Protocol
 
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from dancediff.motion.representation import TCDIFFPP, MotionSpec, Normalizer, joints_of
 from dancediff.nn.attention import in_full
@@ -90,3 +92,24 @@ def with_total(terms: dict[str, Tensor], weights: dict[str, float]) -> dict[str,
     used = [weight * terms[name] for name, weight in weights.items() if weight]
     zero = next(iter(terms.values())).new_zeros(())
     return terms | {"total": sum(used, zero)}
+
+
+@contextmanager
+def frozen(critic: nn.Module) -> Iterator[None]:
+    """Inside, what is scored learns, and the critic does not.
+
+    >>> critic = nn.Linear(1, 1)
+    >>> with frozen(critic):
+    ...     score = critic(torch.ones(1, 1, requires_grad=True))
+    >>> score.backward()
+    >>> critic.weight.grad, critic.weight.requires_grad
+    (None, True)
+    """
+    learned = [p for p in critic.parameters() if p.requires_grad]
+    for p in learned:
+        p.requires_grad_(False)
+    try:
+        yield
+    finally:
+        for p in learned:
+            p.requires_grad_(True)

@@ -49,3 +49,7 @@ class MappingNetwork(nn.Module):
         """Run every head; there are few and they are small."""
         shared = self.shared(x)
         return torch.stack([head(shared) for head in self.heads], dim=1)
+
+    def of_genre(self, x: Tensor, genre: Tensor) -> Tensor:
+        """What the head of each row's own genre says: x (b, d_in), genre (b,) -> (b, d_out)."""
+        return self(x)[torch.arange(len(x), device=x.device), genre]

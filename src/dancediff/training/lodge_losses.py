@@ -18,7 +18,7 @@ from torch import Tensor
 
 from dancediff.diffusion.schedule import send
 from dancediff.motion.representation import LODGE
-from dancediff.nn.losses import compare
+from dancediff.nn.losses import compare, frozen
 from dancediff.papers.lodge.cue_guidance import clean_borders
 from dancediff.papers.lodge.genre_discriminator import (
     DiscriminatorConfig,
@@ -198,9 +198,8 @@ class DiscriminatorTraining:
         else:
             with torch.no_grad():
                 terms = {"critic": self.loss(x_hat, x_0, M, genre)}
-        self.D.requires_grad_(False)  # the generator's gradient goes through it, not into it
-        logits = self.D.logits(x_hat, M)
-        self.D.requires_grad_(True)
+        with frozen(self.D):  # the generator's gradient goes through it, not into it
+            logits = self.D.logits(x_hat, M)
         made = logits.gather(1, genre[:, None])[:, 0]
         terms["genre"] = l_genre(made, form=self.form)
         if logits.shape[1] > 1:

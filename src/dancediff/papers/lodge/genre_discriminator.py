@@ -3,7 +3,7 @@ r"""Multi-genre discriminator: is this a real dance of this genre to this music?
 Read first: notebook 12 · Lodge section 3.4, eq. 9 · Kim et al. 2022 (MNET).
 
 Symbols (axes: b batch · f frames · g genres · d motion, m music features
-         l tokens · h heads · c channels of a head)
+         l tokens · c channels of a head)
     x        motion, true or made, normalised             (b, f, d)
     M        music features, standardised                 (b, f, m)
     genre    number of the genre                          (b,)
@@ -13,12 +13,11 @@ Symbols (axes: b batch · f frames · g genres · d motion, m music features
 from dataclasses import dataclass
 
 import torch
-import torch.nn.functional as F
-from einops import rearrange
 from torch import Tensor, nn
 
 from dancediff.genre import FINEDANCE
 from dancediff.nn.attention import FeedForward, in_full
+from dancediff.nn.encoder_layer import SelfAttention
 from dancediff.nn.mapping_network import MappingNetwork
 
 
@@ -53,7 +52,7 @@ class DiscriminatorConfig:
         object.__setattr__(self, "genres", tuple(self.genres))
 
 
-class PlacedAttention(nn.Module):
+class PlacedAttention(SelfAttention):
     r"""Self-attention with one learned logit for every pair of places.
 
     $$\text{softmax}\Big(\frac{Q K^\top}{\sqrt c} + B\Big) V$$
@@ -68,19 +67,13 @@ class PlacedAttention(nn.Module):
     """
 
     def __init__(self, d_model: int, num_heads: int, num_frames: int):
-        """Learned: maps to queries, keys and values, and out; B."""
-        super().__init__()
-        self.num_heads = num_heads
-        self.qkv = nn.Linear(d_model, 3 * d_model, bias=False)
-        self.out = nn.Linear(d_model, d_model)
+        """Learned: what `SelfAttention` has, and B."""
+        super().__init__(d_model, num_heads, qkv_bias=False)
         self.places = nn.Parameter(torch.zeros(2 * num_frames, 2 * num_frames))
 
-    def forward(self, x: Tensor) -> Tensor:
+    def forward(self, x: Tensor) -> Tensor:  # type: ignore[override] # B is the mask
         """Every token gathers what it needs from all others."""
-        heads = self.num_heads
-        Q, K, V = rearrange(self.qkv(x), "b l (qkv h c) -> qkv b h l c", qkv=3, h=heads)
-        y = F.scaled_dot_product_attention(Q, K, V, self.places.to(Q.dtype))
-        return self.out(rearrange(y, "b h l c -> b l (h c)"))
+        return super().forward(x, self.places)
 
 
 class GenreDiscriminator(nn.Module):

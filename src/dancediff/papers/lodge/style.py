@@ -8,7 +8,6 @@ Symbols (axes: b batch · g genres · d channels)
     style   the token                                        (b, d_model)
 """
 
-import torch
 from torch import Tensor, nn
 
 from dancediff.nn.mapping_network import MappingNetwork
@@ -26,6 +25,7 @@ class StyleToken(nn.Module):
     Shapes: genre (b,) int, z (b, z) -> (b, d_model).
     Raises: ValueError for a genre out of range, or misshapen noise.
 
+    >>> import torch
     >>> token = StyleToken(16, num_genres=3, noise=8)
     >>> token(torch.tensor([0, 2]), torch.randn(2, 8)).shape
     torch.Size([2, 16])
@@ -45,4 +45,4 @@ class StyleToken(nn.Module):
             raise ValueError(f"genre={genre.tolist()} must lie in 0 ... {self.num_genres - 1}")
         if z.shape != (len(genre), self.noise):
             raise ValueError(f"z has shape {tuple(z.shape)}; expected {(len(genre), self.noise)}")
-        return self.mapping(z)[torch.arange(len(genre), device=genre.device), genre]
+        return self.mapping.of_genre(z, genre)

@@ -9,8 +9,6 @@ Symbols (axes: b batch · f frames of motion · w frames of music · d channels 
     scores   above 0: true                         (b,)
 """
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import Any
 
 import torch
@@ -62,29 +60,7 @@ class GenreCritic(nn.Module):
         h = torch.cat([self.motion(x), self.music(M)], dim=1)
         for layer, bias in zip(self.layers, self.biases, strict=True):
             h = layer(h, bias)
-        scores = self.scores(h.mean(1))[..., 0].float()
-        return scores[torch.arange(len(scores), device=scores.device), genre]
-
-
-@contextmanager
-def frozen(critic: nn.Module) -> Iterator[None]:
-    """Inside, what is scored learns, and the critic does not.
-
-    >>> critic = nn.Linear(1, 1)
-    >>> with frozen(critic):
-    ...     score = critic(torch.ones(1, 1, requires_grad=True))
-    >>> score.backward()
-    >>> critic.weight.grad, critic.weight.requires_grad
-    (None, True)
-    """
-    learned = [p for p in critic.parameters() if p.requires_grad]
-    for p in learned:
-        p.requires_grad_(False)
-    try:
-        yield
-    finally:
-        for p in learned:
-            p.requires_grad_(True)
+        return self.scores.of_genre(h.mean(1), genre)[:, 0].float()
 
 
 def hinge(real: Tensor, fake: Tensor) -> Tensor:

@@ -27,12 +27,11 @@ from dancediff.autoregression.roll_out import roll_out
 from dancediff.data.windows import Batch
 from dancediff.genre import GENRES
 from dancediff.motion.representation import TCDIFFPP, joints_of
-from dancediff.nn.losses import mean, with_total
+from dancediff.nn.losses import frozen, mean, with_total
 from dancediff.nn.mapping_network import MappingNetwork
 from dancediff.papers.mnet.critic import (
     GenreCritic,
     diversity,
-    frozen,
     hinge,
     style_consistency,
 )
@@ -144,7 +143,7 @@ class MNET(AutoregressiveNetwork):
 
     def style(self, genre: Tensor, z: Tensor) -> Tensor:
         """The style token of a genre (b,) and noise (b, z)."""
-        return self.mapping(z)[torch.arange(len(z), device=z.device), genre]
+        return self.mapping.of_genre(z, genre)
 
     def forward(self, history: Tensor, M: Tensor, style: Tensor) -> Tensor:
         """See the equation."""
