@@ -9,7 +9,6 @@ Symbols (axes: b batch · n dancers · f frames · u units of eight frames · d 
     M        music, standardised                   (b, f, m), of a song (f, m)
 """
 
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -20,13 +19,19 @@ from torch import Tensor, nn
 
 from dancediff.autoregression.draw import draw
 from dancediff.autoregression.network import AutoregressiveNetwork
-from dancediff.autoregression.roll_out import music_window
+from dancediff.autoregression.unit_blocks import (
+    HISTORY,
+    blocks,
+    frames_of,
+    music_after,
+    unit_music,
+)
 from dancediff.data.windows import Batch
 from dancediff.motion.halves import LOWER, UPPER, assemble, split
 from dancediff.motion.representation import TCDIFFPP, joints_of
 from dancediff.music.features import BEATS, in_dance_time
 from dancediff.nn.losses import mean
-from dancediff.nn.motion_units import COMMITMENT, FRAMES, REACH, UnitDecoder, Units, l_motion
+from dancediff.nn.motion_units import COMMITMENT, FRAMES, UnitDecoder, Units, l_motion
 from dancediff.papers.bailando.actor_critic import (
     Critic,
     actor_critic_losses,
@@ -35,9 +40,6 @@ from dancediff.papers.bailando.actor_critic import (
     has_beat,
 )
 from dancediff.papers.bailando.gpt import CrossConditionalGPT
-
-HISTORY = 4  # units before the first one
-BLOCK = 8  # units that become motion together
 
 
 @dataclass(frozen=True)
@@ -138,7 +140,7 @@ class Bailando(AutoregressiveNetwork):
 
         Shapes: codes (b, 2, u) -> (b, 8 u, d).
         """
-        frames = slice(*(None if at is None else FRAMES * at for at in (part.start, part.stop)))
+        frames = frames_of(part)
         upper, lower = (half.motion(codes[:, k]) for k, half in enumerate((self.upper, self.lower)))
         root = self.root(self.lower.quantizer.e[codes[:, 1]]).float()
         return assemble(upper[:, frames], lower[:, frames], root[:, frames], start)
@@ -159,7 +161,7 @@ class Bailando(AutoregressiveNetwork):
         if stage == "units":
             return self.unit_losses(x, generator)
         M = batch.M.repeat_interleave(n, 0)[:, : self.config.num_frames]
-        later = M.unflatten(1, (-1, FRAMES)).flatten(2)[:, 1:]  # of the units to be chosen
+        later = unit_music(M)[:, 1:]  # of the units to be chosen
         with torch.no_grad():
             codes = self.codes(x)
         if stage == "gpt":
@@ -222,15 +224,11 @@ class Bailando(AutoregressiveNetwork):
         Source: Bailando, where the most likely unit is taken.
         """
         place, codes = history[:, -1, TCDIFFPP.floor], self.codes(history)
-        total, done = HISTORY + math.ceil(request.frames / FRAMES), HISTORY
-        while done < total:
-            end = min(done + BLOCK, total)
-            while codes.shape[-1] < min(end + REACH, total):
+        for block in blocks(request.frames):
+            while codes.shape[-1] < block.near.stop:
                 codes = torch.cat([codes, self.next_units(codes, M, request, generators)], dim=-1)
-            first = max(done - REACH, 0)
-            near = codes[:, :, first : end + REACH]
-            x = self.motion(near, place, slice(done - first, end - first))
-            place, done = x[:, -1, TCDIFFPP.floor], end
+            x = self.motion(codes[..., block.near], place, block.new)
+            place = x[:, -1, TCDIFFPP.floor]
             yield x
 
     def next_units(
@@ -241,9 +239,7 @@ class Bailando(AutoregressiveNetwork):
         Shapes: codes (n, 2, u), M (f, m) -> (n, 2, 1).
         """
         n, seen = len(codes), codes[:, :, -self.config.length :]
-        length, at = seen.shape[-1], codes.shape[-1] - HISTORY
-        music = music_window(M, FRAMES * (at - length + 1), FRAMES * length)
-        music = music.unflatten(0, (length, FRAMES)).flatten(1).expand(n, -1, -1)
+        music = music_after(M, codes.shape[-1], seen.shape[-1]).expand(n, -1, -1)
         logits = self.gpt(seen, music)[:, :, -1]
         how = {"temperature": request.temperature, "top_k": request.top_k}
         halves = [draw(logits[:, k], generators, **how) for k in range(2)]

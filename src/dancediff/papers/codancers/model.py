@@ -10,7 +10,6 @@ Symbols (axes: b batch · n dancers · f frames · u units of eight frames · d 
     M        music, standardised                            (b, f, m), of a song (f, m)
 """
 
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, cast
@@ -20,7 +19,13 @@ from torch import Tensor, nn
 
 from dancediff.autoregression.draw import draw
 from dancediff.autoregression.network import AutoregressiveNetwork
-from dancediff.autoregression.roll_out import music_window
+from dancediff.autoregression.unit_blocks import (
+    HISTORY,
+    blocks,
+    frames_of,
+    music_after,
+    unit_music,
+)
 from dancediff.axes import FPS
 from dancediff.data.windows import Batch
 from dancediff.motion.halves import LOWER, UPPER, assemble, split
@@ -30,8 +35,6 @@ from dancediff.nn.motion_units import COMMITMENT, FRAMES, REACH, Units, l_motion
 from dancediff.papers.codancers.choice import focal_loss, reweighted
 from dancediff.papers.codancers.transformer import PARTS, GroupTransformer
 
-HISTORY = 4  # units before the first one
-BLOCK = 8  # units that become motion together
 FOLLOWED = 0.99  # how slowly the shares of units in training follow a batch
 
 
@@ -135,7 +138,7 @@ class CoDancers(AutoregressiveNetwork):
 
         Shapes: codes (b, n, 3, u) -> (b, n, 8 u, d).
         """
-        frames = slice(*(None if at is None else FRAMES * at for at in (part.start, part.stop)))
+        frames = frames_of(part)
         rows = codes.flatten(0, 1)
         parts = [units.motion(rows[:, k])[:, frames] for k, units in enumerate(self.parts)]
         x = assemble(parts[0], parts[1], parts[2], start.flatten(0, 1))
@@ -154,7 +157,7 @@ class CoDancers(AutoregressiveNetwork):
             if self.training:
                 self._count(codes)
         places = batch.x[:, :, FRAMES - 1 :: FRAMES, TCDIFFPP.root]
-        M = batch.M[:, : self.config.num_frames].unflatten(1, (-1, FRAMES)).flatten(2)
+        M = unit_music(batch.M[:, : self.config.num_frames])
         logits = self.gpt(codes[..., :-1], places[:, :, :-1], M[:, 1:])
         loss = focal_loss(logits, codes[..., 1:])
         return {"next": loss, "total": loss}
@@ -193,18 +196,14 @@ class CoDancers(AutoregressiveNetwork):
         x = history[None]
         place, codes = x[:, :, -1, TCDIFFPP.floor], self.codes(x)
         places = x[:, :, FRAMES - 1 :: FRAMES, TCDIFFPP.root]
-        total, done = HISTORY + math.ceil(request.frames / FRAMES), HISTORY
-        while done < total:
-            end = min(done + BLOCK, total)
-            while codes.shape[-1] < min(end + REACH, total):
+        for block in blocks(request.frames):
+            while codes.shape[-1] < block.near.stop:
                 new = self.next_units(codes, places, M, request, generators)
                 codes = torch.cat([codes, new], dim=-1)
                 places = torch.cat([places, self.next_place(codes, places)], dim=2)
-            first = max(done - REACH, 0)
-            part = slice(done - first, end - first)
-            made = self.motion(codes[..., first : end + REACH], place, part)
-            places = corrected(places, made, done)
-            place, done = made[:, :, -1, TCDIFFPP.floor], end
+            made = self.motion(codes[..., block.near], place, block.new)
+            places = corrected(places, made, block.start)
+            place = made[:, :, -1, TCDIFFPP.floor]
             yield made[0]
 
     def next_units(
@@ -221,9 +220,7 @@ class CoDancers(AutoregressiveNetwork):
         """
         seen, places = codes[..., -self.config.length :], places[:, :, -self.config.length :]
         order = left_to_right(places[:, :, 0, 0])[0]  # as windows of training are ranked
-        length, at = seen.shape[-1], codes.shape[-1] - HISTORY
-        music = music_window(M, FRAMES * (at - length + 1), FRAMES * length)
-        music = music.unflatten(0, (length, FRAMES)).flatten(1)[None]
+        music = music_after(M, codes.shape[-1], seen.shape[-1])[None]
         logits = self.gpt(seen[:, order], places[:, order], music)[0, order.argsort(), :, -1]
         p = logits.softmax(-1)
         if request.reweight:

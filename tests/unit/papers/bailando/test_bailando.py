@@ -5,6 +5,7 @@ import torch
 
 import dancediff as dd
 from dancediff import hub
+from dancediff.autoregression.unit_blocks import HISTORY
 from dancediff.data.choreographed import choreographed_takes
 from dancediff.data.windows import Batch
 from dancediff.generation.autoregressive_request import BailandoRequest
@@ -20,7 +21,7 @@ from dancediff.papers.bailando.actor_critic import (
     td_error,
 )
 from dancediff.papers.bailando.gpt import CrossConditionalGPT
-from dancediff.papers.bailando.model import HISTORY, Bailando, BailandoConfig, l_root
+from dancediff.papers.bailando.model import Bailando, BailandoConfig, l_root
 from dancediff.training.run import train_from_config
 from places import CONFIGS
 

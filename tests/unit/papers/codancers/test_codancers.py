@@ -7,13 +7,14 @@ import torch
 
 import dancediff as dd
 from dancediff import hub
+from dancediff.autoregression.unit_blocks import BLOCK
 from dancediff.data.choreographed import choreographed_takes
 from dancediff.data.windows import Batch
 from dancediff.generation.pipeline import pipeline_of
 from dancediff.motion.representation import TCDIFFPP
 from dancediff.nn.motion_units import REACH
 from dancediff.papers.codancers.choice import focal_loss, reweighted
-from dancediff.papers.codancers.model import BLOCK, CoDancers, CoDancersConfig
+from dancediff.papers.codancers.model import CoDancers, CoDancersConfig
 from dancediff.training.run import train_from_config
 from places import CONFIGS
 
