@@ -19,6 +19,7 @@ from dancediff.metrics.physical import fsr
 from dancediff.metrics.swaps import obeys
 from dancediff.motion.motion import Motion
 from dancediff.motion.representation import TCDIFFPP, unpack
+from dancediff.motion.rotation import rotation_angle
 
 NEAR = 30  # frames
 NAMES = ("start", "end", "path of one dancer", "in between", "upper body", "one dancer")
@@ -61,8 +62,7 @@ def errors(held: Motion, controls: list) -> tuple[float, float, torch.Tensor]:
     degrees = 0.0
     if kept.any():
         R, R_asked = (unpack(part)[2][kept] for part in (x, asked.value))
-        cos = ((R.mT @ R_asked).diagonal(dim1=-2, dim2=-1).sum(-1) - 1) / 2
-        degrees = torch.rad2deg(cos.clamp(-1, 1).arccos()).max().item()
+        degrees = torch.rad2deg(rotation_angle(R.mT @ R_asked)).max().item()
     return 100 * place.norm(dim=-1).max().item(), degrees, mask.flatten(2).any(-1).any(0)
 
 

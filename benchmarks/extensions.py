@@ -46,6 +46,7 @@ from dancediff.extensions.floor_contact import AIR, flights
 from dancediff.extensions.initial_frames import InitialFrames
 from dancediff.extensions.parts import Part, Parts
 from dancediff.extensions.registry import REGISTRY
+from dancediff.extensions.speed_limit import turn_angles
 from dancediff.generation.request import TCDiffPPRequest
 from dancediff.metrics.bootstrap import bootstrap_interval
 from dancediff.metrics.collision import tif
@@ -297,8 +298,7 @@ def recognised(dance: Motion, genre: str | None) -> float | None:
 
 def largest_turn(pose: Tensor) -> float:
     """How far a joint turns from a frame to the next, at most."""
-    trace = (pose[:, :-1] * pose[:, 1:]).sum((-1, -2))
-    return torch.rad2deg(torch.acos(((trace - 1) / 2).clamp(-1, 1))).max().item()
+    return torch.rad2deg(turn_angles(pose)).max().item()
 
 
 def sections_differ(joints: Tensor, sections, fps: float) -> float | None:

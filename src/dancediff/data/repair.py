@@ -19,7 +19,7 @@ import torch
 from torch import Tensor
 
 from dancediff.data.bvh import BVH
-from dancediff.motion.rotation import slerp
+from dancediff.motion.rotation import rotation_angle, slerp
 
 # degrees from the rest pose that a joint can reach in dance, by the SMPL-24 joint it is mapped to
 REACH = {
@@ -91,22 +91,16 @@ def runs(mask: Tensor) -> list[tuple[int, int]]:
     return list(zip(starts.tolist(), stops.tolist(), strict=True))
 
 
-def _angle(R: Tensor) -> Tensor:
-    """Angle of rotation, radians, (..., 3, 3) -> (...)."""
-    trace = R.diagonal(dim1=-2, dim2=-1).sum(-1)
-    return ((trace - 1) / 2).clamp(-1, 1).acos()
-
-
 def _unflip(bvh: BVH, joints: dict[str, str]) -> tuple[Tensor, list[dict]]:
     """Take half a turn off the ends that bend further than any can, where that brings them back."""
     R, done = bvh.rotations.clone(), []
     half_turns = torch.diag_embed(2 * torch.eye(3).double() - 1)  # about x, y, z
     for name in (joints[end] for end in ENDS if end in joints):
         j = bvh.index(name)
-        for first, last in runs(torch.rad2deg(_angle(R[:, j])) > FLIPPED):
+        for first, last in runs(torch.rad2deg(rotation_angle(R[:, j])) > FLIPPED):
             part = slice(first, last + 1)
             options = R[part, j] @ half_turns[:, None]
-            bend = _angle(options).mean(1).rad2deg()
+            bend = rotation_angle(options).mean(1).rad2deg()
             if bend.min() < FLIPPED / 2:
                 R[part, j] = options[bend.argmin()]
                 done.append({"joint": name, "first": first, "last": last, "kind": "flip"})
@@ -115,7 +109,7 @@ def _unflip(bvh: BVH, joints: dict[str, str]) -> tuple[Tensor, list[dict]]:
 
 def _outliers(bvh: BVH, R: Tensor, joints: dict[str, str], suspect: list) -> Tensor:
     """Which frames of which joints nobody danced, (f, j)."""
-    speed = _angle(R[:-1].mT @ R[1:]) * bvh.fps
+    speed = rotation_angle(R[:-1].mT @ R[1:]) * bvh.fps
     limit = (TIMES_P95 * speed.quantile(0.95, dim=0)).clamp(*TOO_FAST).repeat(len(speed), 1)
     for first, last in suspect:
         part = slice(max(first - 1, 0), max(last + 1, 0))  # it may lie before the first frame
@@ -129,7 +123,8 @@ def _outliers(bvh: BVH, R: Tensor, joints: dict[str, str], suspect: list) -> Ten
     bad[1:] |= fast
     for name, reach in REACH.items():
         if name in joints:
-            j, bend = bvh.index(joints[name]), _angle(R[:, bvh.index(joints[name])]).rad2deg()
+            j = bvh.index(joints[name])
+            bend = rotation_angle(R[:, j]).rad2deg()
             bad[:, j] |= bend > reach
             for first, last in runs(bend > bend.quantile(0.95)):  # how it got there is wrong too
                 bad[first : last + 1, j] |= bad[first : last + 1, j].any()

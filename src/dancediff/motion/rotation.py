@@ -81,6 +81,20 @@ def matrix_to_axis_angle(R: Tensor) -> Tensor:
     return roma.rotmat_to_rotvec(R)
 
 
+def rotation_angle(R: Tensor) -> Tensor:
+    r"""By how much a rotation turns: $\arccos((\operatorname{tr} R - 1) / 2)$, within [0, pi].
+
+    In float32 angles under about a thousandth of a radian are lost to rounding.
+
+    Shapes: R (..., 3, 3) -> (...), radians.
+
+    >>> rotation_angle(rotation_about("y", torch.tensor(-1.0)))
+    tensor(1.)
+    """
+    trace = R.diagonal(dim1=-2, dim2=-1).sum(-1)
+    return ((trace - 1) / 2).clamp(-1, 1).acos()
+
+
 def rotation_about(axis: str, angle: Tensor) -> Tensor:
     r"""Rotation about one coordinate axis, ``axis`` in "xyz".
 

@@ -7,6 +7,7 @@ from dancediff.motion.rotation import (
     matrix_to_rot6d,
     rot6d_to_matrix,
     rotation_about,
+    rotation_angle,
     rotation_between,
 )
 
@@ -43,6 +44,13 @@ def test_any_six_numbers_decode_to_a_rotation_with_finite_gradient():
 def test_axis_angle_round_trip():
     R = random_rotations(50)
     assert torch.allclose(axis_angle_to_matrix(matrix_to_axis_angle(R)), R, atol=1e-5)
+
+
+def test_the_angle_is_the_length_of_the_axis_angle_vector():
+    R = random_rotations(500).double()
+    lengths = matrix_to_axis_angle(R).norm(dim=-1)
+    assert torch.allclose(rotation_angle(R), lengths, atol=1e-3)
+    assert rotation_angle(torch.diag(torch.tensor([1.0, -1.0, -1.0]))) == torch.pi
 
 
 def test_rotation_between_carries_a_to_b():

@@ -22,7 +22,7 @@ from dancediff.data.bvh import BVH
 from dancediff.data.folder.guess import guess_joints, longest_branch, side_of
 from dancediff.data.folder.tree import rest_at
 from dancediff.data.joint_maps import MAPS, find_joints
-from dancediff.motion.rotation import rotation_about
+from dancediff.motion.rotation import rotation_about, rotation_angle
 from dancediff.motion.skeleton import SMPL24
 
 SPINES = ("belly", "spine", "chest")
@@ -316,8 +316,7 @@ def _lead(found: Found) -> int:
     first = bvh.frames(0, most + 2)
     used = [bvh.index(name) for name in found.joints.values()]
     R = first.rotations[:, used]
-    trace = (R[:-1].mT @ R[1:]).diagonal(dim1=-2, dim2=-1).sum(-1)
-    speed = ((trace - 1) / 2).clamp(-1, 1).acos().mean(1) * bvh.fps
+    speed = rotation_angle(R[:-1].mT @ R[1:]).mean(1) * bvh.fps
     fast = (speed > LEAD_SPEED).nonzero()[:, 0]
     if len(fast) == 0 or _t_likeness(_at(found, first.world()[0][:1]))[0] < 0.9:
         return 0
