@@ -1,4 +1,4 @@
-"""What losses share: a guess beside the truth, the sum of terms, a critic that does not learn.
+"""What the losses of all papers share: a guess beside the truth, pairs, and the sum of terms.
 
 Symbols (axes: f frames · d motion features · j joints; any axes in front of f)
     x_0                  the true motion, normalised                     (..., f, d)
@@ -8,13 +8,11 @@ Symbols (axes: f frames · d motion features · j joints; any axes in front of f
     joints, joints_0     forward kinematics, metres                      (..., f, j, 3)
 """
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Protocol
 
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
 from dancediff.motion.representation import TCDIFFPP, MotionSpec, Normalizer, joints_of
 from dancediff.nn.attention import in_full
@@ -83,6 +81,17 @@ def mean(error: Tensor) -> Tensor:
     return error.mean() if error.numel() else error.sum()
 
 
+def between_pairs(p: Tensor) -> Tensor:
+    """$p_i - p_j$ of all pairs of dancers i < j: (b, n, f, c) -> (b, n (n - 1) / 2, f, c).
+
+    >>> between_pairs(torch.tensor([5.0, 3.0, 0.0])[None, :, None, None]).flatten().tolist()
+    [2.0, 5.0, 3.0]
+    """
+    n = p.shape[1]
+    i, j = torch.triu_indices(n, n, 1, device=p.device)
+    return p[:, i] - p[:, j]
+
+
 def with_total(terms: dict[str, Tensor], weights: dict[str, float]) -> dict[str, Tensor]:
     """The terms and their weighted sum "total"; a term of weight 0 costs no backward pass.
 
@@ -92,24 +101,3 @@ def with_total(terms: dict[str, Tensor], weights: dict[str, float]) -> dict[str,
     used = [weight * terms[name] for name, weight in weights.items() if weight]
     zero = next(iter(terms.values())).new_zeros(())
     return terms | {"total": sum(used, zero)}
-
-
-@contextmanager
-def frozen(critic: nn.Module) -> Iterator[None]:
-    """Inside, what is scored learns, and the critic does not.
-
-    >>> critic = nn.Linear(1, 1)
-    >>> with frozen(critic):
-    ...     score = critic(torch.ones(1, 1, requires_grad=True))
-    >>> score.backward()
-    >>> critic.weight.grad, critic.weight.requires_grad
-    (None, True)
-    """
-    learned = [p for p in critic.parameters() if p.requires_grad]
-    for p in learned:
-        p.requires_grad_(False)
-    try:
-        yield
-    finally:
-        for p in learned:
-            p.requires_grad_(True)

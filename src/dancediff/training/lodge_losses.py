@@ -18,7 +18,8 @@ from torch import Tensor
 
 from dancediff.diffusion.schedule import send
 from dancediff.motion.representation import LODGE
-from dancediff.nn.losses import compare, frozen
+from dancediff.nn.frozen import frozen
+from dancediff.nn.losses import compare
 from dancediff.papers.lodge.cue_guidance import clean_borders
 from dancediff.papers.lodge.genre_discriminator import (
     DiscriminatorConfig,

@@ -27,7 +27,8 @@ from dancediff.autoregression.roll_out import roll_out
 from dancediff.data.windows import Batch
 from dancediff.genre import GENRES
 from dancediff.motion.representation import TCDIFFPP, joints_of
-from dancediff.nn.losses import frozen, mean, with_total
+from dancediff.nn.frozen import frozen
+from dancediff.nn.losses import mean, with_total
 from dancediff.nn.mapping_network import MappingNetwork
 from dancediff.papers.mnet.critic import (
     GenreCritic,

@@ -8,10 +8,9 @@ Symbols (axes: b batch · n dancers · f frames · j joints)
 
 from dataclasses import asdict, dataclass
 
-import torch
 from torch import Tensor
 
-from dancediff.nn.losses import Comparison, mean
+from dancediff.nn.losses import Comparison, between_pairs, mean
 from dancediff.nn.motion_losses import l_contact, l_fk, l_simple, l_vel
 
 
@@ -61,14 +60,14 @@ def path_losses(guess: Tensor, truth: Tensor) -> dict[str, Tensor]:
 
     Shapes: (b, n, f, 2), both -> dict of scalars.
 
+    >>> import torch
     >>> path = torch.randn(1, 3, 9, 2)
     >>> path_losses(path + 1, path)["path_distance"].item() < 1e-12      # the whole group shifted
     True
     """
-    error, n = guess - truth, guess.shape[1]
-    i, j = torch.triu_indices(n, n, 1, device=error.device)
+    error = guess - truth
     return {
         "path": mean(error.square()),
-        "path_distance": mean((error[:, i] - error[:, j]).square()),
+        "path_distance": mean(between_pairs(error).square()),
         "path_velocity": mean(error.diff(dim=2).square()),
     }

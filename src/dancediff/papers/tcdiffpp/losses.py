@@ -11,11 +11,10 @@ Symbols (axes: b batch · n dancers · f frames · d motion features · j joints
 
 from dataclasses import asdict, dataclass
 
-import torch
 from torch import Tensor
 
 from dancediff.motion.representation import Normalizer
-from dancediff.nn.losses import Comparison, compare, mean, with_total
+from dancediff.nn.losses import Comparison, between_pairs, compare, mean, with_total
 from dancediff.nn.motion_losses import l_contact, l_fk, l_simple, l_vel
 
 
@@ -48,13 +47,12 @@ def l_dist(root_hat: Tensor, root_0: Tensor) -> Tensor:
 
     Shapes: root (b, n, f, 3) metres -> scalar; 0 for a solo.
 
+    >>> import torch
     >>> root = torch.randn(1, 3, 10, 3)
     >>> l_dist(root + 1.0, root).item() < 1e-12                # the whole group shifted: no error
     True
     """
-    error, n = root_hat - root_0, root_hat.shape[1]
-    i, j = torch.triu_indices(n, n, 1, device=error.device)
-    return mean((error[:, i] - error[:, j]).square())
+    return mean(between_pairs(root_hat - root_0).square())
 
 
 def five_losses(c: Comparison) -> dict[str, Tensor]:
@@ -86,6 +84,7 @@ def tcdiffpp_losses(
     Shapes: x_raw, x_hat, x_0 (b, n, f, d) normalised -> dict of scalars.
     Raises: ValueError for other shapes, which would count frames as dancers.
 
+    >>> import torch
     >>> norm = Normalizer(-torch.ones(151), torch.ones(151))
     >>> x = torch.rand(1, 2, 8, 151)
     >>> sorted(tcdiffpp_losses(x, x, x, norm))

@@ -8,7 +8,7 @@ from dancediff import hub
 from dancediff.data.choreographed import choreographed_takes
 from dancediff.data.windows import Batch
 from dancediff.generation.pipeline import pipeline_of
-from dancediff.nn.losses import frozen
+from dancediff.nn.frozen import frozen
 from dancediff.papers.mnet.critic import GenreCritic, diversity, hinge, style_consistency
 from dancediff.papers.mnet.model import MNET, WEIGHTS, MNETConfig
 from dancediff.training.run import train_from_config
