@@ -48,6 +48,7 @@ from dancediff.motion.motion import Motion
 from dancediff.music.energy import energy_curve
 from dancediff.music.features import SAMPLE_RATE
 from dancediff.music.song import Music
+from dancediff.music.sound_on_disk import SOUND_SUFFIXES
 
 FPS, SHORT, LONG = 30, 2, 5  # frames a second; seconds of a window for loudness, and for speed
 SLOWEST, FASTEST = 0.15, 0.9  # metres a second, mean of all joints
@@ -276,7 +277,7 @@ class AnySong:
         """The 40 s of each song whose loudness changes most."""
         found = []
         for path in sorted(p for p in (self.songs or self.data / "music").iterdir()):
-            if path.suffix.lower() not in (".ogg", ".mp3", ".flac", ".wav"):
+            if path.suffix.lower() not in SOUND_SUFFIXES:
                 continue
             whole = Music.load(path)
             if whole.duration < SECONDS + LONG:

@@ -36,12 +36,12 @@ from dancediff.motion.motion import Motion
 from dancediff.music.causal import CausalMusic
 from dancediff.music.features import CHROMA, MFCC, ONSET
 from dancediff.music.song import Music
+from dancediff.music.sound_on_disk import SOUND_SUFFIXES
 from dancediff.music.sound_sources import played
 
 LONGEST, SKIP = 120.0, 5.0  # seconds
 AHEAD = (0.0, 1.0, 3.0)  # seconds before a beat at which it must be known
 START, SECONDS, LEAD = 10.0, 20.0, 1.0  # of dances
-SOUNDS = (".flac", ".mp3", ".ogg", ".wav")
 COLUMNS = ["song", "beats known", "1 s ahead", "3 s ahead", "onset", "MFCC", "chroma"]
 COLUMNS += ["onset, 1 s ahead", "MFCC, 1 s ahead", "% of a core", "MMC, whole", "MMC, causal"]
 
@@ -170,7 +170,7 @@ def rhythm(pipeline, song: Music) -> list[float | None]:
 
 def songs_of(folder: Path, most: int) -> list[Path]:
     """Sound files of a folder, at most so many, spread evenly over their names."""
-    found = sorted(path for path in folder.rglob("*") if path.suffix.lower() in SOUNDS)
+    found = sorted(path for path in folder.rglob("*") if path.suffix.lower() in SOUND_SUFFIXES)
     return [found[k * len(found) // most] for k in range(most)] if len(found) > most else found
 
 

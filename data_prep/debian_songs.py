@@ -26,8 +26,9 @@ import numpy as np
 import soundfile
 
 from dancediff.atomic import atomic_write, write_text
-from dancediff.data.song_folder import MANIFEST, SUFFIXES, SongFile
+from dancediff.data.song_folder import MANIFEST, SongFile
 from dancediff.music.song import Music
+from dancediff.music.sound_on_disk import SOUND_SUFFIXES
 
 SHORTEST = 20.0  # seconds; shorter files are jingles and sounds of games
 LONGEST = 240.0  # seconds of a tune that are rendered
@@ -167,7 +168,8 @@ def known(folders: list[Path]) -> set[str]:
     for folder in folders:
         if not folder.is_dir():
             raise ValueError(f"--exclude {str(folder)!r} is no folder; name one that is there")
-    paths = [p for folder in folders for p in folder.rglob("*") if p.suffix.lower() in SUFFIXES]
+    found = [p for folder in folders for p in folder.rglob("*")]
+    paths = [p for p in found if p.suffix.lower() in SOUND_SUFFIXES]
     keys = {SongFile(path, path.stem).key for path in paths}
     return keys | {sha256(path.read_bytes()).hexdigest() for path in paths}
 

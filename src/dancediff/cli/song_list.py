@@ -18,8 +18,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from dancediff.cli.options import FIELDS, read_option
-from dancediff.data.song_folder import SUFFIXES
 from dancediff.hub import SONG
+from dancediff.music.sound_on_disk import SOUND_SUFFIXES
 
 OTHERS = (".aif", ".aiff", ".m4a", ".aac", ".wma", ".opus")  # sounds that are not looked for
 NAMED = 3  # of those that are left out
@@ -86,10 +86,10 @@ def _in_folder(folder: Path) -> list[tuple[str, Path]]:
     found = [
         path.relative_to(folder)
         for path in sorted(folder.rglob("*"))
-        if path.suffix.lower() in (*SUFFIXES, *OTHERS) and path.is_file()
+        if path.suffix.lower() in (*SOUND_SUFFIXES, *OTHERS) and path.is_file()
     ]
     found = [path for path in found if not any(part.startswith(".") for part in path.parts)]
-    files = [path for path in found if path.suffix.lower() in SUFFIXES]
+    files = [path for path in found if path.suffix.lower() in SOUND_SUFFIXES]
     if left := [path.as_posix() for path in found if path not in files]:
         names = ", ".join(left[:NAMED]) + (" and so on" if len(left) > NAMED else "")
         warnings.warn(

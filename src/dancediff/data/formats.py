@@ -33,6 +33,7 @@ from dancediff.motion.rotation import axis_angle_to_matrix
 from dancediff.motion.skeleton import FOOT_JOINTS
 from dancediff.music.features import beat_times
 from dancediff.music.song import Music
+from dancediff.music.sound_on_disk import SOUND_SUFFIXES
 
 VAL_SHARE = 0.1
 SHORTEST = 30  # frames; what is shorter holds nothing to learn from
@@ -172,12 +173,9 @@ def make_take(
 def find_song(folders: list[Path], names: list[str]) -> Path | None:
     """The first file with one of the names and the suffix of a sound, in the first such folder."""
     places = [folder / name for folder in folders for name in names]
-    ends = [how(end) for end in _SOUNDS for how in (str.lower, str.upper, str.title)]
+    ends = [how(end) for end in SOUND_SUFFIXES for how in (str.lower, str.upper, str.title)]
     files = (place.with_name(place.name + end) for place in places for end in ends)
     return next((file for file in files if file.is_file()), None)
-
-
-_SOUNDS = (".wav", ".flac", ".ogg", ".mp3")
 
 
 def read_names(path: Path) -> list[str]:

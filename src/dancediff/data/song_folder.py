@@ -11,8 +11,9 @@ import unicodedata
 from dataclasses import dataclass
 from pathlib import Path
 
+from dancediff.music.sound_on_disk import SOUND_SUFFIXES
+
 MANIFEST = "songs.toml"
-SUFFIXES = (".wav", ".flac", ".ogg", ".mp3")
 UNKNOWN = "unknown"
 _FACTS = ("title", "author", "licence", "package")
 
@@ -65,7 +66,7 @@ def songs_in(folder, *, licence: str | None = None) -> list[SongFile]:
 def _is_song(path: Path, folder: Path) -> bool:
     # macOS keeps "._a.mp3" beside "a.mp3", which is no sound
     hidden = any(part.startswith(".") for part in path.relative_to(folder).parts)
-    return path.suffix.lower() in SUFFIXES and not hidden and path.is_file()
+    return path.suffix.lower() in SOUND_SUFFIXES and not hidden and path.is_file()
 
 
 def _song(path: Path, facts: dict, licence: str | None) -> SongFile:

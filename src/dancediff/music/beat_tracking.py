@@ -20,6 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
+from dancediff.music.frame_parts import parts_of, sound_of
 from dancediff.music.librosa_import import import_librosa
 from dancediff.music.sound_rate import SAMPLE_RATE
 
@@ -37,10 +38,10 @@ EARLY = 0.5  # frames; a spectrum sees an onset so long before its middle reache
 LEAST = 0.003  # a beat may fall on a frame without any onset
 QUIET = 0.25  # quiet parts count as if they were at least this loud, or hiss would have beats
 
-WINDOW = 1024  # samples of a spectrum: half of the features', to tell fast beats apart
+BEAT_WINDOW = 1024  # samples of a spectrum: half of the features', to tell fast beats apart
 AT_ONCE = 18000  # frames
 _HOP = SAMPLE_RATE // BEAT_FPS
-_TOP_DB = 80.0  # what is this far under the loudest band of the song counts as silent
+TOP_DB = 80.0  # what is this far under the loudest band of the song counts as silent
 
 
 @dataclass(frozen=True)
@@ -64,7 +65,7 @@ def beat_onset(y: np.ndarray, at_once: int = AT_ONCE) -> np.ndarray:
     librosa = import_librosa()
 
     mel = _mel(y, at_once)
-    quietest = librosa.power_to_db(mel.max()) - _TOP_DB  # of the whole song, not of a part
+    quietest = librosa.power_to_db(mel.max()) - TOP_DB  # of the whole song, not of a part
     rises = [np.zeros(1, np.float32)]
     for start in range(0, len(mel) - 1, at_once):
         part = mel[start : start + at_once + 1]  # one more: a rise lies between two frames
@@ -77,15 +78,12 @@ def _mel(y: np.ndarray, at_once: int) -> np.ndarray:
     """Power in 128 mel bands, (f, 128)."""
     librosa = import_librosa()
 
-    reach, frames = WINDOW // 2, 1 + len(y) // _HOP
+    frames = 1 + len(y) // _HOP
     mel = np.empty((frames, 128), np.float32)
-    for start in range(0, frames, at_once):
-        stop = min(start + at_once, frames)
-        first, last = start * _HOP - reach, (stop - 1) * _HOP + reach
-        part = y[max(first, 0) : last]
-        part = np.pad(part, (max(-first, 0), max(last - len(y), 0)))
+    for start, stop in parts_of(frames, at_once):
+        part = sound_of(y, start, stop, hop=_HOP, window=BEAT_WINDOW)
         mel[start:stop] = librosa.feature.melspectrogram(
-            y=part, sr=SAMPLE_RATE, n_fft=WINDOW, hop_length=_HOP, center=False
+            y=part, sr=SAMPLE_RATE, n_fft=BEAT_WINDOW, hop_length=_HOP, center=False
         ).T
     return mel
 

@@ -15,8 +15,9 @@ import torch
 from scipy import fft
 
 from dancediff.axes import FPS
+from dancediff.music.beat_tracking import BEAT_WINDOW, TOP_DB
 from dancediff.music.energy import frame_power
-from dancediff.music.features import MFCC, NUM_FEATURES
+from dancediff.music.features import MFCC, NUM_FEATURES, WINDOW
 from dancediff.music.frame_chroma import REACH, SPAN, chroma_levels
 from dancediff.music.librosa_import import import_librosa
 from dancediff.music.online_beats import PAST, OnlineBeats
@@ -25,9 +26,7 @@ from dancediff.music.sound_rate import HOP, SAMPLE_RATE
 BACK = 2  # frames that a spectrum needs after its own
 KEPT = PAST * FPS  # frames that are kept
 _REMEMBERED = 600 * FPS  # frames whose loudness is kept: ten minutes
-_TOP_DB = 80.0  # what is this far under the loudest band so far counts as silent
 _QUIETEST = 1e-10  # power
-_BEAT_WINDOW, _WINDOW = 1024, 2048  # samples of the spectra of beats and of the other features
 
 
 class CausalFrames:
@@ -50,7 +49,7 @@ class CausalFrames:
         self.loudest_onset, self._energy = 0.0, 0.0
         self._levels: deque[np.ndarray] = deque(maxlen=KEPT)
         self._sound = np.zeros(SPAN, np.float32)
-        self._onset = _Onset(_WINDOW), _Onset(_BEAT_WINDOW)
+        self._onset = _Onset(WINDOW), _Onset(BEAT_WINDOW)
         self._later: deque[float] = deque([0.0] * BACK)
 
     def hear(self, frame: np.ndarray) -> None:
@@ -114,7 +113,7 @@ class _Onset:
         spectrum = fft.rfft(sound[-self.window :] * weight)
         mel = basis @ (spectrum.real**2 + spectrum.imag**2)
         self.loudest = max(self.loudest, float(mel.max()))
-        quietest = max(_QUIETEST, self.loudest * 10 ** (-_TOP_DB / 10))
+        quietest = max(_QUIETEST, self.loudest * 10 ** (-TOP_DB / 10))  # the loudest so far
         level = 10 * np.log10(np.maximum(mel, quietest))
         rise = 0.0 if self.before is None else float(np.maximum(level - self.before, 0).mean())
         self.before = level

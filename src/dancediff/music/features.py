@@ -17,6 +17,7 @@ from torch import Tensor, nn
 
 from dancediff.axes import FPS
 from dancediff.music.beat_tracking import TrackedBeats, beat_onset, track_beats
+from dancediff.music.frame_parts import parts_of, sound_of
 from dancediff.music.librosa_import import import_librosa
 from dancediff.music.sound_rate import HOP, SAMPLE_RATE
 
@@ -30,7 +31,7 @@ BLOCKS = {"onset": ONSET, "mfcc": MFCC, "chroma": CHROMA, "peaks": PEAKS, "beats
 LATE = 0.045  # seconds from a beat to its top in librosa's onset envelope, measured on songs
 _MASKED = 1e6  # a std so large that no value is far from the mean
 _SHORTEST = 16 * HOP  # librosa's filters want half a second; shorter sound is padded with silence
-_WINDOW = 2048  # samples of a spectrum
+WINDOW = 2048  # samples of a spectrum
 _BELOW = 1068  # samples of one that ends at 4 kHz, where librosa's pitches do
 _RATE: dict[str, Any] = {"sr": SAMPLE_RATE, "hop_length": HOP}
 BINS = 36  # notes an octave
@@ -90,22 +91,14 @@ def music_features(
     return np.nan_to_num(M[:frames], copy=False)
 
 
-def _parts(frames: int, at_once: int):
-    """First and last frame (not included) of each part of a song."""
-    return [(k, min(k + at_once, frames)) for k in range(0, frames, at_once)]
-
-
 def _mel_and_tuning(y: np.ndarray, at_once: int) -> tuple[np.ndarray, float]:
     """Power in 128 mel bands (128, f), and by how much of a semitone's third all notes are off."""
     librosa = import_librosa()
 
-    reach = _WINDOW // 2
     mel, pitches, loud = [], [], []
-    for start, stop in _parts(1 + len(y) // HOP, at_once):
-        first, last = start * HOP - reach, (stop - 1) * HOP + reach
-        part = y[max(first, 0) : last]
-        part = np.pad(part, (max(-first, 0), max(last - len(y), 0)))
-        S = np.abs(librosa.stft(part, n_fft=_WINDOW, hop_length=HOP, center=False))
+    for start, stop in parts_of(1 + len(y) // HOP, at_once):
+        part = sound_of(y, start, stop, hop=HOP, window=WINDOW)
+        S = np.abs(librosa.stft(part, n_fft=WINDOW, hop_length=HOP, center=False))
         mel.append(librosa.feature.melspectrogram(S=S**2, sr=SAMPLE_RATE))
         pitch, strength = _pitches(S)
         pitches.append(pitch)
@@ -126,7 +119,7 @@ def _pitches(S: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
     pitch, strength = librosa.piptrack(
         S=S[: _BELOW // 2 + 1],
-        sr=_BELOW * SAMPLE_RATE / _WINDOW,
+        sr=_BELOW * SAMPLE_RATE / WINDOW,
         n_fft=_BELOW,
         ref=lambda below, axis: S.max(axis=axis),
     )
@@ -138,7 +131,7 @@ def _constant_q(y: np.ndarray, tuning: float, at_once: int) -> np.ndarray:
     librosa = import_librosa()
 
     parts, frames = [], 1 + len(y) // HOP
-    for start, stop in _parts(frames, at_once):
+    for start, stop in parts_of(frames, at_once):
         first, last = max(start - _REACH, 0), min(stop + _REACH, frames)
         part = y[first * HOP : last * HOP]
         C = np.abs(librosa.cqt(part, n_bins=7 * BINS, bins_per_octave=BINS, tuning=tuning,

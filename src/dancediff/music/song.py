@@ -19,14 +19,13 @@ from dancediff.music.cut_off import missing_share
 from dancediff.music.features import music_features
 from dancediff.music.librosa_import import import_librosa
 from dancediff.music.mono import mono_mix, turned_round
-from dancediff.music.sound_on_disk import SoundOnDisk
+from dancediff.music.sound_on_disk import SOUND_SUFFIXES, SoundOnDisk
 from dancediff.music.sound_rate import HOP, SAMPLE_RATE, whole_rate
 from dancediff.threads import begun_beside
 
 SILENT = 1e-4  # peak below which a song counts as silent
 LONG = 1 << 26  # samples (12 minutes in stereo) from which on a song's sound stays in its file
 _PART = 1 << 24  # samples that are squared at a time
-WRITABLE = (".wav", ".flac", ".ogg", ".mp3")
 LOUDNESS = 0.1  # RMS to which a song is set before its features are taken
 
 
@@ -136,9 +135,9 @@ class Music:
         import soundfile
 
         path = Path(path)
-        if path.suffix.lower() not in WRITABLE:
+        if path.suffix.lower() not in SOUND_SUFFIXES:
             raise ValueError(
-                f"suffix {path.suffix!r} of {path} is unknown; use {' '.join(WRITABLE)}"
+                f"suffix {path.suffix!r} of {path} is unknown; use {' '.join(SOUND_SUFFIXES)}"
             )
         path.parent.mkdir(parents=True, exist_ok=True)
         shape = self.rate, self.audio.shape[1]

@@ -12,6 +12,7 @@ import numpy as np
 
 from dancediff.music.mono import mono_mix
 
+SOUND_SUFFIXES = (".wav", ".flac", ".ogg", ".mp3")  # of songs that are read and written
 AT_ONCE = 1 << 20  # sample times that are read at a time
 
 
