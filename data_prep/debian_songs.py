@@ -30,7 +30,7 @@ from dancediff.data.song_folder import MANIFEST, SongFile
 from dancediff.music.song import Music
 from dancediff.music.sound_on_disk import SOUND_SUFFIXES
 
-SHORTEST = 20.0  # seconds; shorter files are jingles and sounds of games
+SHORTEST_TUNE = 20.0  # seconds; shorter files are jingles and sounds of games
 LONGEST = 240.0  # seconds of a tune that are rendered
 RATE = 32000  # of rendered tunes
 
@@ -196,7 +196,7 @@ def collect(package: Package, out: Path, share: Path, fonts: dict[str, Path], ne
                     with atomic_write(target) as part:  # a stopped copy would count as whole
                         shutil.copyfile(path, part)  # opus is ogg by another suffix
             seconds = soundfile.info(target).duration
-            if seconds < SHORTEST:
+            if seconds < SHORTEST_TUNE:
                 target.unlink()
                 continue
             facts = {

@@ -3,6 +3,7 @@
 Read first: docs/trust.md.
 """
 
+import errno
 import json
 import os
 from collections.abc import Iterator
@@ -11,6 +12,7 @@ from pathlib import Path
 
 RENAMED = {"spread": "std", "knobs": "scale_and_shift"}  # parts of tensors' names in older files
 UNFINISHED = ".part."  # how names of files begin that are being written
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)
 
 
 @contextmanager
@@ -137,3 +139,12 @@ def save_tensors(tensors: dict, path, metadata: dict[str, str] | None = None) ->
         except SafetensorError as err:
             raise OSError(f"{path} cannot be written: {err}") from err
         part.chmod(mode)  # safetensors lets nobody else read it
+
+
+def is_full(err: BaseException) -> bool:
+    """Whether the disk takes no more: whatever was to be written is not to blame.
+
+    >>> is_full(OSError(errno.ENOSPC, "No space left on device")), is_full(ValueError("odd"))
+    (True, False)
+    """
+    return isinstance(err, OSError) and err.errno in FULL

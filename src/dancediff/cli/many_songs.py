@@ -7,7 +7,6 @@ made: a hash of the sound, the weights, the options, the formats and our code. A
 goes on with the songs that have none.
 """
 
-import errno
 import json
 import shutil
 import socket
@@ -22,7 +21,7 @@ import numpy as np
 from tqdm.auto import tqdm
 
 from dancediff import hub
-from dancediff.atomic import write_text
+from dancediff.atomic import is_full, write_text
 from dancediff.axes import FPS
 from dancediff.backends import check_backend, run_jobs
 from dancediff.cli.files import HIDDEN, check_targets, file_of, song_named
@@ -32,7 +31,6 @@ from dancediff.data.cache import code_digest
 
 MADE, KEPT = "made", "kept"
 FACTS = "dance.json"
-FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)  # no song is to blame
 MODELS = 3  # that a process keeps in memory
 CODE = (
     *("music", "motion", "data", "diffusion", "nn", "papers", "extensions", "generation"),
@@ -162,7 +160,7 @@ def make_dance(job: DanceJob) -> tuple[str, dict] | str:
             return KEPT, old
         return MADE, _dance(job, recipe, old)
     except Exception as err:  # one odd song must not end a run over thousands
-        if isinstance(err, OSError) and err.errno in FULL:
+        if is_full(err):
             raise
         kind = "" if isinstance(err, ValueError) else f"{type(err).__name__}: "
         return f"{kind}{' '.join(str(err).split())}"

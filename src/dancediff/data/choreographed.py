@@ -38,7 +38,7 @@ from dancediff.music.synth import synth_song
 from dancediff.music.varied import synth_varied_song
 
 SIZES = (1, 2, 3, 4, 5)  # of groups
-SILENT = 4  # songs from which on making them shows its progress: each takes a second or more
+SHOWN_FROM = 4  # songs from which on making them shows its progress: each takes a second or more
 SOURCE = "dancediff's choreographer and synthesiser"
 LICENCE = "MIT (made by this project's own code)"
 ANY_GENRE = 0.5  # share of dances to varied and recorded songs in a genre drawn from all
@@ -135,14 +135,14 @@ def choreographed_corpus(
     if cache is None:
         make = partial(choreographed_takes, seconds=seconds, sizes=sizes, varied=varied)
         made = run_jobs(make, seeds, workers=max(1, workers))
-        few = len(seeds) < SILENT
+        few = len(seeds) < SHOWN_FROM
         songs = dict(tqdm(made, "composing songs", len(seeds), leave=False, disable=few))
         return list(itertools.chain.from_iterable(songs[k] for k in range(len(seeds))))
     options: dict = {"seconds": float(seconds), "share": 0.0, "varied": bool(varied)}
     jobs = [_job(seed, n, 0, **options) for seed in seeds for n in sizes]
     if not jobs:
         return []
-    summary = prepare(jobs, cache, workers=workers, progress=len(seeds) >= SILENT)
+    summary = prepare(jobs, cache, workers=workers, progress=len(seeds) >= SHOWN_FROM)
     for name, reason in summary.skipped.items():
         raise ValueError(f"{name}: {reason}")
     takes = {take.name: take for take in PackedTakes(cache).takes()}

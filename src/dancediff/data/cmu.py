@@ -23,7 +23,7 @@ from dancediff.data.formats import read_json
 from dancediff.data.joint_maps import find_joints
 from dancediff.data.retarget import leg_scale, retarget
 from dancediff.data.summary import MEASURED
-from dancediff.data.take import SPLITS, DanceTake, Job
+from dancediff.data.take import NO_MUSIC, SPLITS, DanceTake, Job
 from dancediff.motion.motion import Motion
 
 GENRE = {"salsa": "captured_salsa", "indian": "indian"}  # "salsa" is the choreographer's
@@ -96,7 +96,7 @@ def make_take(
         name=name,
         dance=_on_one_stage([motion for motion, _ in done], name),
         kind="real",
-        music="none",
+        music=NO_MUSIC,
         source=source,
         licence=licence,
         split=split,

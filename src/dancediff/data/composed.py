@@ -27,7 +27,7 @@ from dancediff.data.augment import rotate_features, shift_features
 from dancediff.data.choreographer.formations import formation_names, slots
 from dancediff.data.prepared import AND, Entry, PreparedData
 from dancediff.data.soundtrack import with_soundtrack
-from dancediff.data.take import DanceTake, Job
+from dancediff.data.take import NO_MUSIC, DanceTake, Job
 from dancediff.data.take_file import read_take
 from dancediff.motion.contact import foot_contact
 from dancediff.motion.mirror import mirror_features
@@ -37,8 +37,8 @@ from dancediff.motion.representation import TCDIFFPP
 MIN_DISTANCE = 0.45  # metres between two roots that were put together
 CLEARANCE = 0.7  # metres aimed at, because arms reach farther than roots
 WAYS = ("unison", "mirror", "canon")
-SHORTEST = 150  # frames; less is no window
-SILENT = ("none", "beat-aligned synthetic")  # music of dances that were recorded without any
+SHORTEST_COMPOSED = 150  # frames; less is no window
+WITHOUT_MUSIC = (NO_MUSIC, "beat-aligned synthetic")  # music of dances recorded without any
 WIDEST = 2.6  # times a formation may be stretched so that travelling dancers do not meet
 
 
@@ -97,8 +97,10 @@ def copies(solo: Motion, n: int, way: str, rng: np.random.Generator) -> tuple[Mo
         if rng.random() < 0.5:
             flips = [k % 2 == 1 for k in range(n)]
     f = solo.num_frames - max(late)
-    if f < SHORTEST:
-        raise ValueError(f"of {solo.num_frames} frames {f} would be left, less than {SHORTEST}")
+    if f < SHORTEST_COMPOSED:
+        raise ValueError(
+            f"of {solo.num_frames} frames {f} would be left, less than {SHORTEST_COMPOSED}"
+        )
     x = _centred(solo.features())
     cuts = [x[:, max(late) - k : max(late) - k + f] for k in late]
     cuts = [mirror_features(cut) if flip else cut for cut, flip in zip(cuts, flips, strict=True)]
@@ -137,7 +139,7 @@ def composed_jobs(folder, *, songs: int = 2) -> list[Job]:
     jobs = []
     for split in ("train", "val", "test"):
         real = [entry for entry in data.split(split) if entry.kind == "real"]
-        silent = [entry for entry in real if entry.music in SILENT]
+        silent = [entry for entry in real if entry.music in WITHOUT_MUSIC]
         duets = [entry for entry in silent if entry.dancers == 2]
         ring = [*duets, duets[0]] if len(duets) > 2 else duets
         for a, b in pairwise(ring):
@@ -180,7 +182,7 @@ def make_composed(
         name=name,
         dance=motion,
         kind="composed",
-        music="none",
+        music=NO_MUSIC,
         source=f"composed of {AND.join(made_from)}; {AND.join(sources)}",
         licence=" AND ".join(dict.fromkeys(part.licence for part in parts)),  # all of them hold
         split=first.split,

@@ -26,7 +26,7 @@ from dancediff.data.cache import song_features
 from dancediff.data.resample import resample_motion
 from dancediff.data.retarget import floor_height
 from dancediff.data.safe_pickle import load_pickle
-from dancediff.data.take import DanceTake
+from dancediff.data.take import NO_MUSIC, DanceTake
 from dancediff.motion.contact import foot_contact
 from dancediff.motion.motion import Motion
 from dancediff.motion.rotation import axis_angle_to_matrix
@@ -36,7 +36,7 @@ from dancediff.music.song import Music
 from dancediff.music.sound_on_disk import SOUND_SUFFIXES
 
 VAL_SHARE = 0.1
-SHORTEST = 30  # frames; what is shorter holds nothing to learn from
+SHORTEST_TAKE = 30  # frames; what is shorter holds nothing to learn from
 HIGH = 5.0  # metres; nobody puts the origin so far above or below a floor
 FARTHEST = 100  # metres from the origin; nobody dances there, so the unit is wrong
 _NAME = re.compile(r"[A-Za-z0-9_-]{1,100}")
@@ -148,10 +148,10 @@ def make_take(
         if M is None:
             notes |= {"silent": True}
     f = motion.num_frames if M is None else min(motion.num_frames, len(M))
-    if f < SHORTEST:
+    if f < SHORTEST_TAKE:
         of = "" if M is None else f" and music of {len(M)}"
         raise ValueError(
-            f"a motion of {motion.num_frames} frames{of} is shorter than {SHORTEST} frames"
+            f"a motion of {motion.num_frames} frames{of} is shorter than {SHORTEST_TAKE} frames"
         )
     if M is not None and len(M) != motion.num_frames:
         notes |= {"motion_frames": motion.num_frames, "music_frames": len(M)}
@@ -162,7 +162,7 @@ def make_take(
             motion, contact=foot_contact(motion.joints(), motion.fps), meta={"name": name}
         ),
         kind=kind,
-        music="none" if M is None else "original",
+        music=NO_MUSIC if M is None else "original",
         M=None if M is None else M[:f].clone(),
         beats=None if M is None else beat_times(M[:f]),
         notes=notes,

@@ -9,7 +9,6 @@ number of workers, nor on how often the run was stopped.
 """
 
 import contextlib
-import errno
 import json
 import shutil
 import sys
@@ -21,7 +20,7 @@ from pathlib import Path
 
 from tqdm.auto import tqdm
 
-from dancediff.atomic import atomic_write, sweep
+from dancediff.atomic import atomic_write, is_full, sweep
 from dancediff.axes import FPS
 from dancediff.backends import WorkerDied, check_backend, run_jobs
 from dancediff.data.cache import code_digest, use_cache
@@ -31,7 +30,6 @@ from dancediff.data.take import Job
 from dancediff.data.take_file import SCRATCH, describe, read_row, write_take
 
 MADE, KEPT = "made", "kept"
-FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)  # nobody's take is to blame
 
 
 def prepare(
@@ -106,7 +104,7 @@ def run_job(job: Job, out: Path) -> str:
             raise ValueError(f"it does not tell its {' and '.join(missing)}")
         describe(take)
     except Exception as err:  # one odd file must not end a run over thousands
-        if isinstance(err, OSError) and err.errno in FULL:
+        if is_full(err):
             raise
         if path is not None and not _unreachable(err):
             path.unlink()  # the take has become bad: no old version shall pass for it

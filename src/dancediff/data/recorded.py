@@ -34,7 +34,7 @@ from dancediff.music.features import beat_times
 from dancediff.music.sections import song_sections
 from dancediff.music.song import Music
 
-SHORTEST = 6.0  # seconds of a song that can be danced to
+SHORTEST_RECORDED = 6.0  # seconds of a song that can be danced to
 BEGINNINGS = 0.25  # share of the dances that take the beginning of a song, beside the first
 SHARE = 0.1  # of the songs, expected in "val"
 
@@ -61,8 +61,10 @@ def song_jobs(
         raise ValueError(f"dances_per_song={dances_per_song} must be at least 1")
     if operator.index(augment) < 0:
         raise ValueError(f"augment={augment} must be at least 0")
-    if not SHORTEST <= seconds < 3600:
-        raise ValueError(f"seconds={seconds} is no length; choose {SHORTEST:.0f} to an hour")
+    if not SHORTEST_RECORDED <= seconds < 3600:
+        raise ValueError(
+            f"seconds={seconds} is no length; choose {SHORTEST_RECORDED:.0f} to an hour"
+        )
     if not 0 <= share < 1:
         raise ValueError(f"share={share} is out of range; choose 0 to below 1")
     folder = Path(folder)
@@ -104,9 +106,9 @@ def danced_song(
     Raises: ValueError when the song cannot be read, is silent or shorter than 6 seconds.
     """
     M, steps = _heard(song, version)
-    if len(M) < SHORTEST * FPS:
+    if len(M) < SHORTEST_RECORDED * FPS:
         raise ValueError(
-            f"the song lasts {len(M) / FPS:.1f} s; at least {SHORTEST:.0f} s are needed"
+            f"the song lasts {len(M) / FPS:.1f} s; at least {SHORTEST_RECORDED:.0f} s are needed"
         )
     digest = int.from_bytes(sha256(name.encode()).digest()[:8])
     rng = np.random.default_rng(digest)

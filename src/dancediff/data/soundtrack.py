@@ -32,7 +32,7 @@ from dancediff.music.features import BEATS, LATE
 from dancediff.music.synth import synth_on_beats
 
 INTERVALS = np.arange(10, 25)  # frames: 180 to 75 beats a minute
-SHORTEST = 60  # frames in which a tempo can be found
+SHORTEST_DANCE = 60  # frames in which a tempo can be found
 _WIDTH = 1.0  # frames: how far beside a rest a beat still counts
 _MISSED = 0.35  # cost of a beat where nobody comes to rest
 _CHANGE = 0.06  # cost of a change of the interval by one frame; grows with its square
@@ -79,10 +79,10 @@ def tempo_map(rest: np.ndarray) -> np.ndarray:
     >>> tempo_map(rest)[:3].round(2).tolist()
     [0.23, 0.73, 1.23]
     """
-    if len(rest) < SHORTEST:
+    if len(rest) < SHORTEST_DANCE:
         raise ValueError(
-            f"{len(rest)} frames are too few to find a tempo in, at least {SHORTEST}; a take with "
-            "a song of its own needs none"
+            f"{len(rest)} frames are too few to find a tempo in, at least {SHORTEST_DANCE}; a take "
+            "with a song of its own needs none"
         )
     frames = _best_row(rest)
     weight = np.diag(rest[frames] + 0.05)

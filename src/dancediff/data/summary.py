@@ -5,9 +5,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from dancediff.axes import FPS
-from dancediff.data.take import SPLITS
+from dancediff.data.take import NO_MUSIC, SPLITS
 
-SILENT = "none"
 # of a retargeted take, see `dancediff.data.retarget.measure`
 MEASURED = ("direction_error", "skating_source", "skating", "penetration_p95", "lowest_median")
 
@@ -57,7 +56,7 @@ class Summary:
         """
         takes = sum(self.counts.values(), Counter())
         found = []
-        if takes and {music for _, music, _ in self.counts} == {SILENT}:
+        if takes and {music for _, music, _ in self.counts} == {NO_MUSIC}:
             where = "data_prep/README.md says where songs lie"
             found.append(f"no take has music, so none can be trained on: {where}")
         if takes["val"] > takes["train"]:

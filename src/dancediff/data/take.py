@@ -22,7 +22,8 @@ from dancediff.motion.motion import Motion
 from dancediff.motion.representation import TCDIFFPP, joints_of
 
 KINDS = ("real", "composed", "synthetic")  # of the motion, from people to none
-MUSICS = ("original", "recorded", "beat-aligned synthetic", "synthetic", "none")
+NO_MUSIC = "none"  # among `MUSICS`, what a dance was made to
+MUSICS = ("original", "recorded", "beat-aligned synthetic", "synthetic", NO_MUSIC)
 SPLITS = ("train", "val", "test")
 
 

@@ -9,7 +9,7 @@ from dancediff.axes import FPS
 from dancediff.threads import Worker
 
 MARGIN = 5 * FPS  # frames before the opening's end: beats and chroma need their surroundings
-SHORTEST = 15.0  # seconds; so much holds a window of 5 s and the margin
+SHORTEST_OPENING = 15.0  # seconds; so much holds a window of 5 s and the margin
 
 
 class Opening:
@@ -29,11 +29,13 @@ class Opening:
     def __init__(self, song, seconds: float):
         """Nothing is computed yet."""
         try:
-            enough = seconds >= SHORTEST
+            enough = seconds >= SHORTEST_OPENING
         except TypeError:  # a text, say
             enough = False
         if not enough:
-            raise ValueError(f"opening={seconds!r} must be at least {SHORTEST:g} s, or None")
+            raise ValueError(
+                f"opening={seconds!r} must be at least {SHORTEST_OPENING:g} s, or None"
+            )
         self.song = song
         self._part = song if seconds >= song.duration else song.slice(0, seconds)
         self._thread: Worker | None = None

@@ -15,10 +15,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from dancediff.metrics.inputs import as_group, check_compat
+from dancediff.metrics.inputs import ACCELERATION, as_group, check_compat
 
 GAIN = 1.5  # of the energies inside the logarithm
-MIN_FRAMES = 3  # a velocity needs two frames, an acceleration three
 COMPAT = ("gcd",)
 
 
@@ -96,7 +95,7 @@ def group_features(joints: Tensor, *, fps: float = 30.0, compat: str | None = No
     torch.Size([72])
     """
     check_compat(compat, COMPAT, "GMR")
-    joints = as_group(joints, fps, least=MIN_FRAMES, dancers=2)
+    joints = as_group(joints, fps, least=ACCELERATION, dancers=2)
     dt = 1 / 30 if compat == "gcd" else 1 / fps
     E = frame_energies(joints, window=1, dt=dt).mean(dim=(0, 1))
     return torch.log1p(GAIN * E).flatten()
@@ -141,7 +140,7 @@ def gmc(joints: Tensor, *, fps: float = 30.0, compat: str | None = None) -> floa
     0.0
     """
     check_compat(compat, COMPAT, "GMC")
-    joints = as_group(joints, fps, least=MIN_FRAMES, dancers=2)
+    joints = as_group(joints, fps, least=ACCELERATION, dancers=2)
     dt = 1 / 30 if compat == "gcd" else 1 / fps
     phi = torch.log1p(GAIN * frame_energies(joints, window=2, dt=dt)).flatten(2)
     flat = joints.flatten(2)

@@ -8,6 +8,7 @@ import torch
 from torch import Tensor
 
 BODY_JOINTS = (22, 24)  # SMPL with and without the two hand joints
+ACCELERATION = 3  # frames that an acceleration needs
 
 
 def as_group(joints: Tensor, fps: float, *, least: int, dancers: int = 1) -> Tensor:

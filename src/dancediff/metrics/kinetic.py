@@ -12,10 +12,9 @@ import torch
 from torch import Tensor
 
 from dancediff.metrics.group import frame_energies
-from dancediff.metrics.inputs import as_dancers, check_compat
+from dancediff.metrics.inputs import ACCELERATION, as_dancers, check_compat
 
 WINDOW = 2
-MIN_FRAMES = 3  # an acceleration needs three
 PUBLISHED_DT = {"lodge": 1 / 60, "aist": 1 / 60, "gcd": 1 / 30}
 
 
@@ -42,7 +41,7 @@ def kinetic_features(joints: Tensor, *, fps: float = 30.0, compat: str | None = 
     [0.0, 9.0, 0.0]
     """
     check_compat(compat, tuple(PUBLISHED_DT), "kinetic features")
-    p, lead = as_dancers(joints, fps, least=MIN_FRAMES)
+    p, lead = as_dancers(joints, fps, least=ACCELERATION)
     if compat == "lodge":
         p = lodge_positions(p)
     dt = PUBLISHED_DT[compat] if compat else 1 / fps

@@ -34,7 +34,6 @@ from dancediff.motion.motion import Motion
 from dancediff.own import own_function
 
 LONGEST_GMC = 3000  # frames; every one is compared with every other, which takes 0.5 GiB
-SHORTEST_WINDOW = 3  # frames; what an acceleration needs
 BELOW = "below the floor"
 OBEDIENCE = "swap obedience"
 LAST_OVER_FIRST = ", last / first"  # of a metric of posture: its windows of 5 s

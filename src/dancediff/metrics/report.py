@@ -20,7 +20,8 @@ from dancediff.atomic import write_text
 from dancediff.data.take import DanceTake
 from dancediff.metrics.dances import find_dances
 from dancediff.metrics.drift import Drift, mean_drift
-from dancediff.metrics.measure import SHORTEST_WINDOW, Measured
+from dancediff.metrics.inputs import ACCELERATION
+from dancediff.metrics.measure import Measured
 from dancediff.metrics.measure_all import measure_all
 from dancediff.metrics.rows import DRAWS, LEVEL, METRICS, Row, table_rows
 from dancediff.motion.motion import Motion
@@ -243,8 +244,8 @@ def _check_window(window) -> None:
         return
     if not hasattr(window, "__index__"):
         raise ValueError(f"window={window!r} must be an integer, a number of frames, or None")
-    if operator.index(window) < SHORTEST_WINDOW:
-        raise ValueError(f"window={window} must be at least {SHORTEST_WINDOW} frames")
+    if operator.index(window) < ACCELERATION:
+        raise ValueError(f"window={window} must be at least {ACCELERATION} frames")
 
 
 def _beats(song, count: int) -> list:

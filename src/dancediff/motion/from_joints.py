@@ -20,7 +20,7 @@ from dancediff.motion.ik import align_bone
 from dancediff.motion.rotation import rotation_between
 from dancediff.motion.skeleton import SMPL24
 
-SHORTEST = 1e-4  # metres: a shorter bone points nowhere
+SHORTEST_BONE = 1e-4  # metres: a shorter bone points nowhere
 OPPOSITE = -0.99  # cosine from which on there is no shortest rotation worth the name
 STRAIGHT = 0.05  # sine of the bend at which hinge and no turn count alike
 HINGES = {  # upper joint: its axis at rest, about which the lower bone bends
@@ -85,7 +85,7 @@ def _checked(points: Tensor) -> Tensor:
         raise ValueError("points has numbers that are not finite; leave those frames out")
     for p, j in SMPL24.bones:
         length = (points[:, :, j] - points[:, :, p]).norm(dim=-1)
-        if length.min() < SHORTEST:
+        if length.min() < SHORTEST_BONE:
             k, f = divmod(int(length.argmin()), points.shape[1])
             raise ValueError(
                 f"points of dancer {k}, frame {f}: {SMPL24.names[p]} and {SMPL24.names[j]} are in "

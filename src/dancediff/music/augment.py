@@ -32,7 +32,7 @@ SHARES = {  # of versions in which a step is taken; each is drawn on its own
     "noise": 0.35,
     "codec": 0.3,
 }
-SHORTEST = 20.0  # seconds that are left of a song at least; one under twice that is not cut
+SHORTEST_CROP = 20.0  # seconds that are left of a song at least; one under twice that is not cut
 _FASTER, _SEMITONES = 0.12, 3  # largest change of tempo (a share) and of pitch
 
 
@@ -71,10 +71,10 @@ def augment_song(song: Music, rng: np.random.Generator) -> tuple[Music, Change]:
         raise ValueError(f"song {song.name!r} is silent")
     steps = [name for name, share in SHARES.items() if rng.random() < share]
     start = 0.0
-    if len(y) <= 2 * SHORTEST * RATE:
+    if len(y) <= 2 * SHORTEST_CROP * RATE:
         steps = [name for name in steps if name != "crop"]
     if "crop" in steps:
-        start = float(rng.uniform(0, len(y) / RATE - SHORTEST))
+        start = float(rng.uniform(0, len(y) / RATE - SHORTEST_CROP))
         y = y[round(start * RATE) :]
     speed = 1 + float(rng.uniform(-_FASTER, _FASTER)) if "tempo" in steps else 1.0
     semitones = float(rng.uniform(-_SEMITONES, _SEMITONES)) if "pitch" in steps else 0.0

@@ -22,7 +22,7 @@ from dancediff.music.librosa_import import import_librosa
 EVEN = 0.65  # energy of a song that is always equally loud
 SLOPE = 25.0  # dB from no energy to all of it
 _GATE = 0.1  # parts 10 dB under the mean do not count to a song's own loudness (BS.1770)
-_SILENT = 1e-5  # power; a song whose features are taken by `Music` is seven powers of ten above it
+_SILENT_POWER = 1e-5  # songs whose features are taken by `Music` are seven powers of ten above
 _BANDS = 128  # mel bands that the MFCC were made of
 _SMOOTH = FPS // 2  # frames of each of two mean filters; together they reach over a second
 _AT_ONCE = 9000  # frames whose spectra are in memory
@@ -46,7 +46,7 @@ def loudness_of(power: Tensor) -> float:
     >>> round(loudness_of(torch.tensor([0.0, 1.0, 100.0])), 6)       # the others are 10 dB under it
     20.0
     """
-    sounding = power > _SILENT
+    sounding = power > _SILENT_POWER
     if not sounding.any():
         return -math.inf
     return 10 * math.log10(power[power > _GATE * power[sounding].mean()].mean().item())
@@ -83,8 +83,8 @@ def energy_curve(M: Tensor, loudness: float | None = None) -> Tensor:
     if loudness == -math.inf:
         return torch.zeros(len(M))
     now = _smooth(frame_power(M))
-    energy = EVEN + (10 * torch.log10(now.clamp_min(_SILENT)) - loudness) / SLOPE
-    return torch.where(now > _SILENT, energy, 0).clamp(0, 1).float()
+    energy = EVEN + (10 * torch.log10(now.clamp_min(_SILENT_POWER)) - loudness) / SLOPE
+    return torch.where(now > _SILENT_POWER, energy, 0).clamp(0, 1).float()
 
 
 def frame_power(M: Tensor) -> Tensor:

@@ -30,7 +30,7 @@ BEATS = slice(34, 35)
 BLOCKS = {"onset": ONSET, "mfcc": MFCC, "chroma": CHROMA, "peaks": PEAKS, "beats": BEATS}
 LATE = 0.045  # seconds from a beat to its top in librosa's onset envelope, measured on songs
 _MASKED = 1e6  # a std so large that no value is far from the mean
-_SHORTEST = 16 * HOP  # librosa's filters want half a second; shorter sound is padded with silence
+_SHORTEST_SOUND = 16 * HOP  # half a second, as librosa's filters want; shorter sound is padded
 WINDOW = 2048  # samples of a spectrum
 _BELOW = 1068  # samples of one that ends at 4 kHz, where librosa's pitches do
 _RATE: dict[str, Any] = {"sr": SAMPLE_RATE, "hop_length": HOP}
@@ -69,8 +69,8 @@ def music_features(
         raise ValueError(f"samples with shape {y.shape} must be one row of finite numbers")
     frames = 1 + len(y) // HOP
     whole = y
-    if len(y) < _SHORTEST:
-        y = np.pad(y, (0, _SHORTEST - len(y)))
+    if len(y) < _SHORTEST_SOUND:
+        y = np.pad(y, (0, _SHORTEST_SOUND - len(y)))
     with warnings.catch_warnings():
         # empty mel bands and untunable silence are no news to the caller
         warnings.simplefilter("ignore")

@@ -25,7 +25,7 @@ from dancediff.generation.request import REQUESTS, default_of, request_of
 from dancediff.own import is_own, own_function
 from dancediff.training.config import (
     LARGEST_SEED,
-    SHORTEST_SONG,
+    SHORTEST_SYNTHETIC,
     GroupData,
     SoloData,
     TrainingExtensions,
@@ -64,8 +64,10 @@ class HeldOut:
                 raise ValueError(f"{name}={getattr(self, name)} must be above 0")
         if self.dancers not in SIZES:
             raise ValueError(f"dancers={self.dancers} must lie in 1 ... {max(SIZES)}")
-        if not self.seconds >= SHORTEST_SONG:
-            raise ValueError(f"seconds={self.seconds} must be at least {SHORTEST_SONG:g}: 4 beats")
+        if not self.seconds >= SHORTEST_SYNTHETIC:
+            raise ValueError(
+                f"seconds={self.seconds} must be at least {SHORTEST_SYNTHETIC:g}: 4 beats"
+            )
 
     def facts(self) -> dict:
         """What its dances depend on."""

@@ -19,7 +19,7 @@ from dancediff.papers.tcdiffpp.losses import LossWeights
 OPTIMIZERS = ("adamw", "adam", "adan", "muon")
 PRECISIONS = ("fp32", "bf16", "fastest")
 LARGEST_SEED = 2**40  # the seed of a batch's noise is a million times as large
-SHORTEST_SONG = 3.0  # seconds in which every synthetic song has the beats a dance needs
+SHORTEST_SYNTHETIC = 3.0  # seconds in which every synthetic song has the beats a dance needs
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ class Data:
         _check_least("songs", self.songs, 1)
         _check_least("workers", self.workers, 1)
         _check_least("held_out", self.held_out, 1)
-        _check_least("seconds", self.seconds, SHORTEST_SONG)
+        _check_least("seconds", self.seconds, SHORTEST_SYNTHETIC)
         _check_share("mirror", self.mirror)
         _check_share("real", self.real or 0.0)
 

@@ -27,6 +27,7 @@ from dancediff.data.folder.upright import doubts_of, standing
 from dancediff.data.formats import drawn_split, make_take
 from dancediff.data.resample import resample_motion
 from dancediff.data.retarget import leg_scale, retarget
+from dancediff.data.song_folder import UNKNOWN
 from dancediff.data.soundtrack import with_soundtrack
 from dancediff.data.summary import MEASURED
 from dancediff.data.take import KINDS, DanceTake
@@ -39,7 +40,6 @@ SLIDES = 0.7  # share of the frames with a foot down; real dancers stay below 0.
 FAR_OFF = 6.0  # degrees of mean direction error; recordings that fit stay below 3
 REPAIRED = 0.1  # share of frames in which something was replaced
 STILL = 0.03  # metres a second of the mean joint; dances have half a metre
-UNKNOWN = "unknown"
 Draw = Callable[[str, list[tuple[Tensor, tuple[int, ...], float]], Motion, Path], None]
 
 
