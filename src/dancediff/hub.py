@@ -25,36 +25,16 @@ from safetensors.torch import load_file
 
 from dancediff import __version__
 from dancediff.atomic import save_tensors, tensor_name, write_text
-from dancediff.extensions.build import build, extensions_of, paper_class
+from dancediff.extensions.build import NETWORKS, build, extensions_of, paper_class
 from dancediff.extensions.genre_condition import genres_of
 from dancediff.extensions.own_network import class_name, own_network
 from dancediff.generation.pipeline import Network, Pipeline, pipeline_of, unusable
 from dancediff.music.song import Music
 from dancediff.nn.sizes import check_sizes
 from dancediff.own import is_own
-from dancediff.papers.bailando.model import Bailando, BailandoConfig
-from dancediff.papers.codancers.model import CoDancers, CoDancersConfig
-from dancediff.papers.edge.model import EDGE, EDGEConfig
-from dancediff.papers.fact.model import FACT, FACTConfig
-from dancediff.papers.gcd.model import GCD, GCDConfig
-from dancediff.papers.lodge.model import Lodge, LodgeConfig
-from dancediff.papers.mnet.model import MNET, MNETConfig
-from dancediff.papers.tcdiff.model import TCDiff, TCDiffConfig
-from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 
 ASSETS = Path(__file__).parent / "assets"
 SONG = "studio_floor"
-_CLASSES: dict[str, tuple[type, type]] = {
-    "TCDiffPP": (TCDiffPP, TCDiffPPConfig),
-    "EDGE": (EDGE, EDGEConfig),
-    "GCD": (GCD, GCDConfig),
-    "TCDiff": (TCDiff, TCDiffConfig),
-    "Lodge": (Lodge, LodgeConfig),
-    "FACT": (FACT, FACTConfig),
-    "Bailando": (Bailando, BailandoConfig),
-    "MNET": (MNET, MNETConfig),
-    "CoDancers": (CoDancers, CoDancersConfig),
-}
 _FILES = {"Lodge": {"global": "global_stage.", "local": "local_stage."}}  # whose weights lie where
 _ONE_FILE = {"model": ""}
 
@@ -165,9 +145,9 @@ class _Unfit(ValueError):
 def _classes(kind, own: str | type | None) -> tuple[type, type]:
     """The class of a folder's network, and that of its sizes."""
     if not is_own(kind):
-        if kind not in _CLASSES:
-            raise ValueError(f"class {kind!r} is not one of {', '.join(_CLASSES)}")
-        return _CLASSES[kind]
+        if kind not in NETWORKS:
+            raise ValueError(f"class {kind!r} is not one of {', '.join(NETWORKS)}")
+        return NETWORKS[kind]
     if own is None:
         raise _Unfit(
             f"its network is the class {kind!r}, code that does not come with dancediff and is not "
@@ -177,7 +157,7 @@ def _classes(kind, own: str | type | None) -> tuple[type, type]:
         model_class = own_network(own)
     except ValueError as err:
         raise _Unfit(str(err)) from err
-    usual = _CLASSES[paper_class(model_class).__name__][1]
+    usual = NETWORKS[paper_class(model_class).__name__][1]
     return model_class, getattr(model_class, "config_class", usual)
 
 

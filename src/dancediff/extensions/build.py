@@ -20,17 +20,29 @@ from dancediff.extensions.networks import (
 )
 from dancediff.extensions.registry import REGISTRY
 from dancediff.genre import GENRES
-from dancediff.papers.bailando.model import Bailando
-from dancediff.papers.codancers.model import CoDancers
-from dancediff.papers.edge.model import EDGE
-from dancediff.papers.fact.model import FACT
-from dancediff.papers.gcd.model import GCD
-from dancediff.papers.lodge.model import Lodge
-from dancediff.papers.mnet.model import MNET
-from dancediff.papers.tcdiff.model import TCDiff
-from dancediff.papers.tcdiffpp.model import TCDiffPP
+from dancediff.papers.bailando.model import Bailando, BailandoConfig
+from dancediff.papers.codancers.model import CoDancers, CoDancersConfig
+from dancediff.papers.edge.model import EDGE, EDGEConfig
+from dancediff.papers.fact.model import FACT, FACTConfig
+from dancediff.papers.gcd.model import GCD, GCDConfig
+from dancediff.papers.lodge.model import Lodge, LodgeConfig
+from dancediff.papers.mnet.model import MNET, MNETConfig
+from dancediff.papers.tcdiff.model import TCDiff, TCDiffConfig
+from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
 
 Model = TypeVar("Model", bound=nn.Module)
+# with the class of their sizes, by the names that model folders and training configs have
+NETWORKS: dict[str, tuple[Any, type]] = {
+    "TCDiffPP": (TCDiffPP, TCDiffPPConfig),
+    "EDGE": (EDGE, EDGEConfig),
+    "GCD": (GCD, GCDConfig),
+    "TCDiff": (TCDiff, TCDiffConfig),
+    "Lodge": (Lodge, LodgeConfig),
+    "FACT": (FACT, FACTConfig),
+    "Bailando": (Bailando, BailandoConfig),
+    "MNET": (MNET, MNETConfig),
+    "CoDancers": (CoDancers, CoDancersConfig),
+}
 EXTENDED: dict[type[nn.Module], Callable[..., Any]] = {
     EDGE: ExtendedEDGE,
     GCD: ExtendedGCD,

@@ -13,7 +13,7 @@ from torch import Tensor, nn
 
 from dancediff.diffusion.conditions import Conditions
 from dancediff.diffusion.schedule import send
-from dancediff.extensions.parts import Part, Pass
+from dancediff.extensions.parts import Part, Pass, part_of
 
 DROP = 0.15  # share of training windows that are learned without their energy
 
@@ -63,7 +63,7 @@ class EnergyCondition(Part):
 
 def has_energy_condition(model: nn.Module) -> bool:
     """Does a model, or a part of it, have an `EnergyCondition`?"""
-    return any(isinstance(part, EnergyCondition) for part in model.modules())
+    return part_of(model, EnergyCondition) is not None
 
 
 def with_dropped_energy(energy: Tensor, generator: torch.Generator) -> Tensor:

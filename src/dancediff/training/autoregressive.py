@@ -22,13 +22,9 @@ from torch import Tensor
 from dancediff.autoregression.network import AutoregressiveNetwork
 from dancediff.data.take import DanceTake
 from dancediff.data.windows import WindowSampler
-from dancediff.extensions.build import build, check_extensions
+from dancediff.extensions.build import NETWORKS, build, check_extensions
 from dancediff.nn.quantizer import VectorQuantizer
 from dancediff.nn.sizes import check_sizes
-from dancediff.papers.bailando.model import Bailando, BailandoConfig
-from dancediff.papers.codancers.model import CoDancers, CoDancersConfig
-from dancediff.papers.fact.model import FACT, FACTConfig
-from dancediff.papers.mnet.model import MNET, MNETConfig
 from dancediff.training.checkpoint import check_free
 from dancediff.training.config import GroupData, TrainConfig
 from dancediff.training.distributed import World
@@ -53,12 +49,7 @@ from dancediff.training.statistics import fit_statistics
 from dancediff.training.tables import check_all
 from dancediff.training.trainer import Trainer, name_of
 
-MODELS: dict[str, tuple[Any, type]] = {
-    "FACT": (FACT, FACTConfig),
-    "Bailando": (Bailando, BailandoConfig),
-    "MNET": (MNET, MNETConfig),
-    "CoDancers": (CoDancers, CoDancersConfig),
-}
+MODELS = {name: NETWORKS[name] for name in ("FACT", "Bailando", "MNET", "CoDancers")}
 
 
 class StageObjective(BatchLosses[AutoregressiveNetwork]):

@@ -12,7 +12,7 @@ import torch
 from torch import nn
 
 from dancediff.data.take import DanceTake
-from dancediff.extensions.build import FAMILIES, build, check_extensions, paper_class
+from dancediff.extensions.build import FAMILIES, NETWORKS, build, check_extensions, paper_class
 from dancediff.extensions.genre_condition import check_genres, genres_of
 from dancediff.extensions.own_network import own_network
 from dancediff.extensions.registry import check_training
@@ -20,10 +20,9 @@ from dancediff.genre import GENRES
 from dancediff.nn.dance_network import DanceNetwork
 from dancediff.nn.sizes import check_sizes
 from dancediff.own import is_own
-from dancediff.papers.edge.model import EDGE, EDGEConfig
-from dancediff.papers.gcd.model import GCD, GCDConfig
-from dancediff.papers.tcdiff.model import TCDiff, TCDiffConfig
-from dancediff.papers.tcdiffpp.model import TCDiffPP, TCDiffPPConfig
+from dancediff.papers.edge.model import EDGE
+from dancediff.papers.gcd.model import GCD
+from dancediff.papers.tcdiff.model import TCDiff
 from dancediff.training.autoregressive import (
     MODELS as AUTOREGRESSIVE,
 )
@@ -50,10 +49,7 @@ from dancediff.training.trainer import Trainer, name_of
 from dancediff.training.validation_metrics import METRICS_FILE, ValidationMetrics
 
 MODELS: dict[str, tuple[type[DanceNetwork], type]] = {
-    "TCDiffPP": (TCDiffPP, TCDiffPPConfig),
-    "EDGE": (EDGE, EDGEConfig),
-    "GCD": (GCD, GCDConfig),
-    "TCDiff": (TCDiff, TCDiffConfig),
+    name: NETWORKS[name] for name in ("TCDiffPP", "EDGE", "GCD", "TCDiff")
 }
 OBJECTIVES: dict[type, type[GroupObjective]] = {  # else `GroupObjective`
     GCD: GCDObjective,

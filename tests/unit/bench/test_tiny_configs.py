@@ -3,8 +3,7 @@
 import pytest
 import torch
 
-from dancediff.extensions.build import build
-from dancediff.hub import _CLASSES
+from dancediff.extensions.build import NETWORKS, build
 from dancediff.papers.lodge.global_diffusion import GlobalConfig
 from dancediff.papers.lodge.local_diffusion import LocalConfig
 from dancediff.papers.lodge.model import LodgeConfig
@@ -19,7 +18,7 @@ def model_of(path):
     tables = read_training(path)
     sizes = dict(tables["model"])
     kind, names = sizes.pop("class", "TCDiffPP"), sizes.pop("extensions", ())
-    model_class, config_class = _CLASSES[kind]
+    model_class, config_class = NETWORKS[kind]
     if config_class is LodgeConfig:
         sizes = {
             "global_stage": GlobalConfig(**tables["global_stage"]),
@@ -31,7 +30,7 @@ def model_of(path):
 
 def test_every_system_has_one():
     assert {read_training(path)["model"].get("class", "TCDiffPP") for path in PATHS} == set(
-        _CLASSES
+        NETWORKS
     )
 
 

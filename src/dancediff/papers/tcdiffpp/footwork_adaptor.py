@@ -19,6 +19,7 @@ from dancediff.motion.representation import TCDIFFPP
 from dancediff.motion.skeleton import LOWER_BODY
 from dancediff.nn.conditioning import ConcatSquashLinear
 
+ROOT_ON_FLOOR = TCDIFFPP.floor
 FASTEST = 3.0  # normalised units a second: 3 m/s, or the width of the stage in under a second
 
 
@@ -35,7 +36,7 @@ def ground_velocity(x_raw: Tensor) -> Tensor:
     >>> ground_velocity(x)[0, 0].tolist()
     [[0.0, 0.0], [3.0, 0.0]]
     """
-    steps = x_raw[..., TCDIFFPP.floor].diff(dim=-2)
+    steps = x_raw[..., ROOT_ON_FLOOR].diff(dim=-2)
     # clipped: there is no speed in a noisy guess, and it would saturate every gate
     return (FPS * F.pad(steps, (0, 0, 1, 0))).clamp(-FASTEST, FASTEST)
 
