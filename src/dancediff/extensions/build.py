@@ -2,6 +2,8 @@
 
 Without extensions it is the paper's model. ``model.extensions`` says which it has; model folders
 and training configs store the same list.
+
+Read first: `dancediff.extensions.registry` · `dancediff.extensions.networks`.
 """
 
 from collections.abc import Callable, Sequence
