@@ -18,11 +18,11 @@ from torch import Tensor, nn
 ROPE_BASE = 10_000.0  # EDGE and the RoPE paper
 
 
-def in_full(x: Tensor) -> Tensor:
-    """Numbers with seven digits at least, whatever autocast made of them; double stays double.
+def full_precision(x: Tensor) -> Tensor:
+    """In float32, whatever autocast made of them; numbers in double stay so.
 
-    >>> in_full(torch.zeros(1).bfloat16()).dtype, in_full(torch.zeros(1).double()).dtype
-    (torch.float32, torch.float64)
+    >>> [full_precision(torch.zeros(1, dtype=d)).dtype for d in (torch.bfloat16, torch.float64)]
+    [torch.float32, torch.float64]
     """
     return x if x.dtype == torch.float64 else x.float()
 

@@ -18,7 +18,7 @@ from einops import rearrange
 from torch import Tensor, nn
 
 from dancediff.diffusion.conditions import Conditions
-from dancediff.nn.attention import Attention, FeedForward, in_full
+from dancediff.nn.attention import Attention, FeedForward, full_precision
 
 
 class BatchInvariantLinear(nn.Linear):
@@ -197,7 +197,7 @@ class MusicEncoder(nn.Module):
     def _encode(self, M: Tensor) -> Tensor:
         M = rearrange(M, "b (k p) m -> b k (p m)", p=self.pool)
         frames = torch.arange(M.shape[1], device=M.device)
-        h = in_full(self.linear(M))  # the residual stream stays in float32 under autocast
+        h = full_precision(self.linear(M))  # the residual stream stays in float32 under autocast
         for i, (attend, feed_forward) in enumerate(
             zip(self.attentions, self.feed_forwards, strict=True)
         ):
@@ -288,4 +288,4 @@ class MusicConditioning(nn.Module):
         music = torch.where(mask[:, None, None], music, self.null_music[:, : music.shape[1]])
         pooled = torch.where(mask[:, None], pooled, self.null_pooled.to(pooled.dtype))
         step, step_tokens = self.timestep(t)
-        return in_full(music), in_full(step_tokens), in_full(step + pooled)
+        return full_precision(music), full_precision(step_tokens), full_precision(step + pooled)

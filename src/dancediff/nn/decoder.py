@@ -17,7 +17,7 @@ import torch.nn.functional as F
 from einops import rearrange, repeat
 from torch import Tensor, nn
 
-from dancediff.nn.attention import Attention, FeedForward, in_full
+from dancediff.nn.attention import Attention, FeedForward, full_precision
 from dancediff.nn.conditioning import FiLM, MusicConditioning
 
 
@@ -94,7 +94,7 @@ def frames_of_memory(num_tokens: int, music_frames: Tensor, *, first: int = 0) -
 def read_out(out: nn.Linear, h: Tensor) -> Tensor:
     """From tokens (..., d_model) to motion (..., d), in float32 or double: millimetres need it."""
     with torch.autocast(h.device.type, enabled=False):
-        return out(in_full(h))
+        return out(full_precision(h))
 
 
 class FusionProjection(nn.Module):
@@ -201,7 +201,7 @@ class DanceDecoder(MusicConditioning):
 
         ``memory``: the music tokens first, then any that belong to no frame.
         """
-        h = in_full(h)  # the residual stream stays in float32 under autocast
+        h = full_precision(h)  # the residual stream stays in float32 under autocast
         tokens = self.norm_memory(torch.cat(memory, dim=1))
         of_music = self.music_token_frames[: memory[0].shape[1]]
         of_tokens = frames_of_memory(tokens.shape[1], of_music)

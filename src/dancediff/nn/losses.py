@@ -15,7 +15,7 @@ import torch
 from torch import Tensor
 
 from dancediff.motion.representation import TCDIFFPP, MotionSpec, Normalizer, joints_of
-from dancediff.nn.attention import in_full
+from dancediff.nn.attention import full_precision
 
 
 class TermWeights(Protocol):
@@ -54,10 +54,10 @@ def compare(
     >>> compare(x, x, x, Normalizer(-torch.ones(151), torch.ones(151))).joints.shape
     torch.Size([2, 8, 24, 3])
     """
-    y = normalizer.unnormalize(in_full(x_hat))
+    y = normalizer.unnormalize(full_precision(x_hat))
     joints = joints_of(y, spec)
     with torch.no_grad():  # the truth needs no graph; recording one nearly doubled the time
-        y_0 = normalizer.unnormalize(in_full(x_0))
+        y_0 = normalizer.unnormalize(full_precision(x_0))
         joints_0 = joints_of(y_0, spec)
     return Comparison(
         x_raw=x_raw,

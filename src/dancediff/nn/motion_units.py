@@ -10,7 +10,7 @@ Symbols (axes: b batch · f frames · u codes, one for eight frames · c channel
 import torch
 from torch import Tensor, nn
 
-from dancediff.nn.attention import in_full
+from dancediff.nn.attention import full_precision
 from dancediff.nn.losses import mean
 from dancediff.nn.quantizer import VectorQuantizer
 
@@ -112,7 +112,7 @@ class Units(nn.Module):
     def forward(self, x: Tensor, generator: torch.Generator) -> tuple[Tensor, Tensor, Tensor]:
         """There and back; in training the codebook learns."""
         z_q, _, commitment = self.quantizer(self.encoder(x), generator)
-        return in_full(self.decoder(z_q)), z_q, commitment
+        return full_precision(self.decoder(z_q)), z_q, commitment
 
     def codes(self, x: Tensor) -> Tensor:
         """The units of a motion, (b, f, c) -> (b, f / 8)."""
@@ -120,7 +120,7 @@ class Units(nn.Module):
 
     def motion(self, codes: Tensor) -> Tensor:
         """The motion of units, (b, u) -> (b, 8 u, c)."""
-        return in_full(self.decoder(self.quantizer.e[codes]))
+        return full_precision(self.decoder(self.quantizer.e[codes]))
 
 
 def l_motion(x_hat: Tensor, x: Tensor) -> Tensor:

@@ -12,7 +12,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
-from dancediff.nn.attention import in_full
+from dancediff.nn.attention import full_precision
 
 
 class VectorQuantizer(nn.Module):
@@ -53,7 +53,7 @@ class VectorQuantizer(nn.Module):
 
     def codes(self, z: Tensor) -> Tensor:
         """The number of the nearest code of each vector, (..., c) -> (...)."""
-        flat = in_full(z.detach()).flatten(0, -2)
+        flat = full_precision(z.detach()).flatten(0, -2)
         with torch.autocast(z.device.type, enabled=False):  # nearest needs all digits
             distances = self.e.square().sum(-1) - 2 * flat @ self.e.T  # and z^2, the same for all
         return distances.argmin(-1).reshape(z.shape[:-1])
@@ -63,7 +63,7 @@ class VectorQuantizer(nn.Module):
 
         In training the codebook learns; ``generator`` (of the CPU) draws what it restarts with.
         """
-        z = in_full(z)
+        z = full_precision(z)
         if self.training:
             self._start(z, generator)
         codes = self.codes(z)

@@ -17,7 +17,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
-from dancediff.nn.attention import in_full
+from dancediff.nn.attention import full_precision
 
 
 def selective_scan_ref(
@@ -170,7 +170,7 @@ class MambaBlock(nn.Module):
         dt_rank = self.x_proj.out_features - 2 * self.d_state
         dt, B, C = self.x_proj(u).split([dt_rank, self.d_state, self.d_state], dim=-1)
         with torch.autocast(u.device.type, enabled=False):  # errors of bfloat16 would pile up
-            y = self.scan(*(in_full(part) for part in (u, dt, B, C)))
+            y = self.scan(*(full_precision(part) for part in (u, dt, B, C)))
         return self.out_proj(y.to(z.dtype) * F.silu(z))
 
     def scan(self, u: Tensor, dt: Tensor, B: Tensor, C: Tensor) -> Tensor:

@@ -19,7 +19,7 @@ from dancediff.axes import FPS, ON_FLOOR
 from dancediff.lookup import table
 from dancediff.motion.contact import feet_low
 from dancediff.motion.skeleton import feet_of
-from dancediff.nn.attention import in_full
+from dancediff.nn.attention import full_precision
 from dancediff.nn.decoder import DecoderLayer, frames_of_memory, read_out
 
 FEATURES = 48  # 4 joints x 4 quantities x 3 numbers
@@ -123,9 +123,11 @@ class FootRefine(nn.Module):
         """Every frame attends to its feet and to those of frames around it."""
         f = x_raw.shape[1]
         frames = torch.arange(f, device=x_raw.device)
-        memory = self.norm_memory(torch.cat([in_full(self.embed_feet(features)), steps], dim=1))
+        memory = self.norm_memory(
+            torch.cat([full_precision(self.embed_feet(features)), steps], dim=1)
+        )
         of_tokens = frames_of_memory(memory.shape[1], frames)  # feet belong to frames as music does
-        h = self.layer(in_full(self.embed(x_raw)), memory, cond, frames, of_tokens)
+        h = self.layer(full_precision(self.embed(x_raw)), memory, cond, frames, of_tokens)
         return read_out(self.out, h)
 
 

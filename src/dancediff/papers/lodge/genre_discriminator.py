@@ -16,7 +16,7 @@ import torch
 from torch import Tensor, nn
 
 from dancediff.genre import FINEDANCE
-from dancediff.nn.attention import FeedForward, in_full
+from dancediff.nn.attention import FeedForward, full_precision
 from dancediff.nn.encoder_layer import SelfAttention
 from dancediff.nn.mapping_network import MappingNetwork
 
@@ -114,7 +114,7 @@ class GenreDiscriminator(nn.Module):
         for name, value in (("x", x), ("M", M)):
             if value.shape[1] != f:
                 raise ValueError(f"{name} has {value.shape[1]} frames; the discriminator knows {f}")
-        h = in_full(torch.cat([self.embed_music(M), self.embed_motion(x)], dim=1))
+        h = full_precision(torch.cat([self.embed_music(M), self.embed_motion(x)], dim=1))
         for i, (attend, feed_forward) in enumerate(
             zip(self.attentions, self.feed_forwards, strict=True)
         ):

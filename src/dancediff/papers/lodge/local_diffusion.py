@@ -18,7 +18,7 @@ from torch import Tensor
 from dancediff.diffusion.conditions import Conditions
 from dancediff.genre import FINEDANCE
 from dancediff.motion.representation import LODGE, joints_of
-from dancediff.nn.attention import in_full
+from dancediff.nn.attention import full_precision
 from dancediff.nn.dance_network import DanceNetwork
 from dancediff.nn.decoder import DanceDecoder, check_shapes
 from dancediff.papers.lodge.foot_refine import FootRefine, NoFootRefine, foot_features
@@ -100,7 +100,7 @@ class LocalDenoiser(DanceNetwork):
         self.check(x_t, t, conditions)
         music, steps, cond = self.decoder.condition(t, conditions)
         assert conditions.style is not None  # `check` has looked
-        memory = [music, steps, in_full(conditions.style)[:, None]]
+        memory = [music, steps, full_precision(conditions.style)[:, None]]
         h = self.decoder(self.decoder.embed(x_t), memory, cond, self.frames)
         x_raw = self.decoder.read(h)
         return x_raw, x_raw + self.foot_refine(x_raw, self.feet(x_raw), steps, cond)
@@ -112,7 +112,9 @@ class LocalDenoiser(DanceNetwork):
     def feet(self, x_raw: Tensor) -> Tensor:
         """`foot_features` of normalised motion (b, f, d), in float32: they are millimetres."""
         with torch.autocast(x_raw.device.type, enabled=False):
-            return foot_features(joints_of(self.normalizer.unnormalize(in_full(x_raw)), LODGE))
+            return foot_features(
+                joints_of(self.normalizer.unnormalize(full_precision(x_raw)), LODGE)
+            )
 
     def check(self, x_t: Tensor, t: Tensor, conditions: Conditions) -> None:
         """Refuse shapes that do not fit."""

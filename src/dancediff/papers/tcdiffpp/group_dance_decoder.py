@@ -15,7 +15,7 @@ import torch
 from torch import Tensor, nn
 
 from dancediff.diffusion.conditions import Conditions
-from dancediff.nn.attention import in_full
+from dancediff.nn.attention import full_precision
 from dancediff.nn.conditioning import BatchInvariantLinear, MusicConditioning
 from dancediff.nn.decoder import FusionProjection, check_group, check_shapes, read_out
 from dancediff.papers.tcdiffpp.sequence_decoder import SequenceDecoder
@@ -141,7 +141,7 @@ class GroupDanceDecoder(MusicConditioning):
 
     def place(self, h: Tensor) -> Tensor:
         """Mark the ranks (DPE), then mix the dancers (FP)."""
-        return in_full(self.fusion_projection(self.dancer_positioning(h)))
+        return full_precision(self.fusion_projection(self.dancer_positioning(h)))
 
     def decode(self, h: Tensor, t: Tensor, conditions: Conditions) -> Tensor:
         """Sequence Decoder (SD): features of the clean motion (b, n, f, d_model)."""
@@ -151,7 +151,7 @@ class GroupDanceDecoder(MusicConditioning):
     def memory(self, t: Tensor, conditions: Conditions) -> tuple[Tensor, Tensor]:
         """Memory tokens [swap 1, music f, step 2] (b, k, d_model) and FiLM vector (b, d_model)."""
         music, steps, cond = self.condition(t, conditions)
-        swap = in_full(self.swap_mode(conditions.swap))
+        swap = full_precision(self.swap_mode(conditions.swap))
         return torch.cat([swap[:, None], music, steps], dim=1), cond + swap
 
     def read(self, h: Tensor) -> Tensor:
