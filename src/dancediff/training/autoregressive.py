@@ -170,9 +170,10 @@ def _of_genres(takes: list[DanceTake], sizes, *, tell: bool = False) -> list[Dan
     genres = getattr(sizes, "genres", None)
     if genres is None:
         return takes
-    if tell:
+    kept = [take for take in takes if take.genre in genres]
+    if tell and kept:  # without any, training ends with an error
         tell_other_genres(takes, genres, "left out")
-    return [take for take in takes if take.genre in genres]
+    return kept
 
 
 def has_codebook(model: AutoregressiveNetwork) -> bool:
