@@ -216,7 +216,8 @@ def over_seeds(points: list[dict]) -> list[list]:
         for frames in same[0]["scores"]:
             cells = []
             for metric in METRICS:
-                values = [p["scores"][frames][metric][0] for p in same]
+                found = [p["scores"][frames][metric][0] for p in same]
+                values = [np.nan if value is None else value for value in found]
                 ends = [min(values), max(values)] if len(same) > 1 else [None, None]
                 cells.append(rounded([np.mean(values), *ends]))
             rows.append([name, round(minutes), int(frames), len(same), windows, *cells])

@@ -137,6 +137,11 @@ def test_first_seed_alone_goes_beyond_many_seeds():
 
 def test_means_over_seeds():
     assert doctest.testmod(bench).failed == 0
+    unknown = {metric: [None, None, None] for metric in bench.METRICS}
+    points = [
+        {"config": "a", "minutes": 1.0, "windows": 8, "scores": {"150": unknown}} for _ in range(2)
+    ]
+    assert bench.over_seeds(points) == [["a", 1, 150, 2, 8] + [None] * len(bench.METRICS)]
 
 
 def test_cells():
