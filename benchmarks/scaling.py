@@ -14,6 +14,9 @@ dances windows of held-out takes as a bare network: no rule, no hook, no guidanc
 whose strength is searched for each on other songs. Budgets are minutes of processor time of all
 threads, so what else the machine does changes nothing.
 
+The held-out dances are scored as if a model had made them: no model can be expected to be nearer
+to the reference than they are.
+
 Everything is kept in --out, and a run that was stopped goes on: trainings from their checkpoints,
 dances with the next one. Means over seeds go to docs/results/scaling.json, every point to
 scaling_points.json beside it, and both to a figure.
@@ -113,7 +116,7 @@ class Scaling:
         found = last_line(branch) | {"config": name, "seed": seed, "minutes": budget}
         found |= {"autoguidance": strength, "searched": searched, "scores": {}}
         for frames in self.frames:
-            some = chosen(list(windows(str(self.held), frames, ("synthetic",))), self.count)
+            some = self.windows(frames)
             rows, kept = self.scores(branch, some, strength, f"{frames}")
             rows["orders kept"] = [kept, None, None]
             found["scores"][str(frames)] = {m: rows[m] for m in METRICS}
@@ -150,6 +153,22 @@ class Scaling:
         ]
         return scores_of(files, some, self.reference, **how), float(np.mean(kept))
 
+    def windows(self, frames: int) -> list[Window]:
+        """Those of the table."""
+        return chosen(list(windows(str(self.held), frames, ("synthetic",))), self.count)
+
+    @cached_property
+    def truth(self) -> list[list]:
+        """A row for each length of what the held-out dances themselves score."""
+        found = []
+        for frames in self.frames:
+            some = self.windows(frames)
+            dances = [window.motion for window in some]
+            scores = scores_of(dances, some, self.reference, workers=self.workers)
+            scores["orders kept"] = [1.0, None, None]  # they are what was asked for
+            found.append(["held-out", None, frames, None, None, *cells_of(scores)])
+        return found
+
     @cached_property
     def reference(self) -> list[Measured]:
         """What the dances are compared with, measured once."""
@@ -173,9 +192,9 @@ class Scaling:
         write_table(self.results.with_stem(f"{self.results.stem}_points"), every)
         page = every | {
             "about": f"{about} Means over seeds.",
-            "intervals": "smallest and largest of the seeds",
+            "intervals": "smallest and largest of the seeds; held-out: 95 % bootstrap",
             "columns": ["config", "minutes", "frames", "seeds", "dancer windows", *METRICS],
-            "rows": over_seeds(points),
+            "rows": over_seeds(points) + self.truth,
         }
         write_table(self.results, page)
 
@@ -195,10 +214,14 @@ def rows_of(point: dict) -> list[list]:
     """A model's row for each length."""
     head = [point["config"], point["seed"], round(point["minutes"]), round(point["spent"])]
     return [
-        [*head, point["windows"], int(frames), point["autoguidance"]]
-        + [rounded(scores[metric]) for metric in METRICS]
+        [*head, point["windows"], int(frames), point["autoguidance"], *cells_of(scores)]
         for frames, scores in point["scores"].items()
     ]
+
+
+def cells_of(scores: dict[str, list]) -> list:
+    """Every metric of the table, rounded."""
+    return [rounded(scores[metric]) for metric in METRICS]
 
 
 def over_seeds(points: list[dict]) -> list[list]:

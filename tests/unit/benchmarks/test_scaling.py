@@ -112,7 +112,11 @@ def test_points_are_scored_searched_written_and_drawn(takes, held, tmp_path, mon
     bench.Scaling(tuple(configs), held, held, held, **options).run()
     results = tmp_path / "docs/results"
     page = json.loads((results / "scaling.json").read_text(encoding="utf-8"))
-    assert [row[:4] for row in page["rows"]] == [[c.stem, 0, 170, 1] for c in configs]
+    *ours, truth = page["rows"]
+    assert [row[:4] for row in ours] == [[c.stem, 0, 170, 1] for c in configs]
+    assert truth[:5] == ["held-out", None, 170, None, None]
+    assert truth[5][0] == pytest.approx(0, abs=1e-3)  # FID_k: their takes are the reference, too
+    assert truth[-1] == 1.0
     table = json.loads((results / "scaling_points.json").read_text(encoding="utf-8"))
     assert len(table["rows"]) == 2
     rows = [dict(zip(table["columns"], row, strict=True)) for row in table["rows"]]
@@ -120,7 +124,7 @@ def test_points_are_scored_searched_written_and_drawn(takes, held, tmp_path, mon
     assert all(isinstance(row["FID_k"], list) and row["FID_k"][0] > 0 for row in rows)
     assert all(0 <= row["orders kept"] <= 1 for row in rows)
     assert all(row["autoguidance"] in (1.0, 2.0) for row in rows)
-    assert [row[5] for row in page["rows"]] == [row["FID_k"][0] for row in rows]  # of one seed
+    assert [row[5] for row in ours] == [row["FID_k"][0] for row in rows]  # of one seed
     assert (tmp_path / "docs/images/scaling.png").stat().st_size > 10_000
     point = json.loads(next(tmp_path.rglob("point.json")).read_text(encoding="utf-8"))
     assert set(point["searched"]) == {"1.0", "2.0"}
