@@ -81,7 +81,7 @@ class Scaling:
     frames: tuple[int, ...] = (150, 720)
     count: int = 200  # windows of every length
     tuned: int = 60  # windows that autoguidance is searched with, of 150 frames
-    autoguidance: tuple[float, ...] = (1.0, 1.1, 1.2, 1.3, 1.4, 1.5)
+    autoguidance: tuple[float, ...] = (1.0, 1.3, 1.45, 1.6, 1.8, 2.0)
     sampling: Sampling = field(default_factory=lambda: BARE)
     workers: int = 2
     out: Path = Path("runs/scaling")
@@ -137,7 +137,10 @@ class Scaling:
         for strength in self.autoguidance:
             rows, _ = self.scores(branch, some, strength, f"tuning-{strength:g}")
             found[strength] = rows["FID_k"][0] + rows["GMR"][0]
-        return min(found, key=found.__getitem__), found
+        best = min(found, key=found.__getitem__)
+        if best == max(found):
+            print(f"{branch}: no stronger autoguidance than the best, {best:g}, was tried")
+        return best, found
 
     def scores(
         self, branch: Path, some: list[Window], strength: float, name: str
