@@ -55,6 +55,7 @@ class Sampling:
     eta: float = default_of("tcdiffpp", "eta")
     guidance: float = default_of("tcdiffpp", "guidance")
     autoguidance: float | None = None
+    autoguidance_end: float | None = None
     sigma_min: float | None = None
     foot_contact: bool | None = None
     collision_avoidance: bool | None = None

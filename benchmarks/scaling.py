@@ -10,9 +10,9 @@ r"""Quality against computing: what a minute of training buys, for several netwo
 For every config and seed one run goes on at a constant learning rate. A branch leaves it when four
 fifths of a budget are spent, and lets the rate fall to zero over the rest: a branch is what a
 training of just that budget would be (Hägele et al. 2024). The averaged model of every branch
-dances windows of held-out takes as a bare network: no rule, no hook, no guidance but autoguidance,
-whose strength is searched for each on other songs. Budgets are minutes of processor time of all
-threads, so what else the machine does changes nothing.
+dances windows of held-out takes as a bare network: no rule, no hook, no guidance but autoguidance.
+How strong that is, and whether it goes on to the end, is searched for each on other songs. Budgets
+are minutes of processor time of all threads, so what else the machine does changes nothing.
 
 The held-out dances are scored as if a model had made them: no model can be expected to be nearer
 to the reference than they are.
@@ -26,6 +26,7 @@ Symbols (axes: b windows · n dancers · f frames)
     windows  dancer windows that were learned from, b n a step
 """
 
+import itertools
 import json
 from dataclasses import asdict, dataclass, field
 from functools import cached_property, partial
@@ -52,6 +53,7 @@ METRICS = (
     *("FID_k", "FID_g", "GMR", "unison", "TIF", "Div_k", "Div_g", "MMC", "FSR", "PFC"),
     *("joint speed", "orders kept"),
 )
+Push = tuple[float, float]  # autoguidance and autoguidance_end
 BARE = Sampling(
     guidance=1.0,
     foot_contact=False,
@@ -81,7 +83,8 @@ class Scaling:
     frames: tuple[int, ...] = (150, 720)
     count: int = 200  # windows of every length
     tuned: int = 60  # windows that autoguidance is searched with, of 150 frames
-    autoguidance: tuple[float, ...] = (1.0, 1.3, 1.45, 1.6, 1.8, 2.0)
+    autoguidance: tuple[float, ...] = (1.0, 1.3, 1.45, 1.6, 1.8, 2.1, 2.4)
+    ends: tuple[float, ...] = (0.0, 0.35)  # autoguidance_end
     sampling: Sampling = field(default_factory=lambda: BARE)
     workers: int = 2
     out: Path = Path("runs/scaling")
@@ -108,46 +111,49 @@ class Scaling:
         """Score a model, or read what was found before."""
         path = branch / "scored" / "point.json"
         folders = {k: str(getattr(self, k).resolve()) for k in ("held", "tuning", "other")}
-        options = ("frames", "count", "tuned", "autoguidance", "sampling")
+        options = ("frames", "count", "tuned", "autoguidance", "ends", "sampling")
         only_one_way(path.parent, folders | {k: getattr(self, k) for k in options})
         if path.exists():
             return json.loads(path.read_text(encoding="utf-8"))
-        strength, searched = self.search(branch)
+        (strength, end), searched = self.search(branch)
         found = last_line(branch) | {"config": name, "seed": seed, "minutes": budget}
-        found |= {"autoguidance": strength, "searched": searched, "scores": {}}
+        found |= {"autoguidance": strength, "end": end, "searched": searched, "scores": {}}
         for frames in self.frames:
             some = self.windows(frames)
-            rows, kept = self.scores(branch, some, strength, f"{frames}")
+            rows, kept = self.scores(branch, some, (strength, end), f"{frames}")
             rows["orders kept"] = [kept, None, None]
             found["scores"][str(frames)] = {m: rows[m] for m in METRICS}
             cells = " | ".join(f"{rows[metric][0]:.3g}" for metric in METRICS)
-            print(f"| {name} | {seed} | {budget:g} | {frames} | {strength:g} | {cells} |")
+            print(f"| {name} | {seed} | {budget:g} | {frames} | {strength:g} | {end:g} | {cells} |")
         write_text(path, json.dumps(found) + "\n")
         return found
 
-    def search(self, branch: Path) -> tuple[float, dict]:
-        """The strength with the lowest FID_k + GMR on songs that are not of the table."""
-        if (
-            len(self.autoguidance) == 1
-            or preconditioning_of(loaded(branch / "model").model) is None
-        ):
-            return 1.0 if len(self.autoguidance) > 1 else self.autoguidance[0], {}
+    def search(self, branch: Path) -> tuple[Push, dict]:
+        """The push with the lowest FID_k + GMR on songs that are not of the table."""
+        pushes = list(itertools.product(self.autoguidance, self.ends))
+        pushes = [push for push in pushes if push[0] > 1 or push[1] == self.ends[0]]
+        if preconditioning_of(loaded(branch / "model").model) is None:
+            pushes = [(1.0, 0.0)]
+        if len(pushes) == 1:
+            return pushes[0], {}
         some = chosen(list(windows(str(self.tuning), 150, ("synthetic",))), self.tuned)
         found = {}
-        for strength in self.autoguidance:
-            rows, _ = self.scores(branch, some, strength, f"tuning-{strength:g}")
-            found[strength] = rows["FID_k"][0] + rows["GMR"][0]
+        for push in pushes:
+            rows, _ = self.scores(branch, some, push, "tuning-{:g}-{:g}".format(*push))
+            found[push] = rows["FID_k"][0] + rows["GMR"][0]
         best = min(found, key=found.__getitem__)
-        if best == max(found):
-            print(f"{branch}: no stronger autoguidance than the best, {best:g}, was tried")
-        return best, found
+        if best[0] == max(self.autoguidance):
+            print(f"{branch}: no stronger autoguidance than the best, {best[0]:g}, was tried")
+        return best, {"{:g}, {:g}".format(*push): value for push, value in found.items()}
 
     def scores(
-        self, branch: Path, some: list[Window], strength: float, name: str
+        self, branch: Path, some: list[Window], push: Push, name: str
     ) -> tuple[dict[str, list], float]:
         """Dance the windows again; every metric, and the share that ends in the order asked for."""
         how = {"workers": self.workers}
-        sampling = Sampling(**asdict(self.sampling) | {"autoguidance": strength})
+        strength, end = push
+        asked = {"autoguidance": strength, "autoguidance_end": end}
+        sampling = Sampling(**asdict(self.sampling) | asked)
         by = partial(dance_window, sampling=sampling)
         files = danced(branch / "scored" / name, branch / "model", some, by, **how)
         kept = [
@@ -180,8 +186,8 @@ class Scaling:
     def write(self, points: list[dict]) -> None:
         """Two tables: a row for every point and length, and for the page the means over seeds."""
         about = (
-            "Quality against computing: bare networks, not told the genre; autoguidance chosen "
-            "for each on other songs."
+            "Quality against computing: bare networks, not told the genre; autoguidance, and the "
+            "noise down to which it goes, chosen for each on other songs."
         )
         every = {
             "about": f"{about} Every training and budget.",
@@ -189,7 +195,7 @@ class Scaling:
             "intervals": "95 % bootstrap intervals over dances",
             "command": self.command(),
             "columns": ["config", "seed", "minutes", "seconds spent", "dancer windows", "frames",
-                        "autoguidance", *METRICS],
+                        "autoguidance", "to noise", *METRICS],
             "rows": [row for p in points for row in rows_of(p)],
         }  # fmt: skip
         write_table(self.results.with_stem(f"{self.results.stem}_points"), every)
@@ -204,6 +210,7 @@ class Scaling:
     def command(self) -> str:
         """What was called; folders as in the docstring of this file."""
         listed = {"minutes": self.minutes, "seeds": self.seeds, "autoguidance": self.autoguidance}
+        listed["ends"] = self.ends
         options = {name: " ".join(f"{v:g}" for v in values) for name, values in listed.items()}
         options |= {"count": self.count, "tuned": self.tuned}
         folders = "--data data/all --held held --tuning tuning --other other"
@@ -216,9 +223,10 @@ class Scaling:
 def rows_of(point: dict) -> list[list]:
     """A model's row for each length."""
     head = [point["config"], point["seed"], round(point["minutes"]), round(point["spent"])]
+    head += [point["windows"]]
+    push = [point["autoguidance"], point["end"]]
     return [
-        [*head, point["windows"], int(frames), point["autoguidance"], *cells_of(scores)]
-        for frames, scores in point["scores"].items()
+        [*head, int(frames), *push, *cells_of(scores)] for frames, scores in point["scores"].items()
     ]
 
 

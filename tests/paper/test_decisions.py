@@ -137,7 +137,7 @@ def test_t07_nobody_swaps_unless_asked():
     for order in ((), [[2, 0, 1]]):
         LongGroupSampler(
             shape=(3, 150, 151),
-            bind=GuidedDenoiser(model, 1.0, autoguidance=1.0).bind,
+            bind=GuidedDenoiser(model, 1.0, autoguidance=1.0, autoguidance_end=0.0).bind,
             music=torch.zeros(1, 150, 35),
             root_x=lambda frame: frame[:, 4],
             targets=order,

@@ -53,7 +53,8 @@ def test_a_group_dance_alone_and_among_others(n, record_property):
     S = torch.arange(n).expand(b, n).contiguous()
 
     def danced(part: slice):
-        bind = GuidedDenoiser(model, 1.0, autoguidance=request.autoguidance).bind
+        push = (request.autoguidance, request.autoguidance_end)
+        bind = GuidedDenoiser(model, 1.0, *push).bind
         seeds = range(b)[part]
         x = sample(
             bind(Conditions(M[part], swap=S[part])),

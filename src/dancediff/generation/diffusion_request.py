@@ -74,6 +74,12 @@ class DiffusionRequest(DanceRequest):
         low=1,
         high=10,
     )
+    autoguidance_end: float = option(
+        None,
+        "Noise, as a share of the signal, below which guesses are not pushed; 0: to the end.",
+        low=0,
+        high=100,
+    )
     genre: str | dict | None = genre_option()  # noqa: RUF009 - it is a field
     energy: float | str | tuple | None = option(
         None,

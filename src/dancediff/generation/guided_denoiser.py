@@ -16,6 +16,7 @@ from dancediff.extensions.autoguidance import (
     LASTING_SHARE,
     ROOT_SHARE,
     autoguided,
+    last_pushed,
     linear_guess_of,
 )
 from dancediff.extensions.genre_guidance import genre_guided
@@ -28,13 +29,15 @@ class GuidedDenoiser:
     """A network whose guesses are pushed by guidance.
 
     - ``guidance``: a weight or a function of t, see `dancediff.diffusion.guidance.guided`.
-    - ``autoguidance``: see `dancediff.extensions.autoguidance.autoguided`.
+    - ``autoguidance``: see `dancediff.extensions.autoguidance.autoguided`; ``autoguidance_end``:
+      see `dancediff.extensions.autoguidance.last_pushed`.
     - ``genre_guidance``: see `dancediff.extensions.genre_guidance.genre_guided`.
     """
 
     model: Any  # a network with `denoise` and `linear_guess`
     guidance: float | Callable[[int], float]
     autoguidance: float
+    autoguidance_end: float
     genre_guidance: float | None = None  # of networks that know genres
     dtype: torch.dtype | None = None  # bfloat16: the network computes with fewer digits
 
@@ -45,7 +48,8 @@ class GuidedDenoiser:
         if request.sampler == "ddpm":
             guidance = off_at_the_end(guidance, model.config.num_steps)
         of_genre = getattr(request, "genre_guidance", None)  # only TCDiff++ has it
-        return cls(model, guidance, request.autoguidance, of_genre, dtype)
+        push = (request.autoguidance, request.autoguidance_end)
+        return cls(model, guidance, *push, of_genre, dtype)
 
     def bind(self, conditions: Conditions) -> Denoise:
         """The guesses for these conditions, a function of x_t and t."""
@@ -60,6 +64,7 @@ class GuidedDenoiser:
             self.autoguidance,
             root_share=ROOT_SHARE,
             lasting_share=LASTING_SHARE,
+            last=last_pushed(self.model.abar, self.autoguidance_end),
         )
 
     def with_music(self, conditions: Conditions) -> Denoise:

@@ -15,7 +15,7 @@ from torch import Tensor
 
 from dancediff.diffusion.conditions import Conditions
 from dancediff.diffusion.samplers import GuessHook
-from dancediff.extensions.autoguidance import autoguided, linear_guess_of
+from dancediff.extensions.autoguidance import autoguided, last_pushed, linear_guess_of
 from dancediff.extensions.border_smoothing import BorderSmoothing
 from dancediff.extensions.energy_condition import has_energy_condition
 from dancediff.extensions.foot_contact_projection import foot_contact_hook
@@ -104,7 +104,12 @@ class LodgeSampler(ParallelSampler):
         denoise = super().guess(stage, conditions)
         if self.request.autoguidance == 1:
             return denoise
-        return autoguided(denoise, linear_guess_of(stage, conditions), self.request.autoguidance)
+        return autoguided(
+            denoise,
+            linear_guess_of(stage, conditions),
+            self.request.autoguidance,
+            last=last_pushed(stage.abar, self.request.autoguidance_end),
+        )
 
     def clamp(self, stage) -> Callable[[Tensor], Tensor] | None:
         """Preconditioned guesses are not cut."""

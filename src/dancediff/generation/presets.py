@@ -16,6 +16,7 @@ _PAPERS: Values = {  # TCDiff++, Lodge and EDGE take the same sampler
     "eta": 1.0,
     "guidance": 2.0,
     "autoguidance": 1.0,
+    "autoguidance_end": 0.0,
     "energy": "any",
     "foot_contact": False,
 }
@@ -23,6 +24,7 @@ _OURS: Values = {
     "sampler": "dpm",
     "eta": 0.0,
     "guidance": 1.0,
+    "autoguidance_end": 0.0,
     "energy": 1.0,  # the song's own
     "foot_contact": True,
 }

@@ -108,7 +108,13 @@ def test_points_are_scored_searched_written_and_drawn(takes, held, tmp_path, mon
     monkeypatch.setattr(bench, "Run", lambda *args: made(*args, takes))
     sampling = bench.Sampling(**bench.asdict(bench.BARE) | {"steps": 2})
     options = {"minutes": (0.3 / SECONDS,), "seeds": (0,), "frames": (170,), "count": 4}
-    options |= {"tuned": 3, "autoguidance": (1.0, 2.0), "sampling": sampling, "workers": 1}
+    options |= {
+        "tuned": 3,
+        "autoguidance": (1.0, 2.0),
+        "ends": (0.0, 0.3),
+        "sampling": sampling,
+        "workers": 1,
+    }
     bench.Scaling(tuple(configs), held, held, held, **options).run()
     results = tmp_path / "docs/results"
     page = json.loads((results / "scaling.json").read_text(encoding="utf-8"))
@@ -127,7 +133,7 @@ def test_points_are_scored_searched_written_and_drawn(takes, held, tmp_path, mon
     assert [row[5] for row in ours] == [row["FID_k"][0] for row in rows]  # of one seed
     assert (tmp_path / "docs/images/scaling.png").stat().st_size > 10_000
     point = json.loads(next(tmp_path.rglob("point.json")).read_text(encoding="utf-8"))
-    assert set(point["searched"]) == {"1.0", "2.0"}
+    assert set(point["searched"]) == {"1, 0", "2, 0", "2, 0.3"}
     made_with = bench.Motion.load(next(tmp_path.rglob("170/*.npz"))).meta
     off = ("foot_contact", "collision_avoidance", "order_constraint", "frequency_clip")
     assert not any(made_with.get(name) for name in off)

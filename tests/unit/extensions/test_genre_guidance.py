@@ -40,11 +40,13 @@ def given(group, genre: int) -> tuple[torch.Tensor, Conditions]:
 def test_the_guess_goes_on_from_that_of_no_genre(group):
     x_t, conditions = given(group, 0)
     with torch.inference_mode():
-        plain = GuidedDenoiser(group.model, 1.0, 1).bind(conditions)(x_t, 500)
-        none = GuidedDenoiser(group.model, 1.0, 1).bind(
+        plain = GuidedDenoiser(group.model, 1.0, 1, 0).bind(conditions)(x_t, 500)
+        none = GuidedDenoiser(group.model, 1.0, 1, 0).bind(
             replace(conditions, genre=torch.zeros_like(conditions.genre))
         )(x_t, 500)
-        pushed = GuidedDenoiser(group.model, 1.0, 1, genre_guidance=3.0).bind(conditions)(x_t, 500)
+        pushed = GuidedDenoiser(group.model, 1.0, 1, 0, genre_guidance=3.0).bind(conditions)(
+            x_t, 500
+        )
     assert (plain - none).abs().max() > 1e-4
     torch.testing.assert_close(pushed, none + 3 * (plain - none), atol=1e-5, rtol=1e-4)
 
@@ -53,7 +55,7 @@ def test_a_dance_without_music_has_no_genre_to_exaggerate(group):
     x_t, conditions = given(group, 1)
     with torch.inference_mode():
         plain, pushed = (
-            GuidedDenoiser(group.model, 0.0, 1, genre_guidance=w).bind(conditions)(x_t, 500)
+            GuidedDenoiser(group.model, 0.0, 1, 0, genre_guidance=w).bind(conditions)(x_t, 500)
             for w in (1, 3.0)
         )
     torch.testing.assert_close(pushed, plain, atol=1e-6, rtol=1e-5)

@@ -369,7 +369,8 @@ def test_autoguidance_pushes_what_the_sampler_sees(model):
     with torch.inference_mode():
         given = Conditions(M, swap=S)
         plain, pushed = (
-            GuidedDenoiser(model, 2.0, autoguidance=w).bind(given)(x_t, 500) for w in (1, 1.3)
+            GuidedDenoiser(model, 2.0, autoguidance=w, autoguidance_end=0.0).bind(given)(x_t, 500)
+            for w in (1, 1.3)
         )
         linear = model.linear_guess(x_t, torch.tensor([500]), given)
     w = torch.full((151,), 1.3)
