@@ -16,7 +16,6 @@ _PAPERS: Values = {  # TCDiff++, Lodge and EDGE take the same sampler
     "eta": 1.0,
     "guidance": 2.0,
     "autoguidance": 1.0,
-    "autoguidance_end": 0.0,
     "energy": "any",
     "foot_contact": False,
 }
@@ -24,7 +23,6 @@ _OURS: Values = {
     "sampler": "dpm",
     "eta": 0.0,
     "guidance": 1.0,
-    "autoguidance_end": 0.0,
     "energy": 1.0,  # the song's own
     "foot_contact": True,
 }
@@ -33,6 +31,7 @@ PAPER: dict[str, Values] = {
     "tcdiffpp": _PAPERS
     | {
         "sigma_min": 0.0,
+        "autoguidance_end": 0.0,
         "genre": "any",
         "genre_guidance": 1.0,
         "frequency_clip": False,
@@ -65,7 +64,8 @@ PACKAGED: dict[str, Values] = {
         "sigma_min": 0.07,  # docs/log/run_15.md
         "genre": "by tempo",
         "genre_guidance": 2.0,  # of a genre that is asked for
-        "autoguidance": 1.42,  # docs/log/run_15.md
+        "autoguidance": 1.6,  # docs/log/run_15.md
+        "autoguidance_end": 0.15,  # the same
         "frequency_clip": True,
         "collision_avoidance": True,
         "order_constraint": True,
