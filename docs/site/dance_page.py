@@ -42,7 +42,6 @@ KIND_OF = {  # options of presets that are no extension
     "genre": "network",
     "energy": "network",
     "guidance": "guidance",
-    "autoguidance_end": "guidance",
     "foot_contact": "hook",
     "sampler": "sampling",
     "steps": "sampling",
@@ -68,7 +67,7 @@ def options(presets: dict, family: str, kind: str) -> str:
     """What the preset of a family says there, but for extensions.
 
     >>> options(PACKAGED, "tcdiffpp", "guidance")
-    '`guidance=1.0`, `autoguidance_end=0.15`'
+    '`guidance=1.0`'
     """
     return ", ".join(
         f"`{name}={value!r}`"

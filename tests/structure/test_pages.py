@@ -154,7 +154,7 @@ def test_a_command_has_the_options_that_its_table_states():
         ("20 steps.", "--sampling.steps 20", 0),
         ("20 steps, autoguidance 2.2.", "--sampling.steps 20", 1),
         ("20 steps, autoguidance 2.2.", "--sampling.steps 20 --sampling.autoguidance 2.25", 1),
-        ("8 steps, guidance 1, autoguidance 1.6.", "", 0),
+        ("8 steps, guidance 1, autoguidance 1.42.", "", 0),
         ("Guidance of 6,000 steps of training.", "", 0),
     ],
 )

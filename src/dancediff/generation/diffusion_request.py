@@ -38,16 +38,6 @@ def sigma_min_option(default: float | None) -> Any:
     )
 
 
-def autoguidance_end_option(default: float | None) -> Any:
-    """The option that says where autoguidance ends; None where presets have the default."""
-    return option(
-        default,
-        "Noise, as a share of the signal, below which guesses are not pushed; 0: to the end.",
-        low=0,
-        high=100,
-    )
-
-
 @dataclass(frozen=True, kw_only=True)
 class DiffusionRequest(DanceRequest):
     """The options that all denoisers share.
@@ -84,7 +74,12 @@ class DiffusionRequest(DanceRequest):
         low=1,
         high=10,
     )
-    autoguidance_end: float = autoguidance_end_option(0.0)
+    autoguidance_end: float = option(
+        0.0,
+        "Noise, as a share of the signal, below which guesses are not pushed; 0: to the end.",
+        low=0,
+        high=100,
+    )
     genre: str | dict | None = genre_option()  # noqa: RUF009 - it is a field
     energy: float | str | tuple | None = option(
         None,

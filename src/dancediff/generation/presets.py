@@ -31,7 +31,6 @@ PAPER: dict[str, Values] = {
     "tcdiffpp": _PAPERS
     | {
         "sigma_min": 0.0,
-        "autoguidance_end": 0.0,
         "genre": "any",
         "genre_guidance": 1.0,
         "frequency_clip": False,
@@ -64,8 +63,7 @@ PACKAGED: dict[str, Values] = {
         "sigma_min": 0.07,  # docs/log/run_15.md
         "genre": "by tempo",
         "genre_guidance": 2.0,  # of a genre that is asked for
-        "autoguidance": 1.6,  # docs/log/run_15.md
-        "autoguidance_end": 0.15,  # the same
+        "autoguidance": 1.42,  # docs/log/run_15.md
         "frequency_clip": True,
         "collision_avoidance": True,
         "order_constraint": True,

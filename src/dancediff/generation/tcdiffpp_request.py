@@ -7,11 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar, Self
 
-from dancediff.generation.diffusion_request import (
-    autoguidance_end_option,
-    has_preconditioning,
-    sigma_min_option,
-)
+from dancediff.generation.diffusion_request import has_preconditioning, sigma_min_option
 from dancediff.generation.genre_mix import ANY, BY_TEMPO
 from dancediff.generation.option import check_range, one_or_several, option
 from dancediff.generation.segmented_request import SegmentedRequest
@@ -39,7 +35,6 @@ class TCDiffPPRequest(SegmentedRequest):
     family: ClassVar[str] = "tcdiffpp"
 
     sigma_min: float = sigma_min_option(None)
-    autoguidance_end: float = autoguidance_end_option(None)
     genre_guidance: float = option(
         None,
         "How much a genre that is asked for matters: 1 as learned, more exaggerated (twice the "
