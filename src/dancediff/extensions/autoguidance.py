@@ -74,7 +74,7 @@ def last_pushed(abar: Tensor, end: float) -> int:
 
     $$t_{last} = \min \Big\{ t : \sqrt{(1 - \bar\alpha_t) / \bar\alpha_t} \ge \text{end} \Big\}$$
 
-    Source: Kynkäänniemi et al. 2024, section 3; they leave out the most noise as well.
+    Source: Kynkäänniemi et al. 2024, who leave out the most noise as well.
 
     >>> last_pushed(torch.tensor([0.99, 0.9, 0.5, 0.1]), 0.3), last_pushed(torch.ones(4), 0.0)
     (1, 0)
