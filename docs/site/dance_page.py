@@ -80,7 +80,7 @@ def switch(preset: dict, name: str, on: bool) -> str:
     """How an extension stands in a preset.
 
     >>> switch(PACKAGED["lodge"], "autoguidance", True), switch(PAPER["lodge"], "ssd", False)
-    ('`autoguidance=1.3`', 'off')
+    ('`autoguidance=1.2`', 'off')
     """
     return f"`{name}={preset[name]!r}`" if name in preset else "on" if on else "off"
 

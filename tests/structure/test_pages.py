@@ -1,6 +1,7 @@
 """Pages and lessons: as long as agreed, up to date with their numbers, true about the code."""
 
 import ast
+import doctest
 import json
 import re
 import sys
@@ -161,6 +162,13 @@ def test_a_command_has_the_options_that_its_table_states():
 def test_a_missing_option_is_noticed(about, options, missing):
     command = f"python benchmarks/bars.py dances tcdiffpp held other {options}"
     assert len(options_missing({"about": about, "command": command})) == missing
+
+
+@pytest.mark.parametrize("module", [dance_page, tables], ids=lambda module: module.__name__)
+def test_examples_of_the_programs_hold(module):
+    """They are no part of the package, whose examples pytest collects."""
+    found = doctest.testmod(module)
+    assert found.attempted > 0 and found.failed == 0
 
 
 def test_several_commands_are_shown_to_copy():
