@@ -14,8 +14,8 @@ dances windows of held-out takes as a bare network: no rule, no hook, no guidanc
 How strong that is, and whether it goes on to the end, is searched for each on other songs. Budgets
 are minutes of processor time of all threads, so what else the machine does changes nothing.
 
-The held-out dances are scored as if a model had made them: no model can be expected to be nearer
-to the reference than they are.
+The held-out dances are scored as if a model had made them: what one that dances as they do would
+score.
 
 Everything is kept in --out, and a run that was stopped goes on: trainings from their checkpoints,
 dances with the next one. Means over seeds go to docs/results/scaling.json, every point to

@@ -7,7 +7,7 @@ Distribution Quality in Diffusion Models" · `dancediff.extensions.preconditioni
 A network that has not learned all there is to know stays too near to the best guess without
 knowledge of dance, and its dances too near to the mean. What it does know is exaggerated here.
 The linear guess costs nothing. Under little noise large movements are settled and a push moves
-feet that stand, so it ends before.
+feet that stand, so it can end before: `last_pushed`.
 
 Symbols (axes: f frames · d motion features)
     x_t     noisy motion             (..., f, d)

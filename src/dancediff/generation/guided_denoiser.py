@@ -48,8 +48,8 @@ class GuidedDenoiser:
         if request.sampler == "ddpm":
             guidance = off_at_the_end(guidance, model.config.num_steps)
         of_genre = getattr(request, "genre_guidance", None)  # only TCDiff++ has it
-        push = (request.autoguidance, request.autoguidance_end)
-        return cls(model, guidance, *push, of_genre, dtype)
+        end = request.autoguidance_end
+        return cls(model, guidance, request.autoguidance, end, of_genre, dtype)
 
     def bind(self, conditions: Conditions) -> Denoise:
         """The guesses for these conditions, a function of x_t and t."""

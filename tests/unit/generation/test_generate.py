@@ -372,6 +372,8 @@ def test_autoguidance_pushes_what_the_sampler_sees(model):
             GuidedDenoiser(model, 2.0, autoguidance=w, autoguidance_end=0.0).bind(given)(x_t, 500)
             for w in (1, 1.3)
         )
+        ended = GuidedDenoiser(model, 2.0, autoguidance=1.3, autoguidance_end=100.0).bind(given)
+        torch.testing.assert_close(ended(x_t, 500), plain, rtol=0, atol=0)
         linear = model.linear_guess(x_t, torch.tensor([500]), given)
     w = torch.full((151,), 1.3)
     w[4:7] = 1 + 0.3 * ROOT_SHARE  # where dancers go is pushed less

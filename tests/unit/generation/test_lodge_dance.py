@@ -53,9 +53,11 @@ def test_each_addition_changes_the_dance(model, name):
     assert not torch.allclose(dance(model, 3 * n), dance(model, 3 * n, **{name: True}), atol=1e-4)
 
 
-def test_autoguidance_changes_the_dance(model):
+def test_autoguidance_changes_the_dance_and_so_does_its_end(model):
     usual, pushed = (dance(model, n, autoguidance=w) for w in (1.0, 1.3))
-    assert not torch.allclose(usual, pushed, atol=1e-4)
+    ended = dance(model, n, autoguidance=1.3, autoguidance_end=1.0)
+    for one, other in ((usual, pushed), (usual, ended), (pushed, ended)):
+        assert not torch.allclose(one, other, atol=1e-4)
 
 
 def test_the_packaged_preset_pushes_guesses_away_from_the_linear_one(model):
