@@ -7,6 +7,8 @@ BIN    := $(VENV)/bin
 READY  := $(VENV)/.ready
 CPU    ?= https://download.pytorch.org/whl/cpu
 TORCH  := $(shell sed -n 's/^\(torch==[0-9.]*\).*/\1/p' requirements.txt)
+# Python compiles what is imported, once; compiling all that pip brings takes most of a minute.
+PIP    := pip install --disable-pip-version-check -q --no-compile
 export MPLBACKEND ?= Agg
 
 .PHONY: setup dance quick test trust wheel mutants bench lint lab course slides docs player clean
@@ -21,10 +23,10 @@ $(READY): pyproject.toml requirements.txt
 	@$(BIN)/python -m pip --version >/dev/null 2>&1 || $(PYTHON) -m venv --clear $(VENV) || \
 	  { rm -rf $(VENV); echo "no virtual environment; on Debian: apt-get install python3-venv"; exit 1; }
 	@[ "$$(uname -s)" != Linux ] || command -v nvidia-smi >/dev/null 2>&1 || \
-	  $(BIN)/python -m pip install --disable-pip-version-check -q --no-deps --retries 1 --timeout 15 \
+	  $(BIN)/python -m $(PIP) --no-deps --retries 1 --timeout 15 \
 	    --index-url $(CPU) $(TORCH) 2>/dev/null || \
 	  echo "$(CPU) did not answer: PyTorch comes from PyPI, with CUDA"
-	$(BIN)/python -m pip install --disable-pip-version-check -q -r requirements.txt
+	$(BIN)/python -m $(PIP) -r requirements.txt
 	$(BIN)/dancediff warm
 	@touch $@
 
@@ -89,7 +91,7 @@ slides: $(VENV)/.docs
 
 # Shows the outputs stored in the lessons and runs nothing. One resolve again, so PyTorch stays.
 $(VENV)/.docs: $(READY)
-	$(BIN)/python -m pip install --disable-pip-version-check -q -r requirements.txt -e ".[docs]"
+	$(BIN)/python -m $(PIP) -r requirements.txt -e ".[docs]"
 	@touch $@
 
 docs: $(VENV)/.docs
