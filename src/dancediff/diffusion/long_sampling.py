@@ -22,7 +22,7 @@ from torch import Tensor
 
 from dancediff.diffusion.pinning import MODES, Pinning
 from dancediff.diffusion.samplers import GuessHook, SamplerOptions, sample
-from dancediff.diffusion.schedule import Generators, gaussian
+from dancediff.diffusion.schedule import gaussian
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ class LongSampler(ABC):
     r"""Sample a dance segment after segment; memory stays that of a segment.
 
     - ``shape``: (n, f, d) of a segment.
-    - ``options``, ``generator``: of `sample`, the same for every segment.
+    - ``options``, ``generator``: of `sample`, the same for every segment; one generator, no list.
     - ``pinning``: how the context is kept, see `Pinning`. With "init" the shared frames also get
       the noise that they were made from.
     - ``seam``: how the context is joined to what follows, a key of `SEAMS`.
@@ -119,7 +119,7 @@ class LongSampler(ABC):
     overlap: int
     pinning: str
     seam: str
-    generator: Generators = None
+    generator: torch.Generator | None = None
     resampled: int = 0
     hooks: Sequence[SegmentHook] = ()
     mask: Tensor | None = None

@@ -61,6 +61,9 @@ class Pinning:
     Replacing frames is not enough for a smooth seam: free frames follow the guess, and the guess
     for the context is never quite right. `dancediff.extensions.initial_frames` mends that.
 
+    The first input is noised to the strongest level whatever the sampler's first one is: to a
+    signal of 4.9e-5, where DPM-Solver++ begins at 0.011. From the second guess on both are alike.
+
     The last guess is left alone, as in the released code: whoever joins the segments decides what
     becomes of the context.
 

@@ -80,7 +80,10 @@ def resolved_genre(asked: Mix | None, usual: Mix, model, song) -> Mix | None:
     if isinstance(asked, str):
         asked = spelled(asked, genres)
     else:
-        asked = {spelled(name, genres): share for name, share in asked.items()}
+        shares = dict.fromkeys((spelled(name, genres) for name in asked), 0.0)
+        for name, share in asked.items():  # two spellings of a genre are one
+            shares[spelled(name, genres)] += share
+        asked = mix_of(shares)
     for name in (asked,) if isinstance(asked, str) else asked:
         genre_number(name, genres)
     return asked

@@ -315,7 +315,8 @@ class Stream(Iterator[Motion]):
     def _do(self, change: dict) -> None:
         dance = self._steered()
         if "seek" in change:
-            dance.seek(round(change["seek"] * FPS))
+            frame = round(change["seek"] * FPS)  # of 9.99 s the last one, not the one behind it
+            dance.seek(min(frame, self.request.frames - 1))
         else:
             knobs = change["set"]
             self.request = self._resolved(knobs, self.request.dancers)

@@ -311,10 +311,11 @@ class LodgeTraining:
         settings, folder = self.settings[stage], self.out / stage
         if settings is None:
             return kept_of(network, folder)
-        clean = stage == "fine_tune"
+        half = self.model.config.global_stage.primitive_frames // 2
+        border = half if stage == "fine_tune" else 0
         kind = "global" if stage == "global" else "local"
         discriminator = self._discriminator(stage, settings.lr)
-        objective = LodgeObjective(network, settings, clean=clean, discriminator=discriminator)
+        objective = LodgeObjective(network, settings, border=border, discriminator=discriminator)
         kind_of_trainer = self.trainer or trainer_for(objective, settings, self.options["world"])
         trainer = kind_of_trainer(
             network,

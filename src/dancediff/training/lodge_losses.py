@@ -46,7 +46,8 @@ from dancediff.training.objective import Drawn, Objective
 class LodgeObjective(Objective):
     """The losses of a stage of Lodge.
 
-    ``clean``: fine-tuning, with clean borders (eq. 10).  ``discriminator``: adds its terms (eq. 9).
+    ``border``: in fine-tuning, clean frames at both ends (eq. 10).
+    ``discriminator``: adds its terms (eq. 9).
     Raises: TypeError for weights of another model's losses.
     """
 
@@ -55,13 +56,13 @@ class LodgeObjective(Objective):
         model: GlobalDenoiser | LocalDenoiser,
         config: TrainConfig,
         *,
-        clean: bool = False,
+        border: int = 0,
         discriminator: "DiscriminatorTraining | None" = None,
     ):
         super().__init__(model, config)
         if not isinstance(config.weights, LodgeWeights):
             raise TypeError(f"weights={config.weights} are not Lodge's; use LodgeWeights")
-        self.weights, self.clean, self.discriminator = config.weights, clean, discriminator
+        self.weights, self.border, self.discriminator = config.weights, border, discriminator
 
     def state(self) -> dict[str, Tensor]:
         """Weights and moments of the discriminator, if there is one."""
@@ -93,8 +94,8 @@ class LodgeObjective(Objective):
         """A `Batch` on the network's device, with noise."""
         batch = self.to_network(batch)
         noised = self.noised(batch.x, number)
-        if self.clean:
-            noised = replace(noised, x_t=clean_borders(noised.x_t, batch.x))
+        if self.border:
+            noised = replace(noised, x_t=clean_borders(noised.x_t, batch.x, self.border))
         z = style_noise(model, batch.label, noised.generator)
         return Drawn(batch, noised, self.conditions(batch, noised), z)
 

@@ -159,7 +159,7 @@ def stage(path: str, key: str, y: float, lesson: int) -> tuple[list[Box], list[A
         Box(key, "Linear", 356, y + 40, 52, 40, lesson, f"{d}.out"),
         Box(key, "music encoder", 92, y + 150, 92, 26, 5, f"{d}.music"),
         Box(key, "step encoder", 204, y + 150, 88, 26, 5, f"{d}.timestep"),
-        Box(key, "style token", 312, y + 150, 84, 26, 12, f"{path}.style"),
+        Box(key, "style token", 312, y + 150, 84, 26, 11, f"{path}.style"),
     ]  # fmt: skip
     arrows = [
         right(56, y + 60, 36, f"{d}.embed", side="into"),

@@ -189,6 +189,12 @@ def test_a_seam_lies_where_the_dance_goes_on_elsewhere(model):
     assert pieces[-1].meta["whole"]["seams"] == [150, 285, 335, 385, 435]
 
 
+def test_the_last_half_frame_is_the_last_frame(model):
+    """Rounded, 11.99 s is the frame behind the last one: such a dance never ended."""
+    pieces = steered(model.stream(Tune(), **ASK), {1: lambda stream: stream.seek(11.99)})
+    assert [piece.num_frames for piece in pieces] == [75, 1]
+
+
 @pytest.mark.parametrize("pinning", ["same_noise", "init"])
 def test_a_log_makes_the_same_dance_again(listening, pinning):
     song = Tune(20.0)

@@ -70,6 +70,12 @@ def test_a_mix_has_one_form():
     assert mix_weights("any", NAMES).tolist() == [[0.0, 0.0, 0.0]]
 
 
+def test_two_spellings_of_a_genre_are_one(group, song):
+    asked = {"Hip-Hop": 1, "hiphop": 1, "house": 2}
+    assert group.resolve(song, genre=asked).genre == {"hiphop": 0.5, "house": 0.5}
+    assert group.resolve(song, genre={"Hip-Hop": 1, "hiphop": 1}).genre == "hiphop"
+
+
 @pytest.mark.parametrize(
     ("genre", "message"),
     [

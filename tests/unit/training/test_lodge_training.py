@@ -262,8 +262,8 @@ def test_fine_tuning_sees_clean_borders(solos):
     batch, seen = windows(solos).batch(0), []
 
     model.register_forward_pre_hook(lambda _, args: seen.append(args[0]))
-    for clean in (False, True):
-        LodgeObjective(model, config, clean=clean).losses(model, batch, 0)
+    for border in (0, 4):
+        LodgeObjective(model, config, border=border).losses(model, batch, 0)
     x_0 = model.normalizer.normalize(batch[0])
     noisy, mixed = seen
     assert torch.equal(mixed[:, :4, 7:], x_0[:, :4, 7:])
@@ -593,16 +593,17 @@ def test_fine_tuning_alone_has_clean_borders(solos, tmp_path):
 
     class Watched(lodge_training.LodgeObjective):
         def losses(self, model, batch, number):
-            given[self.clean] = True
+            given[self.border] = True
             return super().losses(model, batch, number)
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(lodge_training, "LodgeObjective", Watched)
-        for stage, clean in (("global", False), ("local", False), ("fine_tune", True)):
+        for stage, border in (("global", 0), ("local", 0), ("fine_tune", 3)):
             off = {f"train_{k}": {"steps": 0} for k in ("global", "local", "fine_tune")}
             tables = TABLES | off | {f"train_{stage}": {"steps": 1}}
+            tables["global_stage"] = GLOBAL | {"primitive_frames": 6}  # of which each half is 3
             train_lodge(tables, tmp_path / stage, solos=solos)
-            assert given == {clean: True}, stage
+            assert given == {border: True}, stage
             given.clear()
 
 

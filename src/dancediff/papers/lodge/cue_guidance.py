@@ -20,7 +20,7 @@ from torch import Tensor
 from dancediff.diffusion.schedule import Generators, gaussian, q_sample
 from dancediff.motion.representation import LODGE
 
-BORDER = 4  # frames: half a hard primitive
+BORDER = 4  # frames: half a hard primitive of the paper
 
 
 def cue_channels() -> Tensor:
@@ -35,7 +35,7 @@ def cue_channels() -> Tensor:
 
 
 def guided_steps(times: Sequence[int], soft: float) -> int:
-    r"""How many steps the soft cues are held for: those from a t above T (1 - s), but not the last.
+    r"""How many steps the soft cues are held for: where t is at least T (1 - s); never the last.
 
     $$\#\{k : t_k + 1 > T (1 - s),\; t_{k+1} \ge 0\}$$
 
@@ -44,7 +44,8 @@ def guided_steps(times: Sequence[int], soft: float) -> int:
 
     Source: Lodge section 3.2 ("in the initial 1000 s steps"), its pseudocode and Table 4; the
     sentence in appendix B has 1 - s.  Differs: with DDIM the released code compares t, 999 ... 19,
-    with 50 (1 - s), so that 48 or 49 of 50 steps are guided whatever s is.
+    with 50 (1 - s), so that 48 or 49 of 50 steps are guided whatever s is; the pseudocode's i above
+    1000 (1 - s) is one step less.
 
     Raises: ValueError unless 0 <= soft <= 1.
 
@@ -62,7 +63,7 @@ def guided_steps(times: Sequence[int], soft: float) -> int:
     return sum(t + 1 > num_steps * (1 - soft) + 1e-6 for t in times[:-2])
 
 
-def clean_borders(x_t: Tensor, x_0: Tensor) -> Tensor:
+def clean_borders(x_t: Tensor, x_0: Tensor, border: int = BORDER) -> Tensor:
     r"""The input of fine-tuning: noisy in the middle, clean at both ends.
 
     $$x_t'[:4] = x_0[:4], \quad x_t'[-4:] = x_0[-4:], \quad x_t'[4:-4] = x_t[4:-4]$$
@@ -70,7 +71,7 @@ def clean_borders(x_t: Tensor, x_0: Tensor) -> Tensor:
     Source: Lodge eq. 10.  Differs: only in the features that hard cues will speak of
     (`cue_channels`), so that training and sampling look alike; the paper and its code take all.
 
-    Shapes: x_t, x_0 (..., f, d) -> (..., f, d).
+    Shapes: x_t, x_0 (..., f, d) -> (..., f, d).  ``border``: frames, half a hard primitive.
     Raises: ValueError when the borders leave nothing between them.
 
     >>> mixed = clean_borders(torch.ones(1, 10, 139), torch.zeros(1, 10, 139))
@@ -80,11 +81,11 @@ def clean_borders(x_t: Tensor, x_0: Tensor) -> Tensor:
     10.0
     """
     f = x_t.shape[-2]
-    if f <= 2 * BORDER:
-        raise ValueError(f"x_t has {f} frames; clean borders of {BORDER} leave nothing of them")
-    border = torch.zeros(f, dtype=torch.bool, device=x_t.device)
-    border[:BORDER] = border[-BORDER:] = True
-    return torch.where(border[:, None] & cue_channels().to(x_t.device), x_0, x_t)
+    if f <= 2 * border:
+        raise ValueError(f"x_t has {f} frames; clean borders of {border} leave nothing of them")
+    clean = torch.zeros(f, dtype=torch.bool, device=x_t.device)
+    clean[:border] = clean[f - border :] = True
+    return torch.where(clean[:, None] & cue_channels().to(x_t.device), x_0, x_t)
 
 
 @dataclass
@@ -101,7 +102,7 @@ class CueGuidance:
 
     Hard cues are clean because the network was fine-tuned to find its borders so (eq. 10; discrete
     primitives lie four frames apart there, not side by side); they are there from the first input
-    on. Soft cues have the noise of the rest of the dance.
+    on. Soft cues have as much noise as the rest of the dance, fresh at every step of any sampler.
 
     Source: Lodge section 3.2 and its pseudocode, in which hard cues are clean; the text calls that
     inpainting, which noises them.  Differs: pseudocode and code begin after the first step; the

@@ -62,6 +62,8 @@ class GlobalConfig:
             raise ValueError(
                 f"local_frames={self.local_frames} must divide music_frames={self.music_frames}"
             )
+        if self.variant == "discrete" and self.music_frames % self.every:
+            raise ValueError(f"every={self.every} must divide music_frames={self.music_frames}")
 
     @property
     def layout(self) -> Layout:

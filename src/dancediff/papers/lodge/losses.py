@@ -143,9 +143,10 @@ def l_joint(joints_hat: Tensor, joints_0: Tensor, *, relative: bool = False) -> 
 
 
 def l_jvel(joints_hat: Tensor, joints_0: Tensor) -> Tensor:
-    r"""How fast the joints move: $\frac1{n-1} \sum_i \lVert \dot J_i - \hat{\dot J}_i \rVert^2$.
+    r"""How fast the joints move: $\operatorname{mean}\,(\dot J - \hat{\dot J})^2$.
 
-    Source: Lodge eq. 5 (weight 0 in its code).  Shapes: (..., f, j, 3) metres -> scalar, (m/s)^2.
+    Source: Lodge eq. 5 (weight 0 in its code).  Differs: see `l_joint`.
+    Shapes: (..., f, j, 3) metres -> scalar, (m/s)^2.
 
     >>> joints = torch.zeros(4, 24, 3)
     >>> moving = joints + torch.arange(4.0)[:, None, None] / FPS
@@ -156,11 +157,11 @@ def l_jvel(joints_hat: Tensor, joints_0: Tensor) -> Tensor:
 
 
 def l_jacc(joints_hat: Tensor, joints_0: Tensor) -> Tensor:
-    r"""How their speed changes: $\frac1{n-2} \sum_i \lVert \ddot J_i - \hat{\ddot J}_i \rVert^2$.
+    r"""How their speed changes: $\operatorname{mean}\,(\ddot J - \hat{\ddot J})^2$.
 
     It is what makes a dance run smoothly into its pinned borders.
 
-    Source: Lodge eq. 6 (weight 0 in its code).
+    Source: Lodge eq. 6 (weight 0 in its code).  Differs: see `l_joint`.
     Shapes: (..., f, j, 3) metres -> scalar, (m/s^2)^2.
 
     >>> joints = torch.zeros(4, 24, 3)
@@ -173,13 +174,13 @@ def l_jacc(joints_hat: Tensor, joints_0: Tensor) -> Tensor:
 def l_contact(joints_hat: Tensor, contact: Tensor) -> Tensor:
     r"""A planted foot neither slides nor sinks.
 
-    $$\frac1{n-1} \sum_i \lVert (\hat f_{hv} + \hat f_{dv})\, \hat b_i \rVert^2$$
+    $$\operatorname{mean}\,\big((\hat f_{hv} + \hat f_{dv})\, \hat b\big)^2$$
 
     $f_{hv}$ is the horizontal part of a foot's velocity, $f_{dv}$ its downward part: a foot may
     rise off the floor, but not go through it.
 
-    Source: Lodge eq. 7, after LEMO.  Differs: b is the predicted contact, as printed; in the code,
-    whose weight for this loss is 0, it is 1 where the foot is low.
+    Source: Lodge eq. 7, after LEMO.  Differs: a mean, see `l_joint`; b is the predicted
+    contact, as printed; in the code, whose weight for it is 0, b is 1 where the foot is low.
 
     Shapes: joints_hat (..., f, j, 3) metres, contact (..., f, 4) -> scalar, (m/s)^2.
 

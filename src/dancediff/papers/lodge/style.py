@@ -1,6 +1,6 @@
 r"""Style: one token that says which genre to dance, and a little which dancer.
 
-Read first: notebook 12 · Lodge section 3.4 · Karras et al. 2019 (StyleGAN) section 2.
+Read first: notebook 11 · Lodge section 3.4 · Karras et al. 2019 (StyleGAN) section 2.
 
 Symbols (axes: b batch · g genres · d channels)
     genre   number of the genre                              (b,)

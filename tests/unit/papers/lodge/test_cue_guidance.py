@@ -175,6 +175,11 @@ def test_borders_are_clean_where_cues_will_speak():
     assert torch.equal(mixed[hard], x_0[hard]) and torch.equal(mixed[~hard], x_t[~hard])
 
 
+def test_borders_are_as_long_as_they_shall_be():
+    mixed = clean_borders(torch.ones(1, 20, 139), torch.zeros(1, 20, 139), 3)
+    assert (mixed[0, :, 7] == 0).nonzero().flatten().tolist() == [0, 1, 2, 17, 18, 19]
+
+
 def test_input_is_not_written_to():
     guidance = cues(generators=gens(2))
     x = torch.randn_like(guidance.y)

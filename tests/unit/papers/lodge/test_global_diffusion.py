@@ -134,6 +134,8 @@ def test_errors():
         GlobalConfig(variant="dotted")
     with pytest.raises(ValueError, match="local_frames=200 must divide music_frames=1024"):
         GlobalConfig(local_frames=200)
+    with pytest.raises(ValueError, match="every=3 must divide music_frames=1024"):
+        GlobalConfig(variant="discrete", every=3)
     model = make()
     x_t, t, c = inputs(model)
     for name, arguments in {
