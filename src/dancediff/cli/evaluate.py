@@ -76,7 +76,8 @@ class Evaluate:
             report.save(self.out)
         lines = [str(report)]
         if self.drift is not None and report.drift is not None:
-            lines += ["", "mean over dances, window by window:", str(report.drift)]
+            heading = "mean over dances, window by window, as far as the shortest goes:"
+            lines += ["", heading, str(report.drift)]
         tell(self.json, report.facts(), lines)
         if self.drift is not None and report.drift is not None:
             self.drift.parent.mkdir(parents=True, exist_ok=True)

@@ -138,7 +138,10 @@ def _seconds(seconds: float | None, song) -> float:
             f"song is {song.duration:.2f} s long; at least {SHORTEST_SONG:g} s are needed"
         )
     if song.is_silent:
-        raise ValueError(f"song {song.name!r} is silent (peak {song.peak:.1e}); there is no beat")
+        raise ValueError(
+            f"song {song.name!r} is silent (the mean of its channels peaks at {song.peak:.1e}); "
+            "there is no beat"
+        )
     seconds = song.duration if seconds is None else seconds
     if seconds > song.duration + 1e-3:
         raise ValueError(f"seconds={seconds:g} is more than the song's {song.duration:.2f}")

@@ -156,10 +156,10 @@ class Music:
 
     @property
     def peak(self) -> float:
-        """Largest absolute sample."""
+        """Largest absolute sample of the mean of the channels, which is what is heard."""
         if isinstance(self.audio, SoundOnDisk):
             return self.audio.peak
-        return float(np.abs(self.audio).max())
+        return float(np.abs(mono_mix(self.audio)).max())
 
     @property
     def is_silent(self) -> bool:

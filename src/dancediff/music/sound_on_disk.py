@@ -47,7 +47,7 @@ class SoundOnDisk:
             while len(part := file.read(AT_ONCE, dtype="float32", always_2d=True)):
                 self.is_finite &= bool(np.isfinite(part).all())
                 frames += len(part)
-                self.peak = max(self.peak, float(np.abs(part).max()))
+                self.peak = max(self.peak, float(np.abs(mono_mix(part)).max()))
         self.shape = (frames, channels)
 
     def _look(self) -> tuple[int, int]:

@@ -132,6 +132,8 @@ def _votes(paths: list[Path], secret: dict) -> list[Vote]:
     seen: dict[str, tuple[Path, list]] = {}
     for path in paths:
         file = _read(path, ("study", "token", "answers"))
+        if not isinstance(file["token"], str) or not isinstance(file["answers"], list):
+            raise ValueError(f"{str(path)!r} holds no answers of a rater; take it as downloaded")
         if file["study"] != secret["study"]:
             raise ValueError(
                 f"{str(path)!r} answers study {file['study']!r}, the key is of "
@@ -143,11 +145,16 @@ def _votes(paths: list[Path], secret: dict) -> list[Vote]:
                 f"{str(before[0])!r} and {str(path)!r} are of one rater and differ; keep the one "
                 "that counts"
             )
-    return [
-        _vote(token, answer, secret, path)
-        for token, (path, answers) in seen.items()
-        for answer in answers
-    ]
+    votes: dict[tuple[str, str, str], Vote] = {}
+    for token, (path, answers) in seen.items():
+        for answer in answers:
+            vote = _vote(token, answer, secret, path)
+            if votes.setdefault((token, vote.pair, vote.question), vote) != vote:
+                raise ValueError(
+                    f"{str(path)!r} answers {vote.question!r} of pair {vote.pair!r} twice, and "
+                    "differently; take the file as downloaded"
+                )
+    return list(votes.values())
 
 
 def _vote(token: str, answer: dict, secret: dict, path: Path) -> Vote:

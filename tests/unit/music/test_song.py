@@ -85,6 +85,9 @@ def test_a_rate_is_a_whole_number_of_any_type(tmp_path):
 def test_silence():
     assert Music(np.full(1000, 5e-5, np.float32), 8000).is_silent
     assert not Music(np.full(1000, 5e-3, np.float32), 8000).is_silent
+    wave = np.sin(np.arange(1000, dtype=np.float32))
+    assert Music(np.stack([wave, -wave], axis=1), 8000).is_silent  # what is heard is their mean
+    assert not Music(np.stack([wave, 0 * wave], axis=1), 8000).is_silent
 
 
 def test_one_song_does_not_wait_for_the_features_of_another(monkeypatch):

@@ -49,6 +49,13 @@ def test_saved_again_it_is_the_same(made, tmp_path, long):
     assert song_features(song).equal(song_features(again))
 
 
+def test_channels_that_cancel_out_are_silent(tmp_path, long):
+    wave = 0.5 * np.sin(np.arange(20_000, dtype=np.float32))
+    song = Music(np.stack([wave, -wave], axis=1), 22050)
+    on_disk = Music.load(song.save(tmp_path / "a.wav"))
+    assert isinstance(on_disk.audio, SoundOnDisk) and on_disk.is_silent
+
+
 def test_another_file_in_its_place_is_noticed(made, tmp_path, long):
     path = made.save(tmp_path / "a.wav")
     song = Music.load(path)

@@ -75,6 +75,17 @@ def test_a_file_handed_in_twice_counts_once_and_two_versions_are_refused(files, 
         score_study([*paths, again])
 
 
+def test_a_pair_answered_twice_counts_once_and_not_at_all_if_differently(files):
+    paths = files({"x": {("p1", "realism"): "left"}})
+    file = json.loads(paths[1].read_text())
+    (answer,) = file["answers"]
+    paths[1].write_text(json.dumps(file | {"answers": [answer] * 3}))
+    assert score_study(paths).scores[0].rate.votes == 1
+    paths[1].write_text(json.dumps(file | {"answers": [answer, answer | {"choice": "right"}]}))
+    with pytest.raises(ValueError, match=r"x\.json' answers 'realism' of pair 'p1' twice"):
+        score_study(paths)
+
+
 def test_the_table_and_the_facts_say_the_same(files):
     scores = score_study(files({"x": {("p1", "realism"): "left", ("p2", "realism"): "left"}}))
     (row,) = scores.facts()["scores"]
@@ -95,6 +106,8 @@ def test_the_table_and_the_facts_say_the_same(files):
         ('"realism"', '"beauty"', "is none to this study"),
         ('"left"', '"middle"', "is none to this study"),
         ('"token"', '"tokens"', "has no 'token'"),
+        ('"token": "x"', '"token": ["x"]', "holds no answers of a rater"),
+        ('"answers"', '"answers": 5, "more"', "holds no answers of a rater"),
         ('{"study"', '{{"study"', "is no JSON"),
     ],
 )
