@@ -13,6 +13,7 @@ import json
 import shutil
 import sys
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import is_dataclass
 from functools import lru_cache, partial
 from hashlib import file_digest, sha256
@@ -40,12 +41,14 @@ def prepare(
     backend: str = "loky",
     scheduler: str | None = None,
     progress: bool = True,
+    replaces: Callable[[dict], bool] | None = None,
 ) -> Summary:
     """Make the takes of ``jobs`` that the folder ``out`` lacks, and write its index.
 
-    What the folder already holds from other jobs stays in it. One run at a time may write to a
-    folder. ``workers``, ``backend``, ``scheduler``: see `dancediff.backends.run_jobs`; all machines
-    of a cluster must see the folder under the same path.
+    What the folder already holds from other jobs stays in it, but for takes of whose rows in the
+    index ``replaces`` says yes: they leave it. One run at a time may write to a folder.
+    ``workers``, ``backend``, ``scheduler``: see `dancediff.backends.run_jobs`; all machines of a
+    cluster must see the folder under the same path.
 
     A job that raises is skipped, and reported in the summary and the index; the next run tries it
     again. Takes are written by the workers, so memory does not grow with their number.
@@ -73,8 +76,26 @@ def prepare(
             summary.kept += 1
         else:
             summary.skipped[jobs[k].name] = outcome.removeprefix("skipped: ")
-    _write_index(out, [job.name for job in jobs], summary)
+    names = {job.name for job in jobs}
+    old = {}
+    with contextlib.suppress(ValueError):  # there is none, or it is damaged
+        old = read_index(out)
+    summary.dropped = _replaced(old, names, replaces)
+    _write_index(out, names, old, summary)
+    current = {name.lower() for name in names}  # where capitals do not count, one file has both
+    for name in summary.dropped:  # only now: when the index cannot be written, all stays as it was
+        path = _find(out, name)
+        if path is not None and name.lower() not in current:
+            path.unlink()
     return summary
+
+
+def _replaced(old: dict, names: set[str], replaces: Callable[[dict], bool] | None) -> list[str]:
+    """Names of takes that leave; what is no name leads to files that are not ours."""
+    if replaces is None:
+        return []
+    gone = {row["name"] for row in old.get("takes", []) if replaces(row)} - names
+    return sorted(name for name in gone if NAME.fullmatch(name))
 
 
 def _check(jobs: list[Job]) -> None:
@@ -178,12 +199,10 @@ def _find(out: Path, name: str) -> Path | None:
     return next((path for path in paths if path.exists()), None)
 
 
-def _write_index(out: Path, names: list[str], summary: Summary) -> None:
+def _write_index(out: Path, names: set[str], old: dict, summary: Summary) -> None:
     """Write index.json line by line from the files: of these jobs, and of the index before."""
-    old = {}
-    with contextlib.suppress(ValueError):  # there is none, or it is damaged
-        old = read_index(out)
-    wanted = {*names, *(row["name"] for row in old.get("takes", []))} - set(summary.skipped)
+    wanted = names | {row["name"] for row in old.get("takes", [])}
+    wanted -= {*summary.skipped, *summary.dropped}
     skipped = {row["name"]: row["reason"] for row in old.get("skipped", [])}
     skipped = {name: why for name, why in skipped.items() if name not in wanted} | summary.skipped
     with atomic_write(out / "index.json") as part, part.open("w", encoding="utf-8") as file:

@@ -19,6 +19,7 @@ class Summary:
     made: int = 0
     kept: int = 0  # were there already
     skipped: dict[str, str] = field(default_factory=dict)  # name: reason
+    dropped: list[str] = field(default_factory=list)  # left the folder: they are no longer made
     counts: dict[tuple, Counter] = field(default_factory=dict)  # by (kind, music, dancers)
     measured: dict[str, list[float]] = field(default_factory=dict)  # of retargeted takes
     doubts: dict[str, list[str]] = field(default_factory=dict)  # what a person should look at
@@ -45,6 +46,7 @@ class Summary:
             made=self.made + later.made,
             kept=self.kept + later.kept,
             skipped=self.skipped | later.skipped,
+            dropped=self.dropped + later.dropped,
         )
 
     @property
@@ -73,6 +75,7 @@ class Summary:
         facts = {"folder": str(self.folder), "made": self.made, "kept": self.kept}
         facts |= {"doubts": self.doubts} if self.doubts else {}
         facts |= {"lacks": self.lacks} if self.lacks else {}
+        facts |= {"dropped": self.dropped} if self.dropped else {}
         return facts | {"skipped": self.skipped, "takes": rows, "measured": self.measured}
 
     def __str__(self) -> str:
@@ -94,7 +97,17 @@ class Summary:
         lines += ["", *self.lacks] if self.lacks else []
         lines += ["", f"made {self.made}, kept {self.kept}, skipped {len(self.skipped)}"]
         lines += [f"    {name}: {reason}" for name, reason in sorted(self.skipped.items())]
+        lines += [dropped_line(self.dropped)] if self.dropped else []
         return "\n".join(lines)
+
+
+def dropped_line(names: list[str]) -> str:
+    """Which takes left the folder, and why.
+
+    >>> dropped_line(["duo_0", "duo_1"])
+    'dropped 2 takes, which their source no longer makes: duo_0, duo_1'
+    """
+    return f"dropped {len(names)} takes, which their source no longer makes: {', '.join(names)}"
 
 
 def _cells(count: Counter) -> str:

@@ -388,6 +388,33 @@ def test_a_folder_within_the_source_is_prepared_twice_alike(duo, tmp_path, capsy
     assert "made 0, kept 1" in capsys.readouterr().out
 
 
+def test_takes_that_a_folder_no_longer_makes_leave_it(duo, tmp_path, capsys):
+    """Dancers stayed as solos beside their group, some in val and the group in train."""
+    src, other, out = tmp_path / "src", tmp_path / "other", tmp_path / "out"
+    for folder in (src, other):
+        folder.mkdir()
+        for k in range(2):
+            duo.dancer(k).save(folder / f"duo_{k}.npz")
+    (other / "takes.toml").write_text(
+        '[[take]]\nname = "theirs"\nfiles = ["duo_0.npz", "duo_1.npz"]\n'
+    )
+    for folder in (src, other):  # of the other one, files have the same names
+        assert main(["prepare", "folder", str(folder), str(out)]) == 0
+    names = {entry.name for entry in PreparedData(out)}
+    assert names == {"duo_0", "duo_1", "theirs"}
+    assert "dropped" not in capsys.readouterr().out
+    group = ["--group", "{take}_{dancer}"]
+    assert main(["prepare", "folder", str(src), str(out), *group]) == 0
+    told = "dropped 2 takes, which their source no longer makes: duo_0, duo_1"
+    assert told in capsys.readouterr().out
+    assert told in (out / "report.md").read_text(encoding="utf-8")
+    assert {entry.name for entry in PreparedData(out)} == {"duo", "theirs"}
+    for folder in ("takes", "pictures"):
+        assert {path.stem for path in (out / folder).iterdir()} == {"duo", "theirs"}
+    assert main(["prepare", "folder", str(src), str(out), *group, "--json"]) == 0
+    assert "dropped" not in json.loads(capsys.readouterr().out)
+
+
 def test_songs_are_one_by_their_sound_not_their_name(duo, tmp_path):
     src, out = tmp_path / "src", tmp_path / "out"
     for folder, pitch in (("a", 9), ("b", 7), ("c", 7)):

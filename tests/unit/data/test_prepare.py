@@ -193,6 +193,32 @@ def test_a_changed_recipe_is_made_anew_and_other_takes_stay(tmp_path):
     assert not (tmp_path / "takes" / "t001.npz").exists()
 
 
+def test_takes_that_are_replaced_leave_once_the_index_is_written(tmp_path, monkeypatch):
+    out, outside = tmp_path / "out", tmp_path / "mine.npz"
+    prepare(jobs_of(3), out, progress=False)
+    outside.touch()
+    index = json.loads((out / "index.json").read_text())
+    index["takes"].append({"name": "../../mine"})  # as nobody but an attacker writes it
+    (out / "index.json").write_text(json.dumps(index))
+    before = content(out)
+
+    def full(path):
+        raise OSError("no space left on device")
+
+    again = partial(prepare, jobs_of(1), out, replaces=lambda row: True, progress=False)
+    with monkeypatch.context() as patch:
+        patch.setattr(module, "atomic_write", full)
+        with pytest.raises(OSError, match="no space"):
+            again()
+    assert content(out) == before
+    summary = again()
+    assert (summary.kept, summary.dropped) == (1, ["t001", "t002"])
+    assert "dropped 2 takes, which" in str(summary)
+    assert summary.facts()["dropped"] == ["t001", "t002"]
+    assert set(content(out)) == {"index.json", "takes/t000.npz"} and outside.exists()
+    assert again().dropped == []
+
+
 def test_recipe_follows_arguments_not_places(tmp_path):
     for folder in ("a", "b"):
         (tmp_path / folder).mkdir()

@@ -25,6 +25,7 @@ from dancediff.data.folder.takes import TakePlan
 from dancediff.data.folder.tree import tree_of_motion
 from dancediff.data.folder.upright import doubts_of, standing
 from dancediff.data.formats import drawn_split, make_take
+from dancediff.data.names import short_hash
 from dancediff.data.resample import resample_motion
 from dancediff.data.retarget import leg_scale, retarget
 from dancediff.data.song_folder import UNKNOWN
@@ -84,6 +85,8 @@ def make_folder_take(
         doubts += _length_doubts(motion, Music.load(plan.song))
     notes = {
         "files": list(plan.labels),
+        # found from the files: as an argument it would make all anew once the source is moved
+        "folder": place_of(plan.files[0].parents[plan.labels[0].count("/")]),
         "skeletons": [dancer.skeleton for dancer in dancers if dancer.skeleton],
         "repaired": list(dict.fromkeys(one for d in dancers for one in d.repaired)),
         "doubts": list(dict.fromkeys(doubts)),
@@ -114,6 +117,11 @@ def _named(label: str) -> Iterator[None]:
         yield
     except (OSError, ValueError) as err:
         raise ValueError(f"{label}: {err}") from err
+
+
+def place_of(src: Path) -> str:
+    """A hash of where a folder of motion lies: by it a later run knows the takes made from it."""
+    return short_hash(str(src.resolve()))
 
 
 def song_group(song: Path) -> str:

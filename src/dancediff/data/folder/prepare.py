@@ -14,13 +14,13 @@ from functools import partial
 from pathlib import Path
 
 from dancediff.atomic import write_text
-from dancediff.data.folder.make import Draw, make_folder_take, song_group
+from dancediff.data.folder.make import Draw, make_folder_take, place_of, song_group
 from dancediff.data.folder.posture import Given
 from dancediff.data.folder.settings import read_checked, with_checked, write_settings
 from dancediff.data.folder.takes import TakePlan, takes_in
 from dancediff.data.prepare import prepare
 from dancediff.data.prepared import Entry, PreparedData
-from dancediff.data.summary import Summary
+from dancediff.data.summary import Summary, dropped_line
 from dancediff.data.take import Job
 
 PICTURES, REPORT = "pictures", "report.md"
@@ -39,7 +39,9 @@ def prepare_folder(
     """Prepare the motion files of a folder, whatever their kind and skeleton.
 
     ``group`` and ``given`` are those of `takes_in`; ``licence`` holds for takes of which no table
-    tells one; ``draw`` makes the picture of a take; ``how`` is passed to `prepare`.
+    tells one; ``draw`` makes the picture of a take; ``how`` is passed to `prepare`. Takes that an
+    earlier run made from this folder and that are no longer planned leave ``out``: else dancers
+    would stay as solos beside their group, perhaps on the other side of a split.
 
     Raises: ValueError naming the argument, the file or the entry that is wrong; OSError when
     ``out`` cannot be written.
@@ -57,11 +59,20 @@ def prepare_folder(
         files[plan.name] = plan.labels
     if draw is not None:
         pictures.mkdir(parents=True, exist_ok=True)
-    summary = prepare(jobs, out, **how)
+    place = place_of(Path(src))
+
+    def ours(row: dict) -> bool:
+        return row.get("notes", {}).get("folder") == place
+
+    summary = prepare(jobs, out, replaces=ours, **how)
+    for name in summary.dropped:
+        (pictures / f"{name}.png").unlink(missing_ok=True)
     entries = [entry for entry in PreparedData(out) if entry.name in files]
     rows = [row for entry in entries for row in entry.notes.get("skeletons", [])]
     write_settings(out, rows, checked)
-    write_text(out / REPORT, report(entries, summary.skipped, files))
+    text = report(entries, summary.skipped, files)
+    text += f"\n{dropped_line(summary.dropped)}\n" if summary.dropped else ""
+    write_text(out / REPORT, text)
     return summary
 
 
