@@ -156,11 +156,11 @@ def make_take(
     if M is not None and len(M) != motion.num_frames:
         notes |= {"motion_frames": motion.num_frames, "music_frames": len(M)}
     motion = motion.frames(0, f)
+    # exports of the take say by its meta that nobody danced it
+    meta = {"name": name} | ({"synthetic": True} if kind == "synthetic" else {})
     return DanceTake(
         name=name,
-        dance=replace(
-            motion, contact=foot_contact(motion.joints(), motion.fps), meta={"name": name}
-        ),
+        dance=replace(motion, contact=foot_contact(motion.joints(), motion.fps), meta=meta),
         kind=kind,
         music=NO_MUSIC if M is None else "original",
         M=None if M is None else M[:f].clone(),

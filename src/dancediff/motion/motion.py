@@ -228,6 +228,7 @@ class Motion:
     def side_by_side(cls, motions: Sequence["Motion"]) -> "Motion":
         """Dances of the same length as one, the first one's dancers first.
 
+        Its facts are the first one's; where nobody danced one of them, it is synthetic.
         Raises: ValueError when there are none, or lengths, frame rates or skeletons differ.
 
         >>> solo = Motion(torch.eye(3).expand(1, 30, 24, 3, 3), torch.zeros(1, 30, 3))
@@ -249,9 +250,10 @@ class Motion:
         known = [motion.contact for motion in motions if motion.contact is not None]
         contact = torch.cat(known) if len(known) == len(motions) else None
         pose = torch.cat([motion.pose for motion in motions])
-        return replace(
-            first, pose=pose, root=torch.cat([motion.root for motion in motions]), contact=contact
-        )
+        root, meta = torch.cat([motion.root for motion in motions]), first.meta
+        if not first.is_synthetic and any(motion.is_synthetic for motion in motions):
+            meta = meta | {"synthetic": True}
+        return replace(first, pose=pose, root=root, contact=contact, meta=meta)
 
 
 def _plain(x: Tensor | np.ndarray) -> Tensor:

@@ -142,6 +142,20 @@ def test_exports_of_a_dance_that_nobody_danced_are_not_real(duo, tmp_path):
     assert kinds == made | {"danced": "real"}
 
 
+def test_exports_of_a_prepared_take_that_nobody_danced_are_not_real(duo, tmp_path):
+    """A take of a folder lost the mark, so its exports counted as captures."""
+    src, out = tmp_path / "src", tmp_path / "out"
+    src.mkdir()
+    duo.dancer(0).save(src / "made.npz")
+    replace(duo.dancer(0), meta={}).save(src / "danced.npz")
+    assert main(["prepare", "folder", str(src), str(out)]) == 0
+    for name, kind in (("made", "synthetic"), ("danced", "real")):
+        take = Motion.load(out / "takes" / f"{name}.npz")
+        assert take.is_synthetic == (kind == "synthetic")
+        for end in ("glb", "smpl.npz"):
+            assert make.told_kind(take.save(tmp_path / f"{name}.{end}")) == kind
+
+
 def test_the_report_says_that_a_bvh_cannot_say_who_danced_it(duo, tmp_path):
     src, out = tmp_path / "src", tmp_path / "out"
     src.mkdir()

@@ -167,6 +167,15 @@ def test_no_dances_are_not_put_side_by_side():
         Motion.side_by_side([])
 
 
+@pytest.mark.parametrize("made", [{"synthetic": True}, {"model": "lodge"}])
+def test_a_group_in_which_somebody_was_not_real_is_synthetic(made):
+    danced, own = random_motion(), replace(random_motion(), meta=made)
+    for dances in ([danced, own], [own, danced]):
+        assert Motion.side_by_side(dances).is_synthetic
+    assert not Motion.side_by_side([danced, danced]).is_synthetic
+    assert Motion.side_by_side([own, own]).meta == made and not danced.is_synthetic
+
+
 def test_facts_of_numpy_and_torch_are_saved(tmp_path):
     facts = {"a": np.float32(3), "b": np.arange(2), "c": [torch.tensor(1.5)], "d": {"e": np.True_}}
     motion = replace(random_motion(), meta=facts)
