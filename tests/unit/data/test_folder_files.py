@@ -541,6 +541,21 @@ def test_a_take_in_which_nobody_moves_is_told(duo, tmp_path, monkeypatch):
     assert take.notes["doubts"] == ["nobody moves in it"]
 
 
+def test_a_file_that_cuts_its_group_is_told(duo, tmp_path, monkeypatch):
+    """A long dance became one of a second, and no word of it."""
+    monkeypatch.setattr(make, "with_soundtrack", lambda take: take)
+    plan = TakePlan("duo", (tmp_path / "a.npz", tmp_path / "b.npz"), labels=("a.npz", "b.npz"))
+    whole = duo.num_frames
+    for frames, doubts in (
+        (whole - 5, []),
+        (40, [f"cut to the 40 frames of b.npz, its shortest file; its longest has {whole}"]),
+    ):
+        duo.dancer(0).save(tmp_path / "a.npz")
+        duo.dancer(1).frames(0, frames).save(tmp_path / "b.npz")
+        take = make.make_folder_take(plan, (Given(), Given()), pictures=None)
+        assert take.num_frames == frames and take.notes["doubts"] == doubts
+
+
 def test_a_path_in_centimetres_is_told(duo, tmp_path):
     """Where it was short it passed for metres."""
     solo = replace(duo.dancer(0), root=100 * duo.dancer(0).root)

@@ -41,6 +41,7 @@ SLIDES = 0.7  # share of the frames with a foot down; real dancers stay below 0.
 FAR_OFF = 6.0  # degrees of mean direction error; recordings that fit stay below 3
 REPAIRED = 0.1  # share of frames in which something was replaced
 STILL = 0.03  # metres a second of the mean joint; dances have half a metre
+UNEVEN = 5  # frames by which files of one take may differ in length; recorders stop so far apart
 Draw = Callable[[str, list[tuple[Tensor, tuple[int, ...], float]], Motion, Path], None]
 
 
@@ -81,6 +82,7 @@ def make_folder_take(
     doubts = [doubt for dancer in dancers for doubt in dancer.doubts]
     if _speed(motion) < STILL:
         doubts.append("nobody moves in it")
+    doubts += _cut_doubts(dancers, [label for label, _ in read])
     if plan.song is not None:
         doubts += _length_doubts(motion, Music.load(plan.song))
     notes = {
@@ -248,6 +250,16 @@ def _on_one_stage(solos: list[Motion]) -> Motion:
 def _speed(motion: Motion) -> float:
     """Of the mean joint, metres a second."""
     return motion.joints().diff(dim=1).norm(dim=-1).mean().item() * motion.fps
+
+
+def _cut_doubts(dancers: list[Dancer], labels: list[str]) -> list[str]:
+    """A file that is far shorter than another cuts the whole take: perhaps it is not of it."""
+    frames = [dancer.motion.num_frames for dancer in dancers]
+    short, long = min(frames), max(frames)
+    if long - short <= UNEVEN:
+        return []
+    file = labels[frames.index(short)]
+    return [f"cut to the {short} frames of {file}, its shortest file; its longest has {long}"]
 
 
 def _length_doubts(motion: Motion, song: Music) -> list[str]:
