@@ -383,6 +383,19 @@ def test_a_name_of_the_table_stays(tmp_path):
     assert plans["a.bvh"] == "mine" and plans["mine.bvh"].startswith("mine_")
 
 
+def test_names_of_the_table_in_any_script_stay_apart(tmp_path):
+    """All of one that is not Latin were called "take", and refused for that."""
+    names = ["サルサ", "ワルツ", "duo no 1", "duo_no_1", "first waltz"]
+    touched(tmp_path, *(f"{k}.bvh" for k in range(5)), "サルサ.wav")
+    rows = [f'[[take]]\nname = "{name}"\nfiles = ["{k}.bvh"]\n' for k, name in enumerate(names)]
+    (tmp_path / "takes.toml").write_text("".join(rows), encoding="utf-8")
+    plans = {plan.labels[0]: plan for plan in takes_in(tmp_path)}
+    salsa, waltz, spaced, plain, alone = (plans[f"{k}.bvh"].name for k in range(5))
+    assert salsa.startswith("take_") and waltz.startswith("take_") and salsa != waltz
+    assert (plain, alone) == ("duo_no_1", "first_waltz") and spaced.startswith("duo_no_1_")
+    assert plans["0.bvh"].song == tmp_path / "サルサ.wav"
+
+
 def test_takes_of_an_interrupted_run_are_no_motion(tmp_path):
     touched(tmp_path, "a.bvh", "out/takes/a.npz", "ready/takes/b.npz", "theirs/c.npz")
     (tmp_path / "ready" / "index.json").write_text('{\n"format": "dancediff-prepared-1",\n')

@@ -58,7 +58,7 @@ def takes_in(
     the one that keeps most is taken, and a warning names the others. ``given`` holds for all of
     them. What lies in a prepared folder, or in the folder ``leave_out`` within ``src``, is no
     motion to prepare. Where two takes would have one name, or it is not ASCII, six letters are
-    added to it.
+    added to it, but not where a table writes it as it can stay.
 
     Raises: ValueError naming the folder, the file or the entry that is wrong.
     """
@@ -75,8 +75,9 @@ def takes_in(
         replace(plan, labels=tuple(file.relative_to(src).as_posix() for file in plan.files))
         for plan in [*planned, *found]
     ]
-    chosen = [k < len(rows) and "name" in rows[k] for k in range(len(labelled))]
-    return sorted(_apart(labelled, chosen), key=lambda plan: plan.name)
+    tables = [*rows, *({} for _ in found)]
+    names = [row.get("name", plan.labels[0]) for row, plan in zip(tables, labelled, strict=True)]
+    return sorted(_apart(labelled, names), key=lambda plan: plan.name)
 
 
 def _found(paths: list[Path], src: Path, group: str | None, given: Given) -> list[TakePlan]:
@@ -126,14 +127,17 @@ def _one_format(paths: list[Path]) -> list[Path]:
     return sorted(kept)
 
 
-def _apart(plans: list[TakePlan], chosen: list[bool]) -> list[TakePlan]:
-    """The takes with names that differ; ``chosen`` ones stay as the user wrote them."""
+def _apart(plans: list[TakePlan], written: list[str]) -> list[TakePlan]:
+    """The takes with names that differ; those that can stay as the user wrote them do.
+
+    ``written`` are the names in the table, and where it tells none the file's.
+    """
     times = Counter(plan.name for plan in plans)
     return [
         plan
-        if stays or (times[plan.name] == 1 and plan.labels[0].isascii())
-        else replace(plan, name=f"{plan.name}_{short_hash(plan.labels[0])}")
-        for plan, stays in zip(plans, chosen, strict=True)
+        if plan.name == text or (times[plan.name] == 1 and text.isascii())
+        else replace(plan, name=f"{plan.name}_{short_hash(text)}")
+        for plan, text in zip(plans, written, strict=True)
     ]
 
 
