@@ -72,7 +72,7 @@ def read_dance(source: Source, name: str = "dance") -> Dance:
         return Dance(str(meta.get("name", name)), _kind(meta), source, genre=_genre(meta))
     motion = Motion.load(source)
     more: dict = {}
-    if source.suffix == ".npz":
+    if source.suffix.lower() == ".npz":
         more = read_arrays(source, ("take", "beats"), expand=COMPRESSED)
     kind, genre, beats = _kind(motion.meta), _genre(motion.meta), more.get("beats")
     if "take" in more:

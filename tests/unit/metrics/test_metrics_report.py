@@ -21,7 +21,7 @@ from dancediff.metrics import rows as rows_module
 from dancediff.metrics.bootstrap import bootstrap_interval
 from dancediff.metrics.collision import tif
 from dancediff.metrics.corruption import freeze
-from dancediff.metrics.dances import find_dances, told_apart
+from dancediff.metrics.dances import find_dances, read_dance, told_apart
 from dancediff.metrics.fidelity import diversity, fid
 from dancediff.metrics.geometric import geometric_features
 from dancediff.metrics.group import gmc, gmr, group_features
@@ -151,6 +151,14 @@ def test_beats_of_the_file_come_first(dances, tmp_path):
     row = evaluate_dances([own, none])["BAS"]
     assert row.n == 1 and row.value == pytest.approx(both[0])
     assert "1 of 2 left out: no beats" in row.reason
+
+
+def test_a_take_in_capitals_keeps_its_facts(dances, tmp_path):
+    """Of .NPZ the dance was read, its beats, kind and genre were not."""
+    (tmp_path / "takes").mkdir()
+    path = write_take(tmp_path / "takes" / "own.npz", take_of(dances[0], "own", kind="composed"))
+    loud = read_dance(path.rename(tmp_path / "OWN.NPZ"))
+    assert loud.kind == "composed" and np.array_equal(loud.beats, BEATS)
 
 
 def test_one_song_for_each_dance(dances):
