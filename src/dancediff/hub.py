@@ -44,7 +44,7 @@ def save_model(model: Network, folder, *, card: str = "", dtype=torch.float16) -
 
     Raises: ValueError when a weight is not finite, or too large for ``dtype``.
     """
-    kind = class_name(model)
+    kind = class_name(type(model))
     config: dict = {"class": kind, "dancediff": __version__, "config": asdict(model.config)}
     config["extensions"] = names = list(extensions_of(model))
     if "genre_condition" in names:
@@ -58,11 +58,14 @@ def save_model(model: Network, folder, *, card: str = "", dtype=torch.float16) -
             raise ValueError(f"model: {key} is not finite in {dtype}; train it again or save fp32")
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    for name, prefix in _FILES.get(kind, _ONE_FILE).items():
+    files = _FILES.get(kind, _ONE_FILE)
+    for name, prefix in files.items():
         save_tensors(_under(tensors, prefix), folder / f"{name}.safetensors")
     sizes = json.dumps(config, indent=2, default=np.generic.item)  # some may be numpy's
     for name, text in (("config.json", sizes + "\n"), ("card.md", card)):
         write_text(folder / name, text)
+    for name in {*_ONE_FILE, *(name for some in _FILES.values() for name in some)} - {*files}:
+        (folder / f"{name}.safetensors").unlink(missing_ok=True)  # of a model of another kind
     return folder
 
 

@@ -24,15 +24,13 @@ def own_network(name: str | type) -> type[nn.Module]:
     return cast(type[nn.Module], found)
 
 
-def class_name(model: nn.Module) -> str:
+def class_name(kind: type[nn.Module]) -> str:
     """What a model folder calls a network: the paper's name, or "module:Class" of the user's own.
 
-    >>> from dancediff.extensions.build import build
-    >>> from dancediff.papers.edge.model import EDGEConfig
-    >>> class_name(build(EDGE, EDGEConfig(d_model=16, num_layers=1), ["beat_phase"]))
+    >>> from dancediff.extensions.networks import ExtendedEDGE
+    >>> class_name(ExtendedEDGE)
     'EDGE'
     """
-    kind = type(model)
     if kind.__module__.startswith("dancediff."):
         return paper_class(kind).__name__
     name = f"{kind.__module__}:{kind.__qualname__}"

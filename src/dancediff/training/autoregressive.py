@@ -25,10 +25,10 @@ from dancediff.data.windows import WindowSampler
 from dancediff.extensions.build import NETWORKS, build, check_extensions
 from dancediff.nn.quantizer import VectorQuantizer
 from dancediff.nn.sizes import check_sizes
-from dancediff.training.checkpoint import check_free
 from dancediff.training.config import GroupData, TrainConfig
 from dancediff.training.distributed import World
-from dancediff.training.evaluator import Evaluator, forget
+from dancediff.training.evaluator import Evaluator
+from dancediff.training.folder import check_out, clear_out
 from dancediff.training.group_takes import (
     held_out_takes,
     solos_of,
@@ -126,8 +126,9 @@ def train_autoregressive(
     world: World | None = run.get("world")
     model_class, config_class = MODELS[tables["model"].pop("class")]
     settings = {stage: stage_settings(tables, stage) for stage in model_class.stages}
-    for stage in (stage for stage, one in settings.items() if one is not None):
-        check_free(Path(out) / stage, run.get("resume"), run.get("overwrite"))
+    trained = [Path(out) / stage for stage, one in settings.items() if one is not None]
+    said = {name: run.get(name) for name in ("resume", "overwrite")}
+    check_out(Path(out), model_class, trained, **said)
     extensions = tables["model"].pop("extensions")
     corpus, sizes = GroupData(**tables["data"]), config_class(**tables["model"])
     if takes is None:
@@ -153,7 +154,7 @@ def train_autoregressive(
     model.standing = torch.stack([take.x.mean((0, 1)) for take in takes]).mean(0)
     model.to(device if world is None else world.device)
     if run.get("overwrite") and (world is None or world.first):
-        forget(Path(out))  # previews of the last stage lie there
+        clear_out(Path(out), model_class)
     for stage, one in settings.items():
         seed = tables["train"].get("seed", 0)
         windows = windows_of(takes, corpus, model, seed=seed)

@@ -42,11 +42,12 @@ from dancediff.papers.lodge.losses import LodgeWeights
 from dancediff.papers.lodge.model import Lodge, LodgeConfig
 from dancediff.papers.lodge.primitives import Layout
 from dancediff.training.boards import check_logs
-from dancediff.training.checkpoint import NAME, check_free
+from dancediff.training.checkpoint import NAME
 from dancediff.training.config import SoloData, TrainConfig, TrainingExtensions
 from dancediff.training.cuda_graph import trainer_for
 from dancediff.training.distributed import World
-from dancediff.training.evaluator import Evaluator, forget
+from dancediff.training.evaluator import Evaluator
+from dancediff.training.folder import check_out, clear_out
 from dancediff.training.lodge_data import (
     PrimitiveCut,
     choreographed_solos,
@@ -223,10 +224,8 @@ class LodgeTraining:
         self.options: dict[str, Any] = {"resume": resume, "overwrite": overwrite}
         self.options |= {"world": world, "log": check_logs(log)}
         self.trainer = trainer
-        for stage in (name for name in STAGES if self.settings[name] is not None):
-            check_free(self.out / stage, resume, overwrite)
-        if overwrite and (world is None or world.first):
-            forget(self.out)  # previews of all stages lie there
+        trained = [self.out / stage for stage in STAGES if self.settings[stage] is not None]
+        check_out(self.out, Lodge, trained, resume=resume, overwrite=overwrite)
         torch.manual_seed(tables["train"].get("seed", 0))  # from it layers draw their weights
         self.model = build(Lodge, sizes_of(tables), tables["model"].get("extensions", ()))
         self.device = device if world is None else world.device
@@ -247,6 +246,9 @@ class LodgeTraining:
         fit_stage(self.model.global_stage, self.windows["global"], self.extensions)
         fit_stage(self.model.local_stage, self.windows["local"], self.extensions)
         self.model.to(self.device)
+        world = self.options["world"]  # the first process writes, and so removes
+        if self.options["overwrite"] and (world is None or world.first):
+            clear_out(self.out, Lodge)
 
     def sampler(self, solos: list[DanceTake], layout: Layout | None) -> WindowSampler:
         """Windows for the local stage, or primitives for the global one, whose layout they have."""

@@ -27,10 +27,11 @@ from dancediff.training.autoregressive import (
     MODELS as AUTOREGRESSIVE,
 )
 from dancediff.training.autoregressive import is_autoregressive, train_autoregressive
-from dancediff.training.checkpoint import NAME, check_free
+from dancediff.training.checkpoint import NAME
 from dancediff.training.config import GroupData, TrainConfig, TrainingExtensions
 from dancediff.training.cuda_graph import trainer_for
 from dancediff.training.evaluator import Evaluator
+from dancediff.training.folder import check_out, clear_out
 from dancediff.training.gcd import GCDObjective
 from dancediff.training.group_takes import (
     held_out_takes,
@@ -217,7 +218,9 @@ def _train_denoiser(
 ) -> DanceNetwork:
     """As `train_from_config`, of checked tables with a class of `MODELS` or of the user's own."""
     settings, corpus = settings_of(tables), GroupData(**tables["data"])
-    check_free(Path(out), options.get("resume"), options.get("overwrite"))
+    kind, _ = network_classes(tables["model"].get("class", "TCDiffPP"))
+    said = {name: options.get(name) for name in ("resume", "overwrite")}
+    check_out(Path(out), kind, [Path(out)], **said)
     model = _new_network(tables["model"], settings.seed)
     if takes is None:
         takes = takes_for(corpus, data, model.config)
@@ -237,6 +240,8 @@ def _train_denoiser(
     device, world = options.pop("device", "cpu"), options.get("world")
     model = model.to(device if world is None else world.device)
     objective = objective_class(type(model))(model, settings)
+    if options.get("overwrite") and (world is None or world.first):
+        clear_out(Path(out), kind)
     return (trainer or trainer_for(objective, settings, world))(
         model,
         windows(takes=takes),

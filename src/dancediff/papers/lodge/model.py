@@ -72,6 +72,8 @@ class Lodge(nn.Module):
     82833
     """
 
+    stages = ("global", "local", "fine_tune")  # the trainings it needs, one after the other
+
     def __init__(
         self,
         config: LodgeConfig | None = None,
