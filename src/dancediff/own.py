@@ -6,8 +6,11 @@ only when the user names it, too (`dancediff.hub.load`).
 """
 
 import importlib
+import inspect
 import re
 import sys
+from collections.abc import Iterable
+from hashlib import sha256
 from pathlib import Path
 
 _NAME = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")
@@ -62,3 +65,29 @@ def own_function(name: str, what: str):
     if not callable(found):
         raise ValueError(f"{what}={name!r} is a {type(found).__name__}, no function")
     return found
+
+
+def own_digests(names: Iterable) -> dict[str, str]:
+    """A hash of the source of each that names code of the user's own; others are left out.
+
+    What was made with such code is not taken for what the code makes after a change of its file.
+    Files that it imports do not count.
+
+    Raises: ValueError as `own_part`.
+
+    >>> list(own_digests(["TCDiffPP", None, "pathlib:Path"]))
+    ['pathlib:Path']
+    """
+    return {name: sha256(_source(name).encode()).hexdigest() for name in names if is_own(name)}
+
+
+def _source(name: str) -> str:
+    """The file that is named, and the one that defines what it has of it; "" of compiled code."""
+    found = own_part(name, "name")
+    texts = []
+    for module in dict.fromkeys((sys.modules[name.partition(":")[0]], inspect.getmodule(found))):
+        try:
+            texts.append("" if module is None else inspect.getsource(module))
+        except (OSError, TypeError):
+            continue
+    return "".join(texts)

@@ -19,7 +19,7 @@ from dancediff.extensions.networks import ExtendedTCDiffPP
 from dancediff.generation.tcdiffpp_request import TCDiffPPRequest
 from dancediff.metrics.report import evaluate_dances
 from dancediff.nn.losses import compare
-from dancediff.own import own_part
+from dancediff.own import own_digests, own_part
 from dancediff.papers.edge.model import EDGE
 from dancediff.papers.lodge.model import Lodge
 from dancediff.papers.tcdiffpp.losses import LossWeights, five_losses
@@ -115,6 +115,28 @@ def test_names_that_lead_nowhere(tmp_path, monkeypatch, name, words):
     monkeypatch.setattr(sys, "path", [*sys.path])
     with pytest.raises(ValueError, match=words):
         own_part(name, "class")
+
+
+@pytest.mark.parametrize(
+    ("outer", "changed"),
+    [
+        ("from part_inside import f\n", "part_inside.py"),
+        ("from functools import partial\nf = partial(max)\n", "part_outside.py"),
+    ],
+)
+def test_a_digest_changes_with_the_file_that_is_named_and_the_one_that_defines(
+    tmp_path, monkeypatch, outer, changed
+):
+    monkeypatch.syspath_prepend(tmp_path)
+    for name, text in (("part_outside", outer), ("part_inside", "def f(x):\n    return x\n")):
+        (tmp_path / f"{name}.py").write_text(text)
+        monkeypatch.delitem(sys.modules, name, raising=False)
+    names = ["part_outside:f", "TCDiffPP", None]
+    seen = [own_digests(names), own_digests(names)]
+    with (tmp_path / changed).open("a") as file:
+        file.write("# another word\n")
+    assert seen[0] == seen[1] != own_digests(names)
+    assert seen[0].keys() == {"part_outside:f"}
 
 
 def test_a_part_of_another_shape_is_named():

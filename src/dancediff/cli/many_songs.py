@@ -28,6 +28,7 @@ from dancediff.cli.files import HIDDEN, check_targets, file_of, song_named
 from dancediff.cli.one_song import dance_to
 from dancediff.cli.song_list import PACKAGED, SongRow
 from dancediff.data.cache import code_digest
+from dancediff.own import own_digests
 
 MADE, KEPT = "made", "kept"
 FACTS = "dance.json"
@@ -211,7 +212,8 @@ def recipe_of(job: DanceJob) -> str:
     """A hash of what a dance follows from; places of files do not count, their names do."""
     song = Path(job.row.song)
     words = [job.code, model_digest(job.row.model), song.stem, job.formats]
-    words += [job.own] if job.own else []
+    own = own_digests([job.own, job.row.options.get("sampler")])
+    words += [str(own)] if own else []
     digest = sha256(repr([*words, sorted(job.row.options.items())]).encode())
     if song.is_file():
         with song.open("rb") as file:

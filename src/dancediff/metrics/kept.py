@@ -6,7 +6,6 @@ A file's name is a hash of all that a measurement follows from: the dance's byte
 metrics of the user's own, and the code that measures. So what changed is measured anew.
 """
 
-import inspect
 import json
 from pathlib import Path
 
@@ -16,7 +15,7 @@ from dancediff.atomic import write_text
 from dancediff.data.cache import code_digest, content_key
 from dancediff.metrics.drift import Drift
 from dancediff.metrics.measure import Measured
-from dancediff.own import own_function
+from dancediff.own import own_digests
 
 
 def kept_path(folder: Path, dance: Path, *facts, metrics: tuple[str, ...] = ()) -> Path:
@@ -25,8 +24,8 @@ def kept_path(folder: Path, dance: Path, *facts, metrics: tuple[str, ...] = ()) 
     Raises: OSError when the dance cannot be read.
     """
     code = code_digest(("motion", "metrics", "io", "export", "data"))
-    own = [(name, _source(name)) for name in metrics]
     names = (dance.parent.name, dance.name)  # what the dance is called
+    own = own_digests(metrics)
     return folder / f"{content_key(code, names, dance.read_bytes(), *facts, own)}.json"
 
 
@@ -67,12 +66,3 @@ def _plain(array: np.ndarray) -> dict:
 
 def _array(facts: dict) -> np.ndarray:
     return np.array(facts["values"], dtype=np.dtype(facts["kind"]))
-
-
-def _source(name: str) -> str:
-    """The file of a function of the user's own; "" for one that is compiled."""
-    module = inspect.getmodule(own_function(name, "metric"))
-    try:
-        return "" if module is None else inspect.getsource(module)
-    except (OSError, TypeError):
-        return ""

@@ -11,7 +11,8 @@ In the output folder
 
 so a variant that is done is not done again, a training that was stopped goes on from its
 checkpoint, and variants that only sample in another way share one training. What is done is
-recognised by the config alone: after a change of the library's models take another folder.
+recognised by the config and the user's own code that it names: after a change of the library's
+models take another folder.
 """
 
 import json
@@ -77,7 +78,7 @@ def run_ablation(
         how["metrics"] = metrics
     scores = partial(_scores, evaluate=evaluate or metric_scores, how=how)
 
-    key = first.held_out.key_with_metrics(key_of([first.tables["data"], first.held_out.facts()]))
+    key = first.key_with_metrics(key_of([first.tables["data"], first.held_out.facts()]))
     truth = scores(out / "variants" / CHOREOGRAPHER, key, held_out_dances(first))
     rows = [{"variant": CHOREOGRAPHER, "scores": truth}]
     failed: dict[str, str] = {}

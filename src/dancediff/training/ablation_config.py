@@ -12,6 +12,7 @@ and options that both have. With ``class = "Lodge"`` the tables are those of
 """
 
 import json
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field, fields, replace
 from hashlib import sha256
 
@@ -22,7 +23,7 @@ from dancediff.extensions.own_network import own_network
 from dancediff.extensions.registry import REGISTRY
 from dancediff.generation.dance_request import DanceRequest
 from dancediff.generation.request import REQUESTS, default_of, request_of
-from dancediff.own import is_own, own_function
+from dancediff.own import is_own, own_digests, own_function
 from dancediff.training.config import (
     LARGEST_SEED,
     SHORTEST_SYNTHETIC,
@@ -74,10 +75,6 @@ class HeldOut:
         facts = {key: value for key, value in asdict(self).items() if key != "metrics"}
         return facts | {"protocol": PROTOCOL}
 
-    def key_with_metrics(self, key: str) -> str:
-        """Changes with ``metrics``, too: what was measured, not only what was danced."""
-        return key_of([key, self.metrics]) if self.metrics else key
-
     @property
     def seeds(self) -> range:
         """Of the songs."""
@@ -98,22 +95,34 @@ class Variant:
     sample: DanceRequest  # song i is danced with seed + i
     held_out: HeldOut
     of: str = ""  # what several seeds are seeds of
+    own: dict = field(default_factory=dict, repr=False)  # hashes of the user's own code, by name
 
     @property
     def training(self) -> str:
         """Name of the training's folder; variants with the same tables share it."""
-        return key_of(self.tables)
+        return self._key(self.tables, _trained_with(self.tables))
 
     @property
     def dances_key(self) -> str:
         """Changes with everything that its dances depend on."""
         asked = {name: value for name, value in self.sample.asked().items() if name != "device"}
-        return key_of([self.tables, asked, self.held_out.facts()])
+        names = [*_trained_with(self.tables), asked.get("sampler")]
+        return self._key([self.tables, asked, self.held_out.facts()], names)
 
     @property
     def scores_key(self) -> str:
         """Changes with everything that its scores depend on."""
-        return self.held_out.key_with_metrics(self.dances_key)
+        return self.key_with_metrics(self.dances_key)
+
+    def key_with_metrics(self, key: str) -> str:
+        """Changes with the metrics, too: what was measured, not only what was danced."""
+        metrics = self.held_out.metrics
+        return self._key([key, metrics], metrics) if metrics else key
+
+    def _key(self, value, names: Iterable) -> str:
+        """`key_of`, which changes with the user's own code of these names, too."""
+        own = {name: self.own[name] for name in names if name in self.own}
+        return key_of([value, own] if own else value)
 
 
 def key_of(value) -> str:
@@ -173,7 +182,14 @@ def _variant(name: str, changes: dict, config: dict, source: str) -> Variant:
     held_out, sample = merged.pop("held_out", {}), merged.pop("sample", {})
     held_out = HeldOut(**check_table(held_out, HeldOut, f"{source}: 'held_out'"))
     tables = _checked(merged, held_out, source)
-    return Variant(name, tables, _sample(sample, kind, paper, held_out, source), held_out)
+    request = _sample(sample, kind, paper, held_out, source)
+    names = [*_trained_with(tables), getattr(request, "sampler", None), *held_out.metrics]
+    return Variant(name, tables, request, held_out, own=own_digests(names))
+
+
+def _trained_with(tables: dict) -> list:
+    """What may name code of the user's own in the tables of a training."""
+    return [tables["model"].get("class"), tables["extensions"].get("own_loss")]
 
 
 def _check_changes(name: str, changes, source: str) -> None:

@@ -1,6 +1,7 @@
 """`dancediff generate` for many songs: nothing twice, nothing lost, one bad song stops nobody."""
 
 import json
+import sys
 
 import numpy as np
 import pytest
@@ -89,6 +90,32 @@ def test_what_would_be_another_dance_is_made_anew(folder, capsys, monkeypatch, c
     said = dance(capsys, "songs", *more)
     changed = {"song": 1, "file": 1}.get(change, 3)
     assert (said["made"], said["kept"]) == (changed, 3 - changed)
+
+
+OWN = """
+from dancediff.diffusion.ddim import ddim_step
+from dancediff.papers.tcdiffpp.model import TCDiffPP
+
+
+class Mine(TCDiffPP):
+    pass
+
+
+def step(*where, **how):
+    return ddim_step(*where, **how)
+"""
+
+
+@pytest.mark.parametrize("option", [["--own", "many_mine:Mine"], ["--sampler", "many_mine:step"]])
+def test_after_a_change_of_ones_own_code_dances_are_made_anew(folder, capsys, monkeypatch, option):
+    """They were kept: only the name of the code was known."""
+    monkeypatch.syspath_prepend(folder)
+    said = []
+    for text in (OWN, OWN, f"{OWN}# changed\n"):
+        (folder / "many_mine.py").write_text(text)
+        monkeypatch.delitem(sys.modules, "many_mine", raising=False)
+        said.append(dance(capsys, "songs/a.wav", "songs/b.wav", *option))
+    assert [(one["made"], one["kept"]) for one in said] == [(2, 0), (0, 2), (2, 0)]
 
 
 def test_a_bad_song_is_told_and_the_others_are_danced_to(folder, capsys):

@@ -2,6 +2,7 @@
 
 import json
 import re
+import sys
 from functools import partial
 
 import pytest
@@ -441,6 +442,42 @@ def test_a_network_of_ones_own_is_trained(config, tmp_path, monkeypatch):
     path = config('[variants.own]\nmodel = { class = "ablated_network:Short" }\n', base)
     assert len(corpus(read_ablation(path)[0], tmp_path / "out")) == 5  # one song, five sizes
     assert "scores" in run_ablation(path, tmp_path / "out", evaluate=Judge())[1]
+
+
+OF_MINE = """
+[variants.class]
+model = { class = "ablated_code:Short" }
+[variants.loss]
+extensions = { own_loss = "ablated_code:loss", own_loss_weight = 0.1 }
+[variants.sampler]
+sample = { sampler = "ablated_code:step" }
+[variants.plain]
+"""
+
+
+def test_what_a_change_of_ones_own_code_touches_is_done_anew(config, tmp_path, monkeypatch):
+    """It was shown as the result of the new code."""
+    monkeypatch.syspath_prepend(tmp_path)
+    code = f"{OWN}def loss(c): return c.x_hat.mean()\ndef step(*x, **y): return x[0]\n"
+    base = BASE.replace("[held_out]", '[held_out]\nmetrics = ["ablated_metric:width"]')
+    path = config(OF_MINE, base)
+
+    def keys(metric, code):
+        for name, text in (("ablated_metric", metric), ("ablated_code", code)):
+            (tmp_path / f"{name}.py").write_text(text)
+            monkeypatch.delitem(sys.modules, name, raising=False)
+        kinds = ("training", "dances_key", "scores_key")
+        return {v.name: [getattr(v, kind) for kind in kinds] for v in read_ablation(path)}
+
+    metric = "def width(joints, *, fps): return 1.0\n"
+    before = keys(metric, code)
+    assert keys(metric, code) == before
+    other, measured = keys(metric, f"{code}# changed\n"), keys(f"{metric}# changed\n", code)
+    kept = {name: [old in other[name] for old in before[name]] for name in before}
+    assert kept["class"] == kept["loss"] == [False, False, False]
+    assert kept["sampler"] == [True, False, False] and kept["plain"] == [True, True, True]
+    for name, (training, dances_key, scores_key) in measured.items():
+        assert [training, dances_key] == before[name][:2] and scores_key != before[name][2]
 
 
 def test_a_longer_network_learns_from_its_own_takes(config, tmp_path, monkeypatch):
