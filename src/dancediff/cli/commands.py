@@ -137,6 +137,7 @@ class Train:
         from dancediff.training.distributed import join_world
         from dancediff.training.named_config import config_file
         from dancediff.training.run import own_class_in, train_from_config
+        from dancediff.training.tables import read_training
 
         if self.explain:
             from dancediff.training.explained import explain_config
@@ -163,7 +164,8 @@ class Train:
         if not world.first:
             return
         settings = config.read_text(encoding="utf-8")
-        dances = "synthetic dances" if self.data is None else f"the takes in {self.data.name}"
+        data = self.data or read_training(config).get("data", {}).get("folder")
+        dances = f"the takes in {Path(data).name}" if data else "synthetic dances"
         card = f"Trained on {dances} with {config.name}:\n\n```toml\n{settings}```\n"
         folder = hub.save_model(model, self.out / "model", card=card)
         facts, lines = {"model": folder}, [f"model folder: {folder}"]

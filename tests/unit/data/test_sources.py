@@ -127,6 +127,11 @@ def test_train_reads_a_prepared_folder(tmp_path, capsys):
     assert main(args) == 0
     card = (tmp_path / "run" / "model" / "card.md").read_text()
     assert "the takes in data" in card and str(tmp_path) not in card
+    text = config.read_text()  # the folder may stand in the config as well
+    config.write_text(text.replace("[data]", f"[data]\nfolder = '{tmp_path / 'data'}'"))
+    assert main(["train", str(config), "--out", str(tmp_path / "other")]) == 0
+    assert "Trained on the takes in data" in (tmp_path / "other" / "model" / "card.md").read_text()
+    config.write_text(text)
     capsys.readouterr()
     args[3] = str(tmp_path)
     assert main(args) == 2 and "holds a training" in last_line(capsys)
