@@ -76,13 +76,13 @@ def _mean(name: str, rows: list[dict]) -> dict:
     if not done:
         return {"variant": name, "failed": rows[0]["failed"]}
     scores = {}
-    for metric in done[0]:
-        values = [score[metric]["value"] for score in done]
-        known = [value for value in values if value is not None]
+    for metric in dict.fromkeys(metric for score in done for metric in score):
+        found = [score[metric] for score in done if metric in score]  # not all dances have all
+        known = [one["value"] for one in found if one["value"] is not None]
         interval = {"value": None, "low": None, "high": None}
         if known:
             interval = {"value": sum(known) / len(known), "low": min(known), "high": max(known)}
-        scores[metric] = done[0][metric] | interval
+        scores[metric] = found[0] | interval
     return {"variant": name, "scores": scores}
 
 

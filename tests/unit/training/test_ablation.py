@@ -419,6 +419,24 @@ def test_a_seed_that_failed_is_left_out():
     assert mean_of_seeds([bad])[0]["failed"] == "training: no luck"
 
 
+def test_metrics_that_only_some_seeds_have_are_means_of_those():
+    """Such as swap obedience, of dances in which somebody is asked to change places."""
+    seeds = [{"x": 1.0}, {"x": 3.0, "swap": 0.5}, {"x": None, "swap": None}]
+    rows = [
+        {
+            "variant": f"a-{k}",
+            "of": "a",
+            "scores": {name: {"value": value, "arrow": "up"} for name, value in seed.items()},
+        }
+        for k, seed in enumerate(seeds)
+    ]
+    (mean,) = mean_of_seeds(rows)
+    assert list(mean["scores"]) == ["x", "swap"]
+    assert mean["scores"]["x"] == {"value": 2.0, "low": 1.0, "high": 3.0, "arrow": "up"}
+    assert mean["scores"]["swap"] == {"value": 0.5, "low": 0.5, "high": 0.5, "arrow": "up"}
+    assert list(mean_of_seeds(rows[::-1])[0]["scores"]) == ["x", "swap"]
+
+
 OWN = """
 from dataclasses import dataclass
 
