@@ -82,6 +82,10 @@ def deaf_loss(c):
     return c.x_0.mean()
 
 
+def broken_loss(c):
+    return c.no_such_thing.mean()
+
+
 def longer(x_t, x0_hat, *where, **how):
     return torch.cat([x0_hat, x0_hat], dim=1)
 
@@ -235,7 +239,11 @@ def test_a_class_made_inside_a_function_cannot_be_found_again(tmp_path):
 
 @pytest.mark.parametrize(
     ("name", "words"),
-    [("two_numbers", r"returned \(20, 151\)"), ("deaf_loss", "does not depend on the guess")],
+    [
+        ("two_numbers", r"returned \(20, 151\)"),
+        ("deaf_loss", "does not depend on the guess"),
+        ("broken_loss", "own_loss='.*:broken_loss' fails: AttributeError: .*no_such_thing"),
+    ],
 )
 def test_losses_that_are_none(name, words):
     model = TCDiffPP(TINY)

@@ -53,9 +53,14 @@ def extended_losses(
 def _own_term(name: str, c: Comparison) -> Tensor:
     """The term of a function of the user's own.
 
-    Raises: ValueError when it returns anything but one number that follows from the guess.
+    Raises: ValueError when it fails, or returns anything but one number that follows from the
+    guess.
     """
-    term = own_function(name, OWN)(c)
+    function = own_function(name, OWN)
+    try:
+        term = function(c)
+    except Exception as err:  # the user's function may fail in any way
+        raise ValueError(f"own_loss={name!r} fails: {type(err).__name__}: {err}") from err
     if not isinstance(term, Tensor) or term.shape != ():
         what = tuple(term.shape) if isinstance(term, Tensor) else type(term).__name__
         raise ValueError(f"own_loss={name!r} returned {what}; it must be a tensor of one number")

@@ -330,6 +330,16 @@ train = { lr = 1e30, clip = 1e30, warmup = 0 }
     assert "| wrong | failed |" in text and "- broken failed; training" in text
 
 
+def test_an_own_loss_that_fails_does_not_stop_the_others(config, tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "failing_loss.py").write_text("def loss(c): return c.no_such_thing\n")
+    extensions = '{ own_loss = "failing_loss:loss", own_loss_weight = 0.1 }'
+    path = config(f"[variants.own]\nextensions = {extensions}\n[variants.full]\n")
+    rows = run_ablation(path, tmp_path / "out", evaluate=Judge())
+    said = "training: own_loss='failing_loss:loss' fails: AttributeError: "
+    assert rows[1]["failed"].startswith(said) and "scores" in rows[2]
+
+
 def test_nothing_can_be_asked_of_dancers_who_do_not_see_each_other(config, tmp_path):
     asked = '[variants.asked]\nmodel = { class = "EDGE" }\nsample = { swap = [1, 0] }\n'
     with pytest.raises(ValueError, match=r"'asked': 'sample': swap=\[1, 0\] is not for"):
