@@ -37,6 +37,7 @@ from dancediff.atomic import write_text
 DOCS = Path(__file__).parents[1]
 RESULTS = DOCS / "results"
 PAGES = sorted([*DOCS.glob("*.md"), *RESULTS.glob("*.md")])
+LOG = sorted(DOCS.glob("log/*.md"))  # has tables, too, but is no page that is read
 SOURCE = DOCS.parent / "src" / "dancediff"
 BLOCK = re.compile(r"(<!-- table: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 MAP = re.compile(r"(<!-- map: ([\w\s]+) -->\n).*?(<!-- end -->)", re.DOTALL)
@@ -129,13 +130,13 @@ def written(text: str) -> str:
 
 def asked_for() -> set[str]:
     """Names of all tables that some page asks for."""
-    pages = (path.read_text(encoding="utf-8") for path in PAGES)
+    pages = (path.read_text(encoding="utf-8") for path in [*PAGES, *LOG])
     return {match[2] for page in pages for match in BLOCK.finditer(page)}
 
 
 def main(check: bool) -> int:
     """Write the pages, or only look; returns the exit status."""
-    stale, pages = [], {path: written(path.read_text(encoding="utf-8")) for path in PAGES}
+    stale, pages = [], {path: written(path.read_text(encoding="utf-8")) for path in [*PAGES, *LOG]}
     for path, now in (pages | {dance_page.PICTURE: dance_page.picture()}).items():
         if not path.exists() or path.read_text(encoding="utf-8") != now:
             stale.append(path.name)
