@@ -62,6 +62,7 @@ def prepare_folder(
     place = place_of(Path(src))
 
     def ours(row: dict) -> bool:
+        """Was this row of the index made from this folder?"""
         return row.get("notes", {}).get("folder") == place
 
     summary = prepare(jobs, out, replaces=ours, **how)
