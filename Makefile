@@ -45,13 +45,13 @@ quick: $(READY)
 	  tests/official_bugs tests/oracle tests/pages tests/paper tests/properties tests/structure tests/unit
 
 # Two workers of one thread each; a notebook stays with one worker, and a dead kernel does not hang.
-# The lessons run as they are, and once more with the solutions put in.
+# A lesson runs as it is, and each of its exercises is solved in the same run after it was left open.
 test: export OMP_NUM_THREADS = 1
 test: $(READY)
 	$(BIN)/python -m pytest -n 2 --dist loadfile
-	$(BIN)/python notebooks/student.py --key out/solved
+	rm -rf out/lessons && $(BIN)/python notebooks/student.py --both out/lessons
 	$(BIN)/python -m pytest --nbval-lax --nbval-current-env --nbval-cell-timeout=120 \
-	  -n 2 --dist loadfile -o addopts= notebooks/ out/solved/
+	  -n 2 --dist loadfile -o addopts= out/lessons/
 
 # The long form of the fuzz and trust tests, and what else one would rely on: properties of any
 # input, licences, the doctor. What they found stands at the end.

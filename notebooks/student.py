@@ -2,7 +2,8 @@
 
 Students get them without stored outputs, since the answers to predictions stand in those, and
 without solutions. The key has the solutions put in, and key.md: each exercise and why it is so.
-A lesson of the key has the outputs of the lesson without solutions until it is run.
+A lesson of the key has the outputs of the lesson without solutions until it is run. `make test`
+runs what `--both FOLDER` writes: lessons as they are, with each exercise solved after its stub.
 """
 
 import argparse
@@ -13,7 +14,7 @@ import nbformat
 
 from dancediff.exercises import EXERCISES
 from dancediff.exercises.solutions import solution_text
-from dancediff.grading import checks, with_solutions
+from dancediff.grading import checks, open_then_solved, with_solutions
 
 HERE = Path(__file__).parent
 LESSONS = sorted(HERE.glob("[0-9]*.ipynb"))
@@ -41,20 +42,24 @@ def key_page(books: dict) -> str:
     return "\n\n".join(parts) + "\n"
 
 
-def main(folder: Path, *, key: bool = False) -> None:
+KINDS = {"students": for_students, "key": with_solutions, "both": open_then_solved}
+
+
+def main(folder: Path, kind: str = "students") -> None:
     """Write all lessons into a folder."""
     folder.mkdir(parents=True, exist_ok=True)
     books = {path.stem: nbformat.read(path, 4) for path in LESSONS}
     for name, book in books.items():
-        made = with_solutions(book) if key else for_students(book)
-        nbformat.write(made, folder / f"{name}.ipynb")
-    if key:
+        nbformat.write(KINDS[kind](book), folder / f"{name}.ipynb")
+    if kind == "key":
         (folder / "key.md").write_text(key_page(books), encoding="utf-8")
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
-    parser.add_argument("--key", action="store_true", help="with the solutions, for teachers")
+    what = {"dest": "kind", "action": "store_const", "default": "students"}
+    parser.add_argument("--key", const="key", help="with the solutions, for teachers", **what)
+    parser.add_argument("--both", const="both", help="each exercise open, then solved", **what)
     options = parser.parse_args()
-    main(options.folder, key=options.key)
+    main(options.folder, options.kind)

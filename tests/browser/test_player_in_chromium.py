@@ -145,6 +145,8 @@ def test_controls_keep_their_own_keys(page, files):
     assert not state(page)["playing"]
     page.keyboard.press("ArrowRight")  # of no use to a button
     assert state(page)["frame"] == 30
+    # the slider follows with the next picture
+    until(page, "document.getElementById('time').value === '30'")
     page.locator("#time").focus()
     page.keyboard.press("ArrowRight")
     assert state(page)["frame"] == 31

@@ -5,7 +5,7 @@ python -m dancediff.nb grade FOLDER          # a folder a student, each with exe
 
 from dancediff.grading.marks import NOT_RUN, checks, grade, marks
 from dancediff.grading.replay import CRASHES, HANGS, replayed
-from dancediff.grading.solved import with_solutions
+from dancediff.grading.solved import open_then_solved, with_solutions
 from dancediff.grading.tables import csv_text, table
 
 __all__ = [
@@ -16,6 +16,7 @@ __all__ = [
     "csv_text",
     "grade",
     "marks",
+    "open_then_solved",
     "replayed",
     "table",
     "with_solutions",

@@ -20,7 +20,7 @@ import student
 def folders(tmp_path_factory):
     handed_out, key = (tmp_path_factory.mktemp(name) for name in ("course", "key"))
     student.main(handed_out)
-    student.main(key, key=True)
+    student.main(key, "key")
     return handed_out, key
 
 
@@ -79,6 +79,25 @@ def test_the_key_has_every_exercise_with_its_reason(folders):
         book = nbformat.read(path, 4)
         sources = [cell.source for cell in book.cells]
         assert all(solution_text(exercise) in sources for _, exercise, _ in grading.checks(book))
+
+
+def test_one_run_sees_every_exercise_open_and_then_solved(tmp_path):
+    student.main(tmp_path, "both")
+    assert lesson_names(tmp_path) == lesson_names(BOOKS)
+    for path in BOOKS.glob("*.ipynb"):
+        lesson = nbformat.read(path, 4).cells
+        cells = nbformat.read(tmp_path / path.name, 4).cells
+        assert [cell for cell in cells if not cell.id.startswith("solved-")] == lesson
+        sources = [cell.source for cell in cells]
+        for k, exercise, _ in grading.checks({"cells": lesson}):
+            solved = sources.index(solution_text(exercise))
+            check, again = (j for j, s in enumerate(sources) if s == lesson[k].source)
+            assert check < solved < again, exercise
+            takers = [j for j, s in enumerate(sources) if f'nb.answer("{exercise}"' in s]
+            half = len(takers) // 2
+            assert all(check < j < solved for j in takers[:half])
+            assert all(again < j for j in takers[half:]) and len(takers) == 2 * half
+    assert len(list(tmp_path.iterdir())) == len(lesson_names(BOOKS))
 
 
 @pytest.mark.slow
