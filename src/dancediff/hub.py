@@ -174,12 +174,20 @@ def _numbers(version) -> list[int]:
 
 
 def _read(folder: Path, own: str | type | None = None) -> Network:
-    stored = json.loads((folder / "config.json").read_text(encoding="utf-8"))
+    text = (folder / "config.json").read_text(encoding="utf-8")
+    try:
+        stored = json.loads(text)
+    except ValueError as err:
+        said = f"is no JSON ({err})" if text.strip() else "is empty"
+        raise ValueError(f"config.json {said}") from err
     if not isinstance(stored, dict):
         raise ValueError(f"config.json holds {type(stored).__name__}, not a table of names")
+    for name in ("class", "config"):
+        if name not in stored:
+            raise ValueError(f"config.json names no {name}")
     if _numbers(stored.get("dancediff")) > _numbers(__version__):
-        text = f"model folder {str(folder)!r} is of dancediff {stored['dancediff']}, this is "
-        warnings.warn(f"{text}{__version__}; update it if they do not fit", stacklevel=4)
+        which = f"model folder {str(folder)!r} is of dancediff {stored['dancediff']}, this is "
+        warnings.warn(f"{which}{__version__}; update it if they do not fit", stacklevel=4)
     model_class, config_class = _classes(stored["class"], own)
     if "extensions" not in stored:
         raise ValueError("config.json names no extensions: an older dancediff wrote it")

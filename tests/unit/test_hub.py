@@ -128,12 +128,22 @@ def test_damaged_weights_are_refused(model, tmp_path):
         hub.load(tmp_path)
 
 
-def test_a_file_that_is_no_json_is_refused(model, tmp_path):
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "is empty"),
+        ("[1]", "holds list, not a table of names"),
+        ("{", r"is no JSON \(.*line 1 column 2"),
+        ('{"class": "TCDiffPP", "extensions": []}', "names no config"),
+        ('{"config": {}}', "names no class"),
+        ("\x00", "is no JSON"),
+    ],
+)
+def test_a_config_that_is_no_table_is_refused(model, tmp_path, text, said):
     hub.save_model(model, tmp_path)
-    for text in ("", "[1]", "{", '{"class": "TCDiffPP"}', "\x00"):
-        (tmp_path / "config.json").write_text(text)
-        with pytest.raises(ValueError, match="cannot be read"):
-            hub.load(tmp_path)
+    (tmp_path / "config.json").write_text(text)
+    with pytest.raises(ValueError, match=f"cannot be read: config.json {said}"):
+        hub.load(tmp_path)
 
 
 def test_weights_that_are_not_finite_are_refused(model, tmp_path):
