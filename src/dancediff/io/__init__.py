@@ -13,6 +13,7 @@ Read first: docs/export.md · `dancediff.motion.files`.
 """
 
 import re
+import warnings
 from collections.abc import Callable, Collection
 from functools import partial
 from pathlib import Path
@@ -103,8 +104,9 @@ def dance_files(path) -> list[Path]:
     """The dances that a path means: a file itself, or all in a folder and the folders in it.
 
     Of a dance that is there in several formats (``dance.npz``, ``dance.glb``, ``dance.1.bvh``) the
-    one that keeps most of it counts. A prepared folder has those of its index. Files and folders
-    under a name with a dot in front are still being written.
+    one that keeps most of it counts; of a group that is there only in files of one dancer each they
+    count one by one, and a warning says so. A prepared folder has those of its index. Files and
+    folders under a name with a dot in front are still being written.
 
     Raises: ValueError naming a path that does not exist, is no dance, or holds none.
     """
@@ -140,7 +142,16 @@ def _best_files(folder: Path) -> list[Path]:
                 name = re.sub(r"\.\d+$", "", name)
             formats = dances.setdefault(path.with_name(name), {})
             formats.setdefault(READABLE.index(kind), []).append(path)
-    return [path for formats in dances.values() for path in formats[min(formats)]]
+    kept = [formats[min(formats)] for formats in dances.values()]
+    for dancers in kept:
+        if len(dancers) > 1:
+            names = ", ".join(path.name for path in dancers)
+            warnings.warn(
+                f"{names} in {str(dancers[0].parent)!r} count as solos, one by one; to have the "
+                f"group, join them by `dancediff convert {names.replace(',', '')} dance.npz`",
+                stacklevel=3,
+            )
+    return [path for dancers in kept for path in dancers]
 
 
 def _kind_read(path: Path) -> str:

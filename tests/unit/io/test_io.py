@@ -18,9 +18,11 @@ def test_a_dance_in_several_formats_counts_once(pair, tmp_path):
     (tmp_path / ".half").mkdir()
     pair.save(tmp_path / ".half" / "d.npz")
     (tmp_path / "song.wav").touch()
-    names = [path.name for path in dance_files(tmp_path)]
+    with pytest.warns(UserWarning, match="count as solos") as told:
+        names = [path.name for path in dance_files(tmp_path)]
     solos = ["b.1.smpl.npz", "b.2.smpl.npz", "c.1.bvh", "c.2.bvh"]
     assert names == ["a.npz", *solos]
+    assert "`dancediff convert c.1.bvh c.2.bvh dance.npz`" in str(told[1].message)
 
 
 @pytest.mark.parametrize("kind", [".bvh", ".smpl.npz"])
