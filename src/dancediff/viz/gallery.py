@@ -39,7 +39,8 @@ def save_gallery(folder, out, song=None, *, progress: bool = False) -> Gallery:
     """Write a page with all dances of a folder and of the folders in it.
 
     Dances are the files that `dancediff evaluate` reads, too. One that cannot be read or measured
-    has its line with the reason. ``song`` is played with each and gives the beats.
+    has its line with the reason. ``song`` is played with each, and gives the beats of those that
+    bring none.
 
     Raises: ValueError when the folder holds no such file.
     """
@@ -51,7 +52,7 @@ def save_gallery(folder, out, song=None, *, progress: bool = False) -> Gallery:
     for path in tqdm(found, desc="gallery", unit="dance", disable=not progress):
         name = path.relative_to(folder).as_posix()
         try:
-            rows.append(_row(name, Motion.load(path), out / _page_name(name, pages), song))
+            rows.append(_row(name, path, out / _page_name(name, pages), song))
             made.dances.append(name)
         except (ValueError, ArithmeticError, RuntimeError) as err:  # shown, not hidden
             made.failed[name] = " ".join(str(err).split())
@@ -75,8 +76,9 @@ def _page_name(name: str, taken: set[str]) -> str:
     return page
 
 
-def _row(name: str, motion: Motion, page: Path, song) -> str:
-    facts = evaluate_dances([motion], song=song).facts()["rows"]
+def _row(name: str, path: Path, page: Path, song) -> str:
+    motion = Motion.load(path)
+    facts = evaluate_dances(path, song=song).facts()["rows"]  # the file may bring its own beats
     values = {row["name"]: row["value"] for row in facts}
     save_player(motion, page, song, metrics=False)
     cells = "".join(_number(values.get(metric)) for metric in SHOWN)

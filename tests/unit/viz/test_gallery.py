@@ -8,7 +8,11 @@ import pytest
 
 from dancediff.cli import main
 from dancediff.data.choreographer import choreograph
+from dancediff.data.take import DanceTake
+from dancediff.data.take_file import write_take
+from dancediff.metrics.report import evaluate_dances
 from dancediff.viz.gallery import save_gallery
+from dancediff.viz.player import SHOWN
 
 
 @pytest.fixture
@@ -46,6 +50,21 @@ def test_pages_have_names_of_their_own_and_links_that_lead_to_them(tmp_path):
     pages = {path.name for path in (tmp_path / "out").iterdir()} - {"index.html"}
     assert pages == {"50% #1_a?.npz.html", "50% #1_a?.npz_2.html"}
     assert {unquote(urlsplit(link).path) for link in links} == pages
+
+
+def test_beats_of_a_file_are_taken(tmp_path):
+    beats = np.arange(0.2, 4, 0.5)
+    dance = choreograph(beats, dancers=1, seed=1)[0]
+    (tmp_path / "in").mkdir()
+    with_beats = DanceTake("a", dance, beats=beats)
+    write_take(tmp_path / "in" / "a.npz", with_beats)
+    dance.save(tmp_path / "in" / "b.npz")
+    text = save_gallery(tmp_path / "in", tmp_path / "out").index.read_text(encoding="utf-8")
+    lines = re.findall(r"<tr><td><a.*?</tr>", text, re.DOTALL)
+    place = SHOWN.index("BAS")
+    shown = [re.findall(r'<td class="n".*?>(.*?)</td>', line)[place] for line in lines]
+    assert shown[1] == "-"
+    assert float(shown[0]) == pytest.approx(evaluate_dances(with_beats)["BAS"].value, abs=1e-3)
 
 
 def test_a_gallery_in_its_own_folder_does_not_list_itself(folder):
